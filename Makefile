@@ -1,0 +1,37 @@
+# Two commands are all a newcomer needs: `make demo` and `make test`. Both build .venv when it is missing or outdated.
+VENV := .venv
+BIN := $(VENV)/bin
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+
+.PHONY: demo test env lint clean help
+
+help:  ## list the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+demo: env  ## collect 200 samples, train the classifier, write report and viewer file
+	$(BIN)/svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering
+	$(BIN)/svfl-train centering --data data/centering --encoder vf --model svfl --train-samples 100 --seed 0 --out out/centering
+	$(BIN)/svfl-data view data/centering --episode 3 --save out/centering/episode_000003.rrd
+
+test: env lint  ## ruff, mypy and the whole test suite
+	$(BIN)/python -m pytest -n 2
+
+lint: env
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+env: $(VENV)/installed  ## build the environment in .venv
+
+# The mark is touched last, so an interrupted installation is taken up again by the next make.
+$(VENV)/installed: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || { \
+	  echo "svfl needs Python 3.11 and found $$($(PYTHON) --version 2>&1) at $(PYTHON); run: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)"; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(PIP) install --quiet --constraint constraints.txt --editable '.[all,dev]'
+	$(PIP) install --quiet --constraint constraints.txt --no-deps escnn
+	@touch $@
+
+clean:  ## remove the environment and everything the demo wrote
+	rm -rf $(VENV) out data/centering

@@ -1,0 +1,187 @@
+"""The one declaration of every array in an episode file.
+
+Writing, checking, the tables of ``data/README.md``, normalisation, augmentation and the networks' input types all
+derive from `FIELDS`. Adding a stream to the format means adding one entry here.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from svfl_data.errors import FieldError
+from svfl_data.symmetry import ACTION_PARTS, OFFSET_PARTS, PROPRIO_PARTS, WRENCH_PARTS, Part, parts_named
+
+Size = int | str
+
+
+@dataclass(frozen=True)
+class Field:
+    """One array of an episode.
+
+    Attributes:
+        name: Attribute of `svfl_data.episode.Episode`.
+        path: Dataset in the HDF5 file.
+        dtype: NumPy dtype on disk and in memory.
+        shape: Sizes; equal symbols (``"N+1"``, ``"M"``, ``"H"``) must agree between all fields of an episode.
+        unit: Unit of the stored numbers, ``-`` for none.
+        doc: What it is, with axes, reference point and clock.
+        components: Names along the last axis, if it has names.
+        parts: How the last axis transforms under planar rotations and reflections; empty if it does not.
+        image: Whether rows and columns are pixels, which move under rotations.
+        optional: Whether an episode may lack it.
+    """
+
+    name: str
+    path: str
+    dtype: str
+    shape: tuple[Size, ...]
+    unit: str
+    doc: str
+    components: tuple[str, ...] = ()
+    parts: tuple[Part, ...] = ()
+    image: bool = False
+    optional: bool = False
+
+    @property
+    def rotates(self) -> str:
+        """How the field transforms, in words."""
+        if self.image:
+            return "pixels move"
+        return parts_named(self.parts, self.components) if self.parts else "-"
+
+
+FIELDS = (
+    Field("t_ns", "observations/t_ns", "int64", ("N+1",), "ns", "Time of each observation, episode clock."),
+    Field(
+        "color", "observations/color", "uint8", ("N+1", "H", "W", 3), "-", "Colour image, sRGB, rows run downwards.",
+        components=("red", "green", "blue"), image=True,
+    ),
+    Field(
+        "depth", "observations/depth", "uint16", ("N+1", "H", "W"), "depth_scale m",
+        "Distance along the camera's viewing axis; 0 where there is no measurement.", image=True,
+    ),
+    Field(
+        "proprio", "observations/proprio", "float32", ("N+1", 5), "-, m, m, m, rad",
+        "Gripper opening (0 closed, 1 open), TCP position in base axes about the base origin, hand yaw about base z.",
+        components=("opening", "x", "y", "z", "theta"), parts=PROPRIO_PARTS,
+    ),
+    Field(
+        "joints", "observations/joints", "float32", ("N+1", "J"), "rad, m",
+        "Measured joint positions in the order of the arm's URDF (arm, then fingers).", optional=True,
+    ),
+    Field(
+        "object_pose", "observations/object_pose", "float64", ("N+1", 7), "m, -",
+        "Pose of the task's object in base axes: position, then quat_xyzw (simulation or tracked).",
+        components=("x", "y", "z", "qx", "qy", "qz", "qw"), optional=True,
+    ),
+    Field(
+        "wrench_end", "observations/wrench_end", "int64", ("N+1",), "-",
+        "Number of wrench readings with a timestamp at or before t_ns: a window ends before this row.",
+    ),
+    Field(
+        "action", "actions/action", "float32", ("N", 5), "-, m, m, m, rad",
+        "Commanded after observation t: gripper opening, then TCP displacement and yaw change in base axes.",
+        components=("opening", "dx", "dy", "dz", "dtheta"), parts=ACTION_PARTS,
+    ),
+    Field("wrench_t_ns", "streams/wrench/t_ns", "int64", ("M",), "ns", "Time of each wrench reading, episode clock."),
+    Field(
+        "wrench", "streams/wrench/wrench", "float32", ("M", 6), "N, N, N, N m, N m, N m",
+        "Raw load that the surroundings put on the hand (gravity of the hand included), base axes, torque about the "
+        "sensor origin, native rate.",
+        components=("fx", "fy", "fz", "mx", "my", "mz"), parts=WRENCH_PARTS,
+    ),
+    Field(
+        "tare", "streams/wrench/tare", "float64", (6,), "N, N, N, N m, N m, N m",
+        "Offset to subtract from `wrench`, read after the arm is home.",
+        components=("fx", "fy", "fz", "mx", "my", "mz"), parts=WRENCH_PARTS,
+    ),
+    Field("depth_scale", "camera/depth_scale", "float64", (), "m", "Metres per unit of `depth`."),
+    Field(
+        "intrinsics", "camera/intrinsics", "float64", (3, 3), "px",
+        "Pinhole matrix K; the centre of the top left pixel is (0, 0).",
+    ),
+    Field(
+        "T_base_camera", "camera/T_base_camera", "float64", (4, 4), "m",
+        "Pose of the camera in base; camera axes: x right, y down, z forward.",
+    ),
+    Field(
+        "image_axes", "camera/image_axes", "float64", (2, 2), "-",
+        "Orthogonal matrix that takes base (x, y) to image-aligned (right, up).",
+    ),
+    Field(
+        "workspace", "camera/workspace", "float64", (3, 2), "m",
+        "Lower and upper bound of TCP x, y, z in base axes; its (x, y) centre is the centre of the image.",
+    ),
+    Field(
+        "label_offset", "labels/offset", "float64", (2,), "m",
+        "Block centre minus TCP, base axes: the displacement that would centre the hand over the block.",
+        components=("dx", "dy"), parts=OFFSET_PARTS, optional=True,
+    ),
+    Field(
+        "label_direction", "labels/direction", "int64", (), "-",
+        "Nearest image-aligned direction to `label_offset`: 0 right, 1 up, 2 left, 3 down.", optional=True,
+    ),
+)  # fmt: skip
+
+FIELD = {field.name: field for field in FIELDS}
+
+
+def check_arrays(arrays: dict[str, np.ndarray], where: str) -> None:
+    """Check the arrays of one episode against `FIELDS`.
+
+    Args:
+        arrays: Field name to array.
+        where: What to name in the error, such as the file.
+
+    Raises:
+        FieldError: If a field is missing or unknown, has a wrong dtype or shape, disagrees with another field about
+            a size, or holds NaN or infinity.
+    """
+    unknown = sorted(set(arrays) - set(FIELD))
+    if unknown:
+        raise FieldError(f"{where}: unknown field {unknown[0]!r}; an episode has {', '.join(FIELD)}")
+    sizes: dict[str, tuple[int, str]] = {}
+    for field in FIELDS:
+        if field.name in arrays:
+            _check_array(field, np.asarray(arrays[field.name]), sizes, where)
+        elif not field.optional:
+            raise FieldError(f"{where}: field {field.path} is missing")
+    rows, actions = sizes["N+1"][0], sizes["N"][0]
+    if rows != actions + 1:
+        raise FieldError(f"{where}: {rows} observations need {rows - 1} actions, found {actions}")
+
+
+def _check_array(field: Field, array: np.ndarray, sizes: dict[str, tuple[int, str]], where: str) -> None:
+    here = f"{where}: field {field.path}"
+    if array.dtype != np.dtype(field.dtype):
+        raise FieldError(f"{here} has dtype {array.dtype}, expected {field.dtype}")
+    if array.ndim != len(field.shape):
+        raise FieldError(f"{here} has shape {array.shape}, expected {shape_words(field)}")
+    for found, expected in zip(array.shape, field.shape, strict=True):
+        if isinstance(expected, int) and found != expected:
+            raise FieldError(f"{here} has shape {array.shape}, expected {shape_words(field)}")
+        if isinstance(expected, str):
+            known, owner = sizes.setdefault(expected, (found, field.path))
+            if found != known:
+                raise FieldError(f"{here} has {expected} = {found}, but {owner} has {expected} = {known}")
+    if array.dtype.kind == "f" and not np.isfinite(array).all():
+        first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise FieldError(f"{here} holds {array[first]} at index {first}; only finite numbers are stored")
+
+
+def shape_words(field: Field) -> str:
+    """Shape of a field as the documentation writes it, e.g. ``(N+1, 5)``."""
+    return "(" + ", ".join(map(str, field.shape)) + ("," if len(field.shape) == 1 else "") + ")"
+
+
+def markdown_table() -> str:
+    """The table of all fields for ``data/README.md``."""
+    lines = ["| dataset | shape | dtype | unit | rotates | meaning |", "| --- | --- | --- | --- | --- | --- |"]
+    for field in FIELDS:
+        optional = " *Optional.*" if field.optional else ""
+        names = f" Components: {', '.join(field.components)}." if field.components and not field.image else ""
+        lines.append(
+            f"| `{field.path}` | {shape_words(field)} | {field.dtype} | {field.unit} | {field.rotates} "
+            f"| {field.doc}{names}{optional} |"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,146 @@
+"""How a planar rotation or reflection acts on the numbers of an episode.
+
+Let R be the 2 x 2 orthogonal matrix of the group element and s = det R = +-1. Every field of an episode declares
+in `svfl_data.fields` of which parts it is made; each part is one of the kinds below. The same action serves three
+purposes: it moves vectors from base axes to image-aligned axes, augments data, and states the law that networks
+are tested against.
+
+A torque is an axial vector (Goldstein, Classical Mechanics, section 4.9): under a reflection of the plane its
+in-plane part picks up the sign s and its component along the plane's normal, like every rotation angle, becomes
+s times itself. With s = +1 (rotations) axial and polar vectors cannot be told apart.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+Kind = Literal["invariant", "vector", "axial", "pseudoscalar", "angle"]
+"""Kinds of part: unchanged; R v; s R v; s x; an angle in the plane (s theta + the rotation's angle)."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Components of a field's last axis that transform together.
+
+    Attributes:
+        kind: How they transform.
+        index: Which components; two for vector and axial, any number for the others.
+    """
+
+    kind: Kind
+    index: tuple[int, ...]
+
+
+PROPRIO_PARTS = (Part("invariant", (0,)), Part("vector", (1, 2)), Part("invariant", (3,)), Part("angle", (4,)))
+ACTION_PARTS = (Part("invariant", (0,)), Part("vector", (1, 2)), Part("invariant", (3,)), Part("pseudoscalar", (4,)))
+WRENCH_PARTS = (Part("vector", (0, 1)), Part("invariant", (2,)), Part("axial", (3, 4)), Part("pseudoscalar", (5,)))
+OFFSET_PARTS = (Part("vector", (0, 1)),)
+
+DIRECTIONS = ("right", "up", "left", "down")
+"""The four directions in image-aligned axes; class k points along (cos, sin)(k 90 degrees)."""
+
+
+def element(degrees: float, flip: bool = False) -> np.ndarray:
+    """Matrix of a planar group element: first the flip y -> -y (if any), then a counter-clockwise rotation.
+
+    Args:
+        degrees: Rotation angle, [deg].
+        flip: Whether to mirror at the x axis first.
+
+    Returns:
+        Orthogonal matrix, shape (2, 2).
+    """
+    angle = np.deg2rad(degrees)
+    cos, sin = np.cos(angle), np.sin(angle)
+    exact = np.round([[cos, -sin], [sin, cos]], 15)  # quarter turns come out as exact 0 and 1
+    return exact @ np.diag([1.0, -1.0 if flip else 1.0])
+
+
+def dihedral(order: int) -> list[np.ndarray]:
+    """All 2 * order elements of D_order, rotations first, as matrices of shape (2, 2)."""
+    return [element(360.0 * k / order, flip) for flip in (False, True) for k in range(order)]
+
+
+def act(matrix: np.ndarray, values: np.ndarray, parts: Sequence[Part]) -> np.ndarray:
+    """Apply a planar rotation or reflection to an array of readings.
+
+    Args:
+        matrix: Orthogonal matrix R, shape (2, 2).
+        values: Numbers whose last axis is described by `parts`, shape (..., C). A vector must already be relative
+            to the fixed point of the rotation (for positions: the workspace centre).
+        parts: The kinds of the C components.
+
+    Returns:
+        The transformed array, same shape and dtype.
+    """
+    sign = np.linalg.det(matrix)
+    turn = np.arctan2(matrix[1, 0], matrix[0, 0])  # the image of the x axis
+    out = np.array(values, copy=True)
+    for part in parts:
+        index = list(part.index)
+        chosen = np.asarray(values)[..., index]
+        if part.kind == "vector":
+            out[..., index] = chosen @ matrix.T
+        elif part.kind == "axial":
+            out[..., index] = sign * (chosen @ matrix.T)
+        elif part.kind == "pseudoscalar":
+            out[..., index] = sign * chosen
+        elif part.kind == "angle":
+            out[..., index] = sign * chosen + turn
+    return out
+
+
+def act_on_image(matrix: np.ndarray, image: np.ndarray, axes: tuple[int, int] = (-2, -1)) -> np.ndarray:
+    """Move the pixels of a square image by a quarter turn and/or a flip, exactly (no interpolation).
+
+    Args:
+        matrix: One of the eight elements of D4, shape (2, 2), in image-aligned axes (x right, y up).
+        image: Array with an image of shape (H, H) on two of its axes.
+        axes: The image's (row, column) axes; rows run downwards.
+
+    Returns:
+        The moved image, same shape.
+
+    Raises:
+        ValueError: If the matrix is not an element of D4 (other angles do not map pixels onto pixels).
+    """
+    exact = np.round(matrix)
+    if not np.allclose(matrix, exact, atol=1e-6):
+        raise ValueError(f"only multiples of 90 degrees and flips move pixels onto pixels, got R = {matrix.tolist()}")
+    moved = np.flip(image, axis=axes[0]) if np.linalg.det(exact) < 0 else image  # y -> -y turns rows around
+    rotation = exact @ np.diag([1.0, np.linalg.det(exact)])
+    quarter_turns = int(np.round(np.arctan2(rotation[1, 0], rotation[0, 0]) / (np.pi / 2))) % 4
+    return np.rot90(moved, quarter_turns, axes=axes)  # rot90 turns counter-clockwise for (row, column)
+
+
+def act_on_direction(matrix: np.ndarray, direction: np.ndarray | int) -> np.ndarray:
+    """Permute direction classes by an element of D4.
+
+    Args:
+        matrix: Element of D4, shape (2, 2), image-aligned axes.
+        direction: Classes 0..3 (`DIRECTIONS`), any shape.
+
+    Returns:
+        The moved classes, int64, same shape.
+    """
+    angle = np.asarray(direction) * (np.pi / 2)
+    return nearest_direction(np.stack([np.cos(angle), np.sin(angle)], axis=-1) @ matrix.T)
+
+
+def nearest_direction(vector: np.ndarray) -> np.ndarray:
+    """Class 0..3 of the direction (`DIRECTIONS`) nearest to a vector in image-aligned axes, shape (..., 2) -> (...)."""
+    quarter = np.arctan2(vector[..., 1], vector[..., 0]) / (np.pi / 2)
+    return np.asarray(np.round(quarter).astype(np.int64) % 4)
+
+
+def border_distance(vector: np.ndarray) -> np.ndarray:
+    """Angle between a vector and the nearest border of two direction classes, in [rad], shape (..., 2) -> (...)."""
+    quarter = np.arctan2(vector[..., 1], vector[..., 0]) / (np.pi / 2)
+    return np.asarray((0.5 - np.abs(quarter - np.round(quarter))) * (np.pi / 2))
+
+
+def parts_named(parts: Iterable[Part], names: Sequence[str]) -> str:
+    """Describe parts in words for the format's documentation, e.g. ``vector(fx, fy), invariant(fz)``."""
+    return ", ".join(f"{part.kind}({', '.join(names[i] for i in part.index)})" for part in parts)
