@@ -1,0 +1,143 @@
+"""A dataset: a folder of episode files plus ``dataset.json``, which says what they have in common."""
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from svfl_data.episode import Episode, canonical_json
+from svfl_data.errors import DatasetError, FormatError, StorageError
+from svfl_data.store import read_episode, write_atomically
+
+FORMAT = "svfl-dataset"
+FORMAT_VERSION = "1.0"
+INFO = "dataset.json"
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A folder of episodes that were recorded for one task with one configuration.
+
+    Attributes:
+        path: The folder.
+        info: Content of ``dataset.json``: ``task``, ``seed`` and ``config``, beside format and version.
+    """
+
+    path: Path
+    info: dict[str, Any]
+
+    @classmethod
+    def open(cls, path: Path | str) -> "Dataset":
+        """Open an existing dataset.
+
+        Raises:
+            FormatError: If the folder or its ``dataset.json`` is missing, unreadable or of another version.
+        """
+        path = Path(path)
+        if not path.is_dir():
+            raise FormatError(f"{path}: {'is a file, not a dataset folder' if path.exists() else 'no such folder'}")
+        try:
+            info = json.loads((path / INFO).read_text(encoding="utf-8"))
+        except FileNotFoundError as error:
+            raise FormatError(f"{path}: not a dataset (it has no {INFO})") from error
+        except (OSError, ValueError) as error:
+            raise FormatError(f"{path / INFO}: not readable as JSON ({error})") from error
+        if not isinstance(info, dict) or info.get("format") != FORMAT:
+            raise FormatError(f"{path / INFO}: does not describe a dataset (format is not {FORMAT!r})")
+        if str(info.get("format_version")).split(".")[0] != FORMAT_VERSION.split(".")[0]:
+            found, ours = info.get("format_version"), FORMAT_VERSION.split(".")[0]
+            raise FormatError(f"{path / INFO}: format version {found}; this software reads {ours}.x")
+        return cls(path, info)
+
+    @classmethod
+    def create_or_resume(cls, path: Path | str, task: str, seed: int, config: dict[str, Any]) -> "Dataset":
+        """Start a dataset, or take up the same one again.
+
+        Raises:
+            DatasetError: If the folder holds a dataset of another task, seed or configuration, or other files.
+            StorageError: If the folder cannot be created or written.
+        """
+        path = Path(path)
+        info = {"format": FORMAT, "format_version": FORMAT_VERSION, "task": task, "seed": seed, "config": config}
+        if (path / INFO).exists():
+            found = cls.open(path)
+            _check_same(path, found.info, json.loads(canonical_json(info)))
+            return found
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise DatasetError(f"{path} holds other files and no {INFO}; name a new or empty folder")
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StorageError(f"cannot create {path}: {error.strerror}") from error
+        write_atomically(path / INFO, (json.dumps(info, indent=2, sort_keys=True) + "\n").encode())
+        return cls(path, info)
+
+    def episode_path(self, index: int) -> Path:
+        """File of an episode, whether or not it exists."""
+        return self.path / f"episode_{index:06d}.hdf5"
+
+    @property
+    def indices(self) -> list[int]:
+        """Indices of the episodes that exist, ascending."""
+        return sorted(int(file.stem.removeprefix("episode_")) for file in self.path.glob("episode_[0-9]*.hdf5"))
+
+    def read(self, index: int) -> Episode:
+        """Read one episode.
+
+        Raises:
+            DatasetError: If the dataset has no such episode.
+            FormatError: If its file is damaged.
+        """
+        file = self.episode_path(index)
+        if not file.exists():
+            indices = self.indices
+            span = f"{len(indices)} episodes, {indices[0]} to {indices[-1]}" if indices else "no episodes"
+            raise DatasetError(f"{self.path}: no episode {index}; it has {span}")
+        return read_episode(file)
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    def __iter__(self) -> Iterator[Episode]:
+        return (self.read(index) for index in self.indices)
+
+    def __repr__(self) -> str:
+        return f"Dataset({self.path}: {self.info['task']}, {len(self)} episodes, seed {self.info['seed']})"
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Hold the folder for one collector, and clear away what a killed one was writing.
+
+        Raises:
+            DatasetError: If another process is collecting into the folder.
+        """
+        descriptor = os.open(self.path, os.O_RDONLY)  # the kernel drops the lock when the process dies
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            for leftover in self.path.glob(".*.part"):
+                leftover.unlink(missing_ok=True)
+            yield
+        except BlockingIOError as error:
+            raise DatasetError(f"{self.path}: another process is collecting into this dataset") from error
+        finally:
+            os.close(descriptor)
+
+
+def _check_same(path: Path, found: dict[str, Any], asked: dict[str, Any]) -> None:
+    for key, value in _flat(asked).items():
+        other = _flat(found).get(key)
+        if other != value:
+            raise DatasetError(
+                f"{path} holds another dataset: its {key} is {other!r}, asked for {value!r}; name another folder"
+            )
+
+
+def _flat(value: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, item in value.items():
+        flat |= _flat(item, f"{prefix}{key}.") if isinstance(item, dict) else {f"{prefix}{key}": item}
+    return flat
