@@ -5,18 +5,19 @@ library crash the whole process, and a killed writer leaves a file that cannot b
 either whole or absent. Equal episodes give equal bytes: HDF5's object times are not stored.
 """
 
+import hashlib
 import io
 import json
 import os
 import tempfile
-import zlib
+from dataclasses import asdict
 from pathlib import Path
 
 import h5py
 import numpy as np
 
 from svfl_data.episode import Episode, Meta, canonical_json
-from svfl_data.errors import FormatError, StorageError
+from svfl_data.errors import FormatError, StorageError, SvflError
 from svfl_data.fields import FIELDS, Field
 
 FORMAT = "svfl-episode"
@@ -33,6 +34,7 @@ def episode_bytes(episode: Episode) -> bytes:
     with h5py.File(buffer, "w") as file:
         file.attrs["format"] = FORMAT
         file.attrs["format_version"] = FORMAT_VERSION
+        file.attrs["sha256"] = _digest(episode.meta, episode.arrays)
         for key in ("task", "index", "seed", "source", "success"):
             file.attrs[key] = getattr(episode.meta, key)
         file.attrs["config"] = canonical_json(episode.meta.config)
@@ -52,11 +54,21 @@ def _write_field(file: h5py.File, field: Field, array: np.ndarray) -> None:
         )  # fmt: skip
     else:
         dataset = file.create_dataset(field.path, data=array)
-        dataset.attrs["crc32"] = np.uint32(zlib.crc32(np.ascontiguousarray(array).tobytes()))  # no chunk, no fletcher32
     dataset.attrs["unit"] = field.unit
     dataset.attrs["doc"] = field.doc
     if field.components:
         dataset.attrs["components"] = ",".join(field.components)
+
+
+def _digest(meta: Meta, arrays: dict[str, np.ndarray]) -> str:
+    """SHA-256 of everything an episode says: HDF5 has no checksum for attributes and small arrays."""
+    digest = hashlib.sha256(canonical_json(asdict(meta)).encode())
+    for field in FIELDS:
+        if field.name in arrays:
+            array = arrays[field.name]
+            digest.update(f"{field.name} {array.dtype.str} {array.shape}".encode())
+            digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()
 
 
 def write_episode(episode: Episode, path: Path) -> None:
@@ -127,14 +139,18 @@ def read_episode(path: Path | str) -> Episode:
         raise FormatError(f"{path}: {'is a folder, not an episode file' if path.is_dir() else 'no such file'}")
     content = path.read_bytes()
     try:
-        file = h5py.File(io.BytesIO(content), "r")
-    except (OSError, RuntimeError) as error:
-        raise FormatError(f"{path}: not a readable HDF5 file ({len(content)} bytes; truncated or foreign)") from error
-    with file:
-        _check_format(file, path)
-        arrays = {field.name: _read_field(file, field, path) for field in FIELDS if field.path in file}
-        meta = _read_meta(file, path)
-    return Episode(meta, arrays, name=str(path))
+        with h5py.File(io.BytesIO(content), "r") as file:
+            _check_format(file, path)
+            meta, arrays, digest = _read_meta(file), _read_arrays(file, path), str(file.attrs["sha256"])
+    except SvflError:
+        raise
+    except Exception as error:  # damaged metadata makes h5py raise nearly anything
+        reason = " ".join(str(error).split())
+        raise FormatError(f"{path}: truncated, damaged or no HDF5 file ({len(content)} bytes; {reason})") from error
+    episode = Episode(meta, arrays, name=str(path))
+    if digest != _digest(meta, arrays):
+        raise FormatError(f"{path}: damaged (the content does not match its sha256)")
+    return episode
 
 
 def _check_format(file: h5py.File, path: Path) -> None:
@@ -146,28 +162,24 @@ def _check_format(file: h5py.File, path: Path) -> None:
         raise FormatError(f"{path}: format version {version}; this software reads {FORMAT_VERSION.split('.')[0]}.x")
 
 
-def _read_field(file: h5py.File, field: Field, path: Path) -> np.ndarray:
-    try:
-        dataset = file[field.path]
-        array = np.asarray(dataset[()])
-        stored = dataset.attrs.get("crc32")
-    except (OSError, RuntimeError, KeyError, AttributeError, ValueError) as error:
-        raise FormatError(f"{path}: field {field.path} is damaged ({str(error).splitlines()[0]})") from error
-    if stored is not None and int(stored) != zlib.crc32(np.ascontiguousarray(array).tobytes()):
-        raise FormatError(f"{path}: field {field.path} is damaged (checksum differs)")
-    return array
+def _read_arrays(file: h5py.File, path: Path) -> dict[str, np.ndarray]:
+    arrays = {}
+    for field in FIELDS:
+        if field.path in file:
+            try:
+                arrays[field.name] = np.asarray(file[field.path][()])
+            except (OSError, RuntimeError) as error:
+                raise FormatError(f"{path}: field {field.path} is damaged ({str(error).splitlines()[0]})") from error
+    return arrays
 
 
-def _read_meta(file: h5py.File, path: Path) -> Meta:
-    try:
-        return Meta(
-            task=str(file.attrs["task"]),
-            index=int(file.attrs["index"]),
-            seed=int(file.attrs["seed"]),
-            source=str(file.attrs["source"]),
-            success=bool(file.attrs["success"]),
-            config=json.loads(file.attrs["config"]),
-            software=json.loads(file.attrs["software"]),
-        )
-    except (KeyError, ValueError, TypeError) as error:
-        raise FormatError(f"{path}: attribute missing or unreadable: {error}") from error
+def _read_meta(file: h5py.File) -> Meta:
+    return Meta(
+        task=str(file.attrs["task"]),
+        index=int(file.attrs["index"]),
+        seed=int(file.attrs["seed"]),
+        source=str(file.attrs["source"]),
+        success=bool(file.attrs["success"]),
+        config=json.loads(file.attrs["config"]),
+        software=json.loads(file.attrs["software"]),
+    )

@@ -1,0 +1,50 @@
+"""Who may import whom, and what stays out of a light import."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FORBIDDEN = {
+    "svfl_data": {"svfl_models", "collectors", "escnn", "lightning", "pybullet", "torch"},
+    "svfl_models": {"collectors", "h5py", "pybullet", "cv2"},
+    "collectors": {"svfl_models", "torch", "escnn", "lightning", "h5py"},
+}
+ONLY = {"h5py": "svfl_data/store.py", "escnn": "svfl_models/planar_escnn.py"}
+
+
+def imports(file: Path) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            found.add(str(node.module).split(".")[0])
+    return found
+
+
+@pytest.mark.parametrize("package", FORBIDDEN)
+def test_packages_keep_their_distance(package):
+    for file in (ROOT / package).rglob("*.py"):
+        assert not imports(file) & FORBIDDEN[package], file
+
+
+@pytest.mark.parametrize(("module", "owner"), ONLY.items())
+def test_some_libraries_have_one_owner(module, owner):
+    users = [file for package in FORBIDDEN for file in (ROOT / package).rglob("*.py") if module in imports(file)]
+    assert [str(file.relative_to(ROOT)) for file in users] == [owner]
+
+
+@pytest.mark.parametrize("package", ["svfl_data", "svfl_models", "collectors"])
+def test_importing_a_package_is_light(package):
+    heavy = ["torch", "pybullet", "rerun", "lightning", "escnn", "matplotlib"]
+    code = f"import sys, {package}, {package}.cli; print(*[m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_there_is_no_drawer_for_everything():
+    assert not [file for package in FORBIDDEN for file in (ROOT / package).rglob("util*.py")]
