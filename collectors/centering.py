@@ -1,0 +1,114 @@
+"""Block-centering samples: attempts that collide as meant become labelled episodes, the others are counted."""
+
+from collections import Counter
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from collectors.dataset import software_versions
+from collectors.record import record
+from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, draw_scene, true_label
+from collectors.simulation.centering_expert import CollisionExpert
+from collectors.simulation.world import World, WorldConfig
+from svfl_data.dataset import Dataset
+from svfl_data.episode import Episode, Meta
+from svfl_data.errors import CollectError
+from svfl_data.symmetry import DIRECTIONS
+
+TASK = "centering"
+ATTEMPTS = 20  # per sample; a scene is rejected about once in a few dozen
+MAX_STEPS = 50  # longest episode of the paper
+
+
+@dataclass(frozen=True)
+class CenteringCollector:
+    """Produces the episode of an index: the same bytes for the same seed, index and configuration, anywhere.
+
+    Attributes:
+        seed: Seed of the dataset.
+        scene: How scenes are drawn.
+        world: Physics, arm, sensors and camera.
+    """
+
+    seed: int
+    scene: CenteringConfig = field(default_factory=CenteringConfig)
+    world: WorldConfig = field(default_factory=WorldConfig)
+
+    def config(self) -> dict[str, Any]:
+        """Everything that was set, as JSON values."""
+        return {"scene": asdict(self.scene), "world": asdict(self.world)}
+
+    def __call__(self, index: int) -> Episode:
+        """Collect one episode.
+
+        Raises:
+            CollectError: If no attempt collides as meant.
+        """
+        rejected: list[str] = []
+        with World(self.world) as world:
+            for attempt in range(ATTEMPTS):
+                outcome = self._attempt(world, index, attempt, rejected)
+                if isinstance(outcome, Episode):
+                    return outcome
+                rejected.append(outcome)
+        raise CollectError(
+            f"sample {index} (seed {self.seed}): none of {ATTEMPTS} attempts collided as meant: {', '.join(rejected)}"
+        )
+
+    def _attempt(self, world: World, index: int, attempt: int, rejected: list[str]) -> Episode | str:
+        """One attempt: the episode, or why it is rejected."""
+        randomness = np.random.SeedSequence([self.seed, index, attempt])
+        rng = np.random.default_rng(randomness)
+        wanted = balanced_direction(self.seed, index)
+        scene = draw_scene(rng, wanted, self.scene, world)
+        world.reset(seed=int(randomness.generate_state(1)[0]))
+        block = add_block(world, scene)
+        world.tare()
+        expert = CollisionExpert(scene, touchdown=2 * scene.block_half + FINGERTIP)
+        arrays = record(world, expert, MAX_STEPS, track=lambda: world.pose(block))
+
+        label = true_label(world, block)
+        touching = sum(world.finger_contacts(block))
+        if touching != 1:
+            return f"{touching} fingers touched"
+        if label.direction != wanted or label.border_deg < self.scene.border_deg:
+            return "the block was pushed across a class border"
+        arrays |= {"label_offset": label.offset, "label_direction": np.array(label.direction)}
+        config = self.config() | {"drawn": asdict(scene), "attempt": attempt, "rejected": rejected}
+        meta = Meta(TASK, index, self.seed, "expert", True, config, software_versions("svfl", "pybullet", "numpy"))
+        return Episode(meta, arrays)
+
+
+def balanced_direction(seed: int, index: int) -> int:
+    """The class of a sample: every four consecutive samples hold each class once, in random order."""
+    order = np.random.default_rng([seed, index // 4]).permutation(4)
+    return int(order[index % 4])
+
+
+def add_block(world: World, scene: Scene) -> int:
+    """Put the block of a scene on the table; returns its body id."""
+    return world.add_box(
+        half_extents=(scene.block_half,) * 3,
+        position=(*scene.block_xy, scene.block_half),
+        yaw=scene.block_yaw,
+        mass=scene.block_mass,
+        friction=scene.block_friction,
+        color=scene.block_color,
+    )
+
+
+def summary(dataset: Dataset) -> str:
+    """What a dataset of samples holds: classes, and how many attempts were rejected and why."""
+    classes: Counter[str] = Counter()
+    rejected: Counter[str] = Counter()
+    for episode in dataset:
+        classes[DIRECTIONS[int(episode.label_direction)]] += 1
+        rejected.update(episode.meta.config["rejected"])
+    total = classes.total()
+    lines = [
+        f"{dataset.path}: {total} samples",
+        "classes: " + ", ".join(f"{name} {classes[name]}" for name in DIRECTIONS),
+        f"rejected attempts: {rejected.total()} of {total + rejected.total()}",
+    ]
+    return "\n".join([*lines, *(f"  {count} x {reason}" for reason, count in rejected.most_common())])

@@ -1,0 +1,48 @@
+"""The scripted expert of block centering: it fails to grasp in just the way we want to learn from."""
+
+import numpy as np
+
+from collectors.record import Observation
+from collectors.simulation.centering import Scene
+
+STEP = np.array([0.025, 0.025, 0.025, np.pi / 16])  # bounds of the action: dx, dy, dz [m], dtheta [rad] (paper, 5.1)
+OPEN = 1.0  # gripper opening all along
+CLEAR = 0.015  # [m] between fingertips and block at which the expert slows down
+SLOW = 0.006  # [m] per step from there on: 0.12 m/s
+
+
+class CollisionExpert:
+    """Moves above the place, comes down until a finger has met the block, pushes on, and stops.
+
+    It counts up what it has commanded: once the block holds the hand up, the measured height no longer tells.
+    """
+
+    def __init__(self, scene: Scene, touchdown: float) -> None:
+        """Plan for a scene.
+
+        Args:
+            scene: What was drawn.
+            touchdown: TCP height at which the fingertips reach the block's top, [m].
+        """
+        self._goal = np.array([*scene.hand_xy, touchdown - scene.push, scene.hand_yaw])
+        self._slow_from = touchdown + CLEAR
+        self._commanded: np.ndarray | None = None  # x, y, z, theta
+
+    def __call__(self, observation: Observation) -> np.ndarray | None:
+        """Next action, or None when the push is over."""
+        if self._commanded is None:
+            self._commanded = observation.proprio[1:].astype(float)
+        left = self._goal - self._commanded
+        if np.allclose(left, 0, atol=1e-6):
+            return None
+        height = self._commanded[2]
+        above_place = np.all(np.abs(left[[0, 1, 3]]) < 1e-6)
+        if not above_place:
+            left[2] = max(self._slow_from + CLEAR - height, left[2])  # travel, but stay clear of the block
+        elif height > self._slow_from + 1e-6:
+            left[2] = self._slow_from - height
+        else:
+            left[2] = max(left[2], -SLOW)
+        move = np.clip(left, -STEP, STEP)
+        self._commanded += move
+        return np.array([OPEN, *move])
