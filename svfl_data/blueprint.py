@@ -1,0 +1,94 @@
+"""How the viewer's window is arranged: scene and images on the left, plots and text on the right."""
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from svfl_data.episode import Episode
+from svfl_data.symmetry import element
+
+TIMELINE = "time"
+"""The one timeline: seconds of the episode clock."""
+
+SCENE, CAMERA, WRENCH, ACTION, ABOUT = "scene", "scene/camera", "wrench", "action", "about"
+"""Entity paths. Everything below SCENE is in base axes, in metres."""
+
+DARK = (22, 24, 28)
+
+
+def arrange(episode: Episode) -> rrb.Blueprint:
+    """The window for an episode, readable at first sight on a screen of 1920 x 1080.
+
+    Args:
+        episode: Its workspace decides where the eye of the 3-D view is, its readings the ranges of the plots.
+
+    Returns:
+        The blueprint; the time cursor starts at the end, where the collision is.
+    """
+    force, torque = np.split(episode.tared_wrench, 2, axis=1)
+    displacement, rest = episode.action[:, 1:4], episode.action[:, [0, 4]]
+    plots = {
+        "force": _plot(episode, f"{WRENCH}/force", "Force on the hand, N (base axes, tared)", force),
+        "torque": _plot(episode, f"{WRENCH}/torque", "Torque on the hand, N m (about the sensor, tared)", torque),
+        "move": _plot(episode, f"{ACTION}/displacement", "Action: TCP displacement, m", displacement, 0.7),
+        "rest": _plot(episode, f"{ACTION}/opening_and_turn", "Action: gripper, yaw change", rest, 0.7),
+    }
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(
+                _scene(episode),
+                rrb.Horizontal(
+                    rrb.Spatial2DView(origin=f"{CAMERA}/color", name="Camera: colour"),
+                    rrb.Spatial2DView(origin=f"{CAMERA}/depth", name="Camera: depth, m"),
+                ),
+                row_shares=[3, 2],
+            ),
+            rrb.Vertical(
+                plots["force"],
+                plots["torque"],
+                rrb.Horizontal(plots["move"], plots["rest"]),
+                rrb.TextDocumentView(origin=ABOUT, name="About this episode"),
+                row_shares=[5, 5, 5, 6],
+            ),
+            column_shares=[1, 1],
+        ),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+    )
+
+
+def _scene(episode: Episode) -> rrb.Spatial3DView:
+    """Seen from where the image's lower edge is, so that right in the image is right in the scene too."""
+    target = np.array([*episode.centre, 0.1])
+    towards_eye = element(-30) @ episode.image_axes.T @ [0.0, -1.0]
+    reach = float(np.linalg.norm(np.ptp(episode.workspace, axis=1)))
+    eye = target + 0.93 * reach * np.array([*towards_eye, 0.6])
+    return rrb.Spatial3DView(
+        origin=SCENE,
+        contents=["$origin/**", f"- {CAMERA}/depth"],
+        name="Scene in base axes",
+        background=DARK,
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0.0, 0.0, 1.0)),
+    )
+
+
+def _plot(episode: Episode, path: str, name: str, values: np.ndarray, headroom: float = 0.1) -> rrb.TimeSeriesView:
+    """A plot over the whole episode, with room around the lines."""
+    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
+    room = high - low or 1.0
+    start, end = int(episode.t_ns[0]), int(episode.t_ns[-1])
+    if len(episode.wrench_t_ns):
+        start, end = min(start, int(episode.wrench_t_ns[0])), max(end, int(episode.wrench_t_ns[-1]))
+    whole = rr.TimeRange(
+        start=rrb.TimeRangeBoundary.absolute(seconds=start / 1e9),
+        end=rrb.TimeRangeBoundary.absolute(seconds=(end + 0.02 * (end - start)) / 1e9),
+    )
+    return rrb.TimeSeriesView(
+        origin=path,
+        name=name,
+        axis_x=rrb.TimeAxis(view_range=whole),
+        axis_y=rrb.ScalarAxis(range=(low - 0.1 * room, high + headroom * room)),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
+    )
