@@ -41,7 +41,7 @@ class CenteringConfig:
     block_friction: tuple[float, float] = (0.4, 1.0)
     block_turn_deg: float = 20.0
     lateral: tuple[float, float] = (0.015, 0.055)
-    sideways_deg: float = 5.0
+    sideways_deg: float = 3.0
     push: tuple[float, float] = (0.004, 0.012)
     margin: float = 0.09
 

@@ -1,0 +1,115 @@
+"""The fixed RGB-D camera and its calibration."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+Vector3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class CameraConfig:
+    """Where the camera stands and what it sees. The default is the oblique front view of the paper's simulation.
+
+    Attributes:
+        height: Image height, [px].
+        width: Image width, [px].
+        eye: Optical centre in base, [m].
+        target: Point in base on the optical axis, [m]: the workspace centre, which is therefore the image centre.
+        up: Direction in base that is up in the image.
+        fov_deg: Vertical field of view, [deg].
+        near: Nearest visible depth, [m].
+        far: Farthest visible depth, [m]; nothing seen up to there reads 0.
+        depth_scale: Metres per unit of the stored depth, [m].
+    """
+
+    height: int = 76
+    width: int = 76
+    eye: Vector3 = (1.1, 0.0, 0.6)
+    target: Vector3 = (0.55, 0.0, 0.0)
+    up: Vector3 = (-1.0, 0.0, 0.0)
+    fov_deg: float = 40.0
+    near: float = 0.1
+    far: float = 3.0
+    depth_scale: float = 1e-4
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What one needs to use the images geometrically. Camera axes: x right, y down, z forward.
+
+    Attributes:
+        intrinsics: Pinhole matrix, (3, 3), [px]; the centre of the first pixel is at (0, 0).
+        T_base_camera: Pose of the camera in base, (4, 4), [m].
+        image_axes: Base xy to image (right, up), (2, 2), orthogonal: a vector seen from above in the picture's axes.
+        depth_scale: Metres per unit of depth, [m].
+    """
+
+    intrinsics: NDArray[np.float64]
+    T_base_camera: NDArray[np.float64]
+    image_axes: NDArray[np.float64]
+    depth_scale: float
+
+
+def calibration(config: CameraConfig) -> Calibration:
+    """Derive intrinsics, pose and image axes from the configuration (pinhole model, square pixels)."""
+    focal = 0.5 * config.height / math.tan(0.5 * math.radians(config.fov_deg))
+    intrinsics = np.array(
+        [[focal, 0.0, 0.5 * (config.width - 1)], [0.0, focal, 0.5 * (config.height - 1)], [0.0, 0.0, 1.0]]
+    )
+    forward = np.subtract(config.target, config.eye)
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, config.up)
+    right /= np.linalg.norm(right)
+    T_base_camera = np.eye(4)
+    T_base_camera[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+    T_base_camera[:3, 3] = config.eye
+    x, y = right[:2] / np.linalg.norm(right[:2])
+    return Calibration(intrinsics, T_base_camera, np.array([[x, y], [-y, x]]), config.depth_scale)
+
+
+class Camera:
+    """Renders colour and depth of one PyBullet world with its software renderer, both in a single call."""
+
+    def __init__(self, config: CameraConfig, client: int) -> None:
+        """Place the camera.
+
+        Args:
+            config: Pose and optics.
+            client: PyBullet client id of the world it looks at.
+        """
+        self._config = config
+        self._client = client
+        self.calibration = calibration(config)
+        self._view = pybullet.computeViewMatrix(config.eye, config.target, config.up)
+        aspect = config.width / config.height
+        self._projection = pybullet.computeProjectionMatrixFOV(config.fov_deg, aspect, config.near, config.far)
+
+    def render(self) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+        """Take one picture.
+
+        Returns:
+            Colour (height, width, 3) uint8 RGB, and depth (height, width) uint16 along the optical axis in units of
+            `depth_scale`, 0 where nothing was seen.
+        """
+        c = self._config
+        _, _, rgba, buffer, _ = pybullet.getCameraImage(
+            c.width,
+            c.height,
+            self._view,
+            self._projection,
+            shadow=0,  # doubles the cost
+            lightDirection=(0.0, 0.0, 1.0),
+            renderer=pybullet.ER_TINY_RENDERER,
+            flags=pybullet.ER_NO_SEGMENTATION_MASK,
+            physicsClientId=self._client,
+        )
+        buffer = np.asarray(buffer, np.float64).reshape(c.height, c.width)
+        # Inverse of the OpenGL perspective depth, with the buffer in [0, 1].
+        depth = c.far * c.near / (c.far - (c.far - c.near) * buffer)
+        units = np.where(buffer < 1.0, np.round(depth / c.depth_scale), 0.0)
+        colour = np.asarray(rgba, np.uint8).reshape(c.height, c.width, 4)[:, :, :3]
+        return np.ascontiguousarray(colour), units.astype(np.uint16)

@@ -1,0 +1,316 @@
+"""The simulated world: table, Panda, wrist sensor and camera behind one 20 Hz step."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from types import TracebackType
+
+import numpy as np
+import pybullet
+from numpy.typing import ArrayLike, NDArray
+
+from collectors.simulation.admittance import Admittance, AdmittanceConfig
+from collectors.simulation.camera import Calibration, Camera, CameraConfig
+from collectors.simulation.noise import NoiseConfig, SensorNoise
+from collectors.simulation.panda import LEFT_FINGER, RIGHT_FINGER, Panda, PandaConfig
+from collectors.simulation.wrist_sensor import FEEDBACK_MODE, wrench_from_reaction
+from svfl_data.errors import CollectError, UsageError
+
+Vector3 = tuple[float, float, float]
+GRAVITY = np.array([0.0, 0.0, -9.81])  # [m/s^2]
+
+
+@dataclass(frozen=True)
+class WorldConfig:
+    """Every number of the simulated world. Base frame = robot base = world frame, z up, table top at z = 0.
+
+    Attributes:
+        physics_dt_ns: Time of one physics step and between two readings, [ns] (500 Hz).
+        physics_steps: Physics steps in one action (25 of 2 ms = 20 Hz).
+        settle_steps: Steps of rest, without action, after a reset.
+        tare_readings: Readings averaged by `World.tare`.
+        workspace: Bounds of the commanded TCP (x, y, z), [m]; the lowest z lets the fingers press on the table.
+        max_yaw: Bound of the commanded yaw, [rad]; with a two-finger hand +-pi/2 are all directions.
+        home: TCP position after reset, [m]; yaw 0, gripper open.
+        max_move: Largest |dx|, |dy|, |dz| of an action, [m].
+        max_turn: Largest |dtheta| of an action, [rad].
+        table_friction: Coulomb friction of the table; PyBullet multiplies it by the object's.
+        table_color: RGB of the table, 0 to 1.
+        solver_iterations: Iterations of the contact solver in a physics step.
+        panda: The arm.
+        admittance: The compliance of the hand.
+        noise: The wrist sensor's noise.
+        camera: The camera.
+    """
+
+    physics_dt_ns: int = 2_000_000
+    physics_steps: int = 25
+    settle_steps: int = 4
+    tare_readings: int = 50
+    workspace: tuple[tuple[float, float], ...] = ((0.35, 0.75), (-0.2, 0.2), (-0.01, 0.25))
+    max_yaw: float = np.pi / 2
+    home: Vector3 = (0.55, 0.0, 0.2)
+    max_move: float = 0.025
+    max_turn: float = np.pi / 16
+    table_friction: float = 0.5
+    table_color: Vector3 = (0.62, 0.55, 0.47)
+    solver_iterations: int = 50
+    panda: PandaConfig = field(default_factory=PandaConfig)
+    admittance: AdmittanceConfig = field(default_factory=AdmittanceConfig)
+    noise: NoiseConfig = field(default_factory=NoiseConfig)
+    camera: CameraConfig = field(default_factory=CameraConfig)
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What is known at one 20 Hz tick.
+
+    Attributes:
+        t_ns: Time of the latest reading, [ns] since reset.
+        color: (H, W, 3) uint8 RGB.
+        depth: (H, W) uint16, in units of the camera's depth scale, 0 = nothing seen.
+        proprio: (5,) float32: gripper opening 0..1, TCP x, y, z [m], yaw theta [rad], in base.
+        joints: (9,) float32: arm joints [rad], left and right finger [m].
+    """
+
+    t_ns: int
+    color: NDArray[np.uint8]
+    depth: NDArray[np.uint16]
+    proprio: NDArray[np.float32]
+    joints: NDArray[np.float32]
+
+
+def smooth_step(s: float) -> float:
+    """Minimum-jerk progress from 0 to 1, at rest at both ends (Flash and Hogan 1985, eq. 6)."""
+    return s * s * s * (10.0 + s * (6.0 * s - 15.0))
+
+
+class World:
+    """One PyBullet world in this process, with its own client: others are not disturbed.
+
+    ```python
+    with World(WorldConfig()) as world:
+        world.reset(seed=0)
+        block = world.add_box((0.025, 0.025, 0.025), (0.55, 0.0, 0.025), yaw=0.0, mass=0.1, friction=0.5)
+        world.tare()
+        world.step([1.0, 0.0, 0.0, -0.02, 0.0])
+        observation = world.observe()
+    ```
+    """
+
+    def __init__(self, config: WorldConfig | None = None) -> None:
+        """Open a PyBullet client; `reset` builds the world.
+
+        Args:
+            config: All numbers; the defaults are the paper's where it gives them.
+        """
+        self.config = config or WorldConfig()
+        self._dt = self.config.physics_dt_ns * 1e-9
+        self._bounds = np.array(self.config.workspace)
+        self.client: int = pybullet.connect(pybullet.DIRECT)
+        if self.client < 0:
+            raise CollectError("PyBullet opened no client: too many worlds are open in this process; close some")
+        self._camera = Camera(self.config.camera, self.client)
+
+    def __enter__(self) -> "World":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release the client; the world cannot be used afterwards. Closing twice is harmless."""
+        if self.client >= 0:
+            pybullet.disconnect(self.client)
+            self.client = -1
+
+    def reset(self, seed: int) -> None:
+        """Build the world from nothing: table, arm at home, gripper open, clock at 0, then a moment of rest.
+
+        Nothing survives from before, so the same seed and actions give the same bytes in any process.
+
+        Args:
+            seed: Seed of the sensor noise, >= 0.
+
+        Raises:
+            UsageError: If the seed is negative.
+        """
+        if seed < 0:
+            raise UsageError(f"seed must be >= 0, got {seed}")
+        c = self.config
+        pybullet.resetSimulation(physicsClientId=self.client)
+        pybullet.setGravity(*GRAVITY, physicsClientId=self.client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=self._dt,
+            numSolverIterations=c.solver_iterations,
+            jointFeedbackMode=FEEDBACK_MODE,
+            deterministicOverlappingPairs=1,
+            physicsClientId=self.client,
+        )
+        self.add_box((0.75, 0.75, 0.05), (0.5, 0.0, -0.05), 0.0, 0.0, c.table_friction, c.table_color)
+        self._panda = Panda(c.panda, self.client, self._dt)
+        self._panda.place(np.array(c.home), 0.0)
+        self._admittance = Admittance(c.admittance, self._dt)
+        self._noise = SensorNoise(c.noise, self._dt, np.random.default_rng(np.random.SeedSequence(seed)))
+        self._target = np.array([*c.home, 0.0])
+        self._opening = 1.0
+        self._wrenches: list[NDArray[np.float32]] = []
+        self.tare_offset = np.zeros(6, np.float32)
+        for _ in range(c.settle_steps):
+            self.step([1.0, 0.0, 0.0, 0.0, 0.0])
+
+    def add_box(
+        self,
+        half_extents: Vector3,
+        position: Vector3,
+        yaw: float,
+        mass: float,
+        friction: float,
+        color: Vector3 = (0.8, 0.2, 0.2),
+    ) -> int:
+        """Add a box.
+
+        Args:
+            half_extents: Half edge lengths, [m].
+            position: Centre in base, [m].
+            yaw: Rotation about z, [rad].
+            mass: Mass, [kg]; 0 fixes the box in place.
+            friction: Coulomb friction of the box; PyBullet multiplies it by the other body's.
+            color: RGB, 0 to 1.
+
+        Returns:
+            The body id, for `pose` and `finger_contacts`.
+        """
+        shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half_extents, physicsClientId=self.client)
+        visual = pybullet.createVisualShape(
+            pybullet.GEOM_BOX, halfExtents=half_extents, rgbaColor=(*color, 1.0), physicsClientId=self.client
+        )
+        quat_xyzw = pybullet.getQuaternionFromEuler((0.0, 0.0, yaw))
+        body: int = pybullet.createMultiBody(mass, shape, visual, position, quat_xyzw, physicsClientId=self.client)
+        pybullet.changeDynamics(body, -1, lateralFriction=friction, physicsClientId=self.client)
+        return body
+
+    def tare(self) -> None:
+        """Set `tare_offset` (6,) [N, N m] to the mean of the last `tare_readings` readings. Readings stay raw.
+
+        Meant for right after `reset` (and after objects were added): the arm is at home and at rest. A load that
+        touches the hand now will be missing from every tared reading.
+        """
+        self.tare_offset = self.wrench[-self.config.tare_readings :].mean(axis=0, dtype=np.float64).astype(np.float32)
+
+    def step(self, action: ArrayLike) -> None:
+        """Carry out one action: 25 physics steps of 2 ms, each with one control update and one reading.
+
+        The commanded pose moves by the action from the last commanded pose (not from the measured one, so that the
+        same push can be kept up or increased), and is reached at the end of the step by minimum-jerk interpolation.
+
+        Args:
+            action: Gripper opening 0..1, dx, dy, dz [m], dtheta [rad] in base, (5,); clipped to the bounds of an
+                action, then to the workspace.
+
+        Raises:
+            UsageError: If the action is not five finite numbers.
+        """
+        c = self.config
+        wanted = np.asarray(action, np.float64)
+        if wanted.shape != (5,) or not np.isfinite(wanted).all():
+            raise UsageError(f"an action is 5 finite numbers (opening, dx, dy, dz, dtheta), got {action!r}")
+        start = self._target
+        move = np.clip(wanted[1:], -self._action_bound, self._action_bound)
+        self._target = self._limit(start + move)
+        move = self._target - start
+        opening = float(np.clip(wanted[0], 0.0, 1.0))
+        wrenches = np.empty((c.physics_steps, 6))
+        progress = 0.0
+        for i in range(c.physics_steps):
+            next_progress = smooth_step((i + 1) / c.physics_steps)
+            wrenches[i] = self._advance(start + progress * move, (next_progress - progress) * move, opening)
+            progress = next_progress
+        self._wrenches.append(self._noise(wrenches).astype(np.float32))
+
+    @property
+    def _action_bound(self) -> NDArray[np.float64]:
+        c = self.config
+        return np.array([c.max_move, c.max_move, c.max_move, c.max_turn])
+
+    def _limit(self, target: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Keep a commanded (x, y, z, theta) inside the workspace and near the hand."""
+        reach = self.config.admittance.max_deviation
+        position = np.clip(target[:3], self._panda.position - reach, self._panda.position + reach)
+        position = np.clip(position, self._bounds[:, 0], self._bounds[:, 1])
+        theta = np.clip(target[3], -self.config.max_yaw, self.config.max_yaw)
+        return np.array([*position, theta])
+
+    def _advance(
+        self, reference: NDArray[np.float64], move: NDArray[np.float64], opening: float
+    ) -> NDArray[np.float64]:
+        """One physics step: command the arm, simulate, feel.
+
+        Args:
+            reference: Commanded (x, y, z, theta) now, [m] and [rad].
+            move: How far the command goes in this step, (4,), [m] and [rad].
+            opening: Commanded gripper opening.
+
+        Returns:
+            The physical wrench on the hand, (6,), [N] and [N m], base axes, about the sensor origin.
+        """
+        panda, admittance = self._panda, self._admittance
+        position = reference[:3] + admittance.deviation
+        before = panda.velocity
+        panda.command(position, reference[3], move[:3] / self._dt + admittance.rate, move[3] / self._dt, opening)
+        pybullet.stepSimulation(physicsClientId=self.client)
+        panda.read()
+        wrench = wrench_from_reaction(panda.reaction)
+        acceleration = (panda.velocity - before) / self._dt
+        admittance.step(wrench[:3] - panda.hand_mass * (GRAVITY - acceleration))
+        return wrench
+
+    def observe(self) -> Observation:
+        """Render and read the state after the latest step."""
+        color, depth = self._camera.render()
+        panda = self._panda
+        proprio = np.array([panda.opening, *panda.position, panda.theta], np.float32)
+        return Observation(int(self.wrench_t_ns[-1]), color, depth, proprio, panda.joints.astype(np.float32))
+
+    @property
+    def wrench(self) -> NDArray[np.float32]:
+        """All raw readings since reset, (M, 6), [N] and [N m], base axes, about the sensor origin."""
+        return np.concatenate(self._wrenches)
+
+    @property
+    def wrench_t_ns(self) -> NDArray[np.int64]:
+        """Time of each reading since reset, (M,), [ns]; the first is one physics step after the reset."""
+        count = len(self._wrenches) * self.config.physics_steps
+        return np.arange(1, count + 1, dtype=np.int64) * self.config.physics_dt_ns
+
+    @property
+    def workspace(self) -> NDArray[np.float64]:
+        """Bounds of the commanded TCP x, y, z in base, (3, 2), [m]."""
+        return self._bounds
+
+    @property
+    def camera(self) -> Calibration:
+        """Intrinsics, pose, image axes and depth scale."""
+        return self._camera.calibration
+
+    @property
+    def tcp(self) -> NDArray[np.float64]:
+        """True TCP pose in base: position [m] and quat_xyzw, (7,)."""
+        return np.array([*self._panda.position, *self._panda.quat])
+
+    def pose(self, body: int) -> NDArray[np.float64]:
+        """True pose of a body in base: position [m] and quat_xyzw, (7,)."""
+        position, quat_xyzw = pybullet.getBasePositionAndOrientation(body, physicsClientId=self.client)
+        return np.array([*position, *quat_xyzw])
+
+    def finger_contacts(self, body: int) -> tuple[bool, bool]:
+        """Whether the left and the right finger press on the body now."""
+        left, right = (self._presses(finger, body) for finger in (LEFT_FINGER, RIGHT_FINGER))
+        return left, right
+
+    def _presses(self, link: int, body: int) -> bool:
+        contacts: Sequence[tuple] = pybullet.getContactPoints(
+            self._panda.body, body, linkIndexA=link, physicsClientId=self.client
+        )
+        return any(contact[9] > 0.0 for contact in contacts)  # 9: normal force
