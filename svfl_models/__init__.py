@@ -1,1 +1,1 @@
-"""Networks that are symmetric under planar rotations and reflections, and the programs that train them."""
+"""Networks that are equivariant to planar rotations and reflections, and the programs that train them."""

@@ -1,0 +1,154 @@
+"""Encoders of image and force, and their fusion, written once for symmetric and plain layers.
+
+Structure of Kohler et al. (CoRL 2023, section 4 and appendix), with the published slips mended: attention mixes whole
+fields only, and every reading reaches the output.
+"""
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from svfl_data.symmetry import Part
+from svfl_models.layers import RELU_GAIN, Layers, T
+from svfl_models.representations import field_basis
+
+IMAGE_SIZE = 64
+IMAGE_CHANNELS = 4
+
+
+class VisionEncoder(nn.Module):
+    """Seven convolutions from a 64 x 64 image to one feature vector.
+
+    Sides: 64 -pool- 32 -pool- 16 -pool- 8, 8, 8, 6 -pool- 3, 1. All sizes before a pooling are even, which a pooling
+    needs to commute with quarter turns.
+
+    Args:
+        layers: Kit to build from.
+        widths: Units after the first six convolutions.
+        latent: Units of the output.
+    """
+
+    def __init__(self, layers: Layers[T], widths: Sequence[int], latent: int) -> None:
+        super().__init__()
+        types = [layers.image(IMAGE_CHANNELS), *(layers.hidden(width) for width in (*widths, latent))]
+        paddings = (1, 1, 1, 1, 1, 0, 0)
+        self.convolutions = nn.ModuleList(
+            layers.conv(types[i], types[i + 1], 3, padding) for i, padding in enumerate(paddings)
+        )
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Normalised images (B, 4, 64, 64) -> features (B, C)."""
+        x = image
+        for i, convolution in enumerate(self.convolutions):
+            x = functional.relu(convolution(x))
+            if i in (0, 1, 2, 5):
+                x = functional.max_pool2d(x, 2)
+        return x.flatten(1)  # (B, C, 1, 1) -> (B, C)
+
+
+class SelfAttention(nn.Module):
+    """Multi-head scaled dot-product attention between readings, with a residual connection.
+
+    A head owns whole fields, so its scores are inner products over fields and group elements together, which are
+    invariant, and its values keep their field structure.
+
+    Args:
+        layers: Kit to build from.
+        width: Units per reading.
+        heads: Number of heads; must divide the width.
+    """
+
+    def __init__(self, layers: Layers[T], width: int, heads: int) -> None:
+        super().__init__()
+        self.heads = heads
+        hidden = layers.hidden(width)
+        self.query = layers.linear(hidden, hidden)
+        self.key = layers.linear(hidden, hidden)
+        self.value = layers.linear(hidden, hidden)
+        self.out = layers.linear(hidden, hidden)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, T, C) -> (B, T, C)."""
+        query, key, value = (self._split(map_(x)) for map_ in (self.query, self.key, self.value))
+        mixed = functional.scaled_dot_product_attention(query, key, value)  # Vaswani et al., NeurIPS 2017, equation 1
+        return x + self.out(mixed.transpose(1, 2).flatten(2))  # (B, heads, T, C / heads) -> (B, T, C)
+
+    def _split(self, x: Tensor) -> Tensor:
+        return x.unflatten(-1, (self.heads, -1)).transpose(1, 2)  # (B, T, C) -> (B, heads, T, C / heads)
+
+
+class ForceEncoder(nn.Module):
+    """Self-attention over a window of wrench readings, then one linear map of the whole window.
+
+    Args:
+        layers: Kit to build from.
+        parts: How the six components of a reading transform.
+        window: Readings T.
+        width: Units per reading.
+        heads: Attention heads.
+        latent: Units of the output.
+    """
+
+    basis: Tensor
+    position: Tensor
+
+    def __init__(
+        self, layers: Layers[T], parts: tuple[Part, ...], window: int, width: int, heads: int, latent: int
+    ) -> None:
+        super().__init__()
+        self.register_buffer("basis", field_basis(parts))
+        self.register_buffer("position", position_encoding(window, width).repeat_interleave(layers.copies, dim=-1))
+        self.embed = layers.linear(layers.vector(parts), layers.hidden(width), gain=RELU_GAIN)
+        self.attention = SelfAttention(layers, width, heads)
+        self.readout = layers.linear(layers.hidden(window * width), layers.hidden(latent), gain=RELU_GAIN)
+
+    def forward(self, wrench: Tensor) -> Tensor:
+        """Normalised wrench windows (B, T, 6), image-aligned axes -> features (B, C)."""
+        x = wrench @ self.basis.T
+        x = functional.relu(self.embed(x)) + self.position
+        x = self.attention(x)
+        return functional.relu(self.readout(x.flatten(1)))  # (B, T, fields * copies) -> (B, T * fields * copies)
+
+
+def position_encoding(window: int, width: int) -> Tensor:
+    """Sinusoidal code of a reading's place in the window, one number per unit.
+
+    All group channels of a field get the same number, which makes the code invariant and adding it equivariant.
+
+    Args:
+        window: Readings T.
+        width: Units.
+
+    Returns:
+        Shape (T, width).
+
+    Source: Vaswani et al., NeurIPS 2017, section 3.5, with wavelengths from 2 pi to the window's length times 2 pi.
+    """
+    place = torch.arange(window, dtype=torch.float32)[:, None]
+    unit = torch.arange(width)
+    frequency = torch.exp(-math.log(max(window, 2)) * (unit // 2 * 2) / max(width, 2))
+    return torch.where(unit % 2 == 0, torch.sin(place * frequency), torch.cos(place * frequency))
+
+
+class Fusion(nn.Module):
+    """Two 1 x 1 maps over the concatenated features of all encoders.
+
+    Args:
+        layers: Kit to build from.
+        encoders: Number of encoders.
+        latent: Units of each encoder, and of the output.
+    """
+
+    def __init__(self, layers: Layers[T], encoders: int, latent: int) -> None:
+        super().__init__()
+        hidden = layers.hidden(latent)
+        self.first = layers.linear(layers.hidden(encoders * latent), hidden, gain=RELU_GAIN)
+        self.second = layers.linear(hidden, hidden, gain=RELU_GAIN)
+
+    def forward(self, features: Sequence[Tensor]) -> Tensor:
+        """One (B, C) per encoder -> (B, C)."""
+        x = functional.relu(self.first(torch.cat(list(features), dim=1)))
+        return functional.relu(self.second(x))

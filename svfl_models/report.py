@@ -1,0 +1,118 @@
+"""What a training run leaves for people: two pictures, a page and the numbers."""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+from svfl_data.symmetry import DIRECTIONS
+from svfl_models import run_folder
+from svfl_models.config import TrainingConfig
+from svfl_models.paper import centering_figure, centering_words
+from svfl_models.progress import History
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+
+NAMES = {"v": "V", "f": "F", "vf": "V+F", "svfl": "SVFL", "cnn": "CNN"}
+
+
+@dataclass(frozen=True)
+class Result:
+    """Outcome of a training run.
+
+    Attributes:
+        test_accuracy: Of the final weights, 0..1. Not chosen by its own value, hence the headline.
+        best_test_accuracy: Highest of all epochs, 0..1. The paper's stopping rule watches the test accuracy and may
+            report this one; it is a maximum over noisy measurements on the test samples, and so optimistic.
+        epochs: Epochs trained.
+        seconds: Time of the training, without imports and loading.
+        parameters: Learned numbers of the network.
+        train_samples: Per class, in the order of `DIRECTIONS`.
+        confusion: Test samples by true (row) and predicted (column) direction.
+    """
+
+    test_accuracy: float
+    best_test_accuracy: float
+    epochs: int
+    seconds: float
+    parameters: int
+    train_samples: list[int]
+    confusion: list[list[int]]
+
+
+def cell_name(config: TrainingConfig) -> str:
+    """Name of a run's cell in the paper's table, e.g. ``V+F SVFL, 100 training samples``."""
+    return f"{NAMES[config.encoder]} {NAMES[config.model]}, {config.train_samples} training samples"
+
+
+def write_report(out: Path, config: TrainingConfig, result: Result, history: History) -> None:
+    """Write pictures, page and numbers into the run's folder."""
+    plot_history(history, out / run_folder.LEARNING_CURVE, cell_name(config))
+    plot_confusion(np.array(result.confusion), out / run_folder.CONFUSION, cell_name(config))
+    (out / run_folder.REPORT).write_text(page(config, result))
+    figure = centering_figure(config.encoder, config.model, config.train_samples)
+    numbers = {"config": config.plain(), "result": asdict(result), "paper_accuracy_percent": figure}
+    (out / run_folder.RESULT).write_text(json.dumps(numbers, indent=2) + "\n")
+
+
+def page(config: TrainingConfig, result: Result) -> str:
+    """The run in Markdown."""
+    settings = "\n".join(f"| {name} | {value} |" for name, value in config.plain().items())
+    return f"""# Block centering: {cell_name(config)}
+
+| | test accuracy |
+| --- | --- |
+| **this run, final weights** | **{result.test_accuracy:.1%}** |
+| this run, best epoch | {result.best_test_accuracy:.1%} |
+| paper, same cell, simulation, 3 seeds | {centering_words(config.encoder, config.model, config.train_samples)} |
+
+Training stops when the test accuracy has not improved for {config.patience} epochs, as in the paper, so the best
+epoch is chosen on the test samples and is optimistic; the headline is the accuracy of the weights that the training
+ended with. The paper's data are not published: its figure is of the same task, not of the same samples.
+
+{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training on {_classes(result)}.
+
+![learning curve]({run_folder.LEARNING_CURVE})
+![confusion matrix]({run_folder.CONFUSION})
+
+| setting | value |
+| --- | --- |
+{settings}
+"""
+
+
+def _classes(result: Result) -> str:
+    return ", ".join(f"{count} {name}" for name, count in zip(DIRECTIONS, result.train_samples, strict=True))
+
+
+def plot_history(history: History, path: Path, title: str) -> None:
+    """Loss and accuracy of training and test over the epochs, as PNG."""
+    figure, axes = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
+    epoch = [row["epoch"] + 1 for row in history]
+    for stage, color in (("train", "tab:blue"), ("test", "tab:orange")):
+        axes[0].plot(epoch, [row[f"{stage}_loss"] for row in history], color=color, label=stage)
+        axes[1].plot(epoch, [100 * row[f"{stage}_accuracy"] for row in history], color=color, label=stage)
+    axes[0].set(xlabel="epoch", ylabel="cross-entropy", yscale="log")
+    axes[1].set(xlabel="epoch", ylabel="accuracy, %", ylim=(0, 102))
+    axes[1].legend(loc="lower right")
+    figure.suptitle(title)
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+
+
+def plot_confusion(confusion: np.ndarray, path: Path, title: str) -> None:
+    """Counts of true against predicted direction, as PNG."""
+    figure, axes = plt.subplots(figsize=(4.4, 4.2), layout="constrained")
+    axes.imshow(confusion, cmap="Blues", vmin=0)
+    for (row, column), count in np.ndenumerate(confusion):
+        color = "white" if count > confusion.max() / 2 else "black"
+        axes.text(column, row, str(count), ha="center", va="center", color=color)
+    axes.set(xlabel="predicted", ylabel="true", xticks=range(4), yticks=range(4))
+    axes.set_xticklabels(DIRECTIONS)
+    axes.set_yticklabels(DIRECTIONS)
+    axes.set_title(title, fontsize=10)
+    figure.savefig(path, dpi=120)
+    plt.close(figure)

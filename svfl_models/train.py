@@ -1,0 +1,118 @@
+"""Train a block-centering classifier: load, split, fit, test, report."""
+
+import logging
+import time
+import warnings
+from pathlib import Path
+
+import lightning.pytorch as pl
+import numpy as np
+import torch
+from lightning.pytorch.callbacks import EarlyStopping, ModelCheckpoint
+from lightning.pytorch.trainer.states import TrainerStatus
+from rich.console import Console
+
+from svfl_data.centering import load_centering
+from svfl_data.split import train_test_split
+from svfl_models import run_folder
+from svfl_models.classifier import parameter_count
+from svfl_models.config import TrainingConfig
+from svfl_models.data import CenteringData
+from svfl_models.module import CenteringModule
+from svfl_models.progress import MetricsFile, ProgressLine
+from svfl_models.report import Result, write_report
+
+MOST_THREADS = 8  # networks this small gain nothing from more
+
+
+def train_centering(config: TrainingConfig, out: Path, console: Console | None = None) -> Result:
+    """Train and test one classifier; the same configuration gives the same result on the same machine.
+
+    The recipe is the paper's (Kohler et al., CoRL 2023, appendix): Adam, cross-entropy, random crops, and an end when
+    the test accuracy has not improved for `config.patience` epochs or at `config.epochs`.
+
+    Args:
+        config: What to train, on what.
+        out: Folder for checkpoint, metrics, pictures and report.
+        console: Where progress goes; standard output by default.
+
+    Returns:
+        The outcome, as it is also written to ``result.json``.
+
+    Raises:
+        SvflError: If the data, the configuration or the folder cannot serve, or the training diverges; then
+            ``checkpoint.ckpt`` holds the last epoch with a finite loss.
+        KeyboardInterrupt: If the user stopped the training; the last whole epoch is in ``checkpoint.ckpt``.
+    """
+    torch.set_num_threads(min(torch.get_num_threads(), MOST_THREADS))
+    samples = load_centering(config.data, window=config.window)
+    train_index, test_index = train_test_split(
+        samples.direction, train=config.train_samples, test=config.test_samples, seed=config.seed
+    )
+    train, test = samples.take(train_index), samples.take(test_index)
+    data = CenteringData(train, test, config.encoder, config.batch_size)
+
+    pl.seed_everything(config.seed, verbose=False)
+    module = CenteringModule(config.network(), config.learning_rate, training=config.plain())
+    module.classifier.normalization.fit(train.image, train.wrench)
+
+    run_folder.claim(out, config.plain())
+    metrics = MetricsFile(out / run_folder.METRICS)
+    start = time.monotonic()
+    fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console())])
+    seconds = time.monotonic() - start
+
+    predicted = predict(module, data)
+    confusion = np.zeros((4, 4), dtype=int)
+    np.add.at(confusion, (test.direction, predicted), 1)
+    result = Result(
+        test_accuracy=float(np.mean(predicted == test.direction)),
+        best_test_accuracy=max(row["test_accuracy"] for row in metrics.rows),
+        epochs=len(metrics.rows),
+        seconds=round(seconds, 1),
+        parameters=parameter_count(module),
+        train_samples=np.bincount(train.direction, minlength=4).tolist(),
+        confusion=confusion.tolist(),
+    )
+    write_report(out, config, result, metrics.rows)
+    return result
+
+
+def fit(
+    module: CenteringModule, data: CenteringData, config: TrainingConfig, out: Path, callbacks: list[pl.Callback]
+) -> None:
+    """Run Lightning's loop with the paper's stopping rule, without its advertisements.
+
+    Raises:
+        KeyboardInterrupt: If the user stopped it (Lightning itself would end the process with code 1).
+    """
+    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
+    stop = EarlyStopping(monitor="test_accuracy", mode="max", patience=config.patience)
+    name = Path(run_folder.CHECKPOINT).stem
+    keep = ModelCheckpoint(dirpath=out, filename=name, enable_version_counter=False)
+    trainer = pl.Trainer(
+        max_epochs=config.epochs,
+        accelerator="auto",
+        devices=1,
+        callbacks=[*callbacks, stop, keep],
+        logger=False,
+        enable_progress_bar=False,
+        enable_model_summary=False,
+        num_sanity_val_steps=0,
+        default_root_dir=out,
+    )
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="lightning")
+            trainer.fit(module, data)
+    except SystemExit:
+        if trainer.state.status == TrainerStatus.INTERRUPTED:
+            raise KeyboardInterrupt from None
+        raise
+
+
+@torch.no_grad()
+def predict(module: CenteringModule, data: CenteringData) -> np.ndarray:
+    """Predicted directions of the test samples, in their order, shape (S,)."""
+    module.eval()
+    return np.concatenate([module(batch).argmax(dim=1).numpy() for batch in data.val_dataloader()])
