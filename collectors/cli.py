@@ -12,17 +12,18 @@ PROGRAM = "svfl-collect"
 
 def main() -> int:
     """Parse the command line and collect; returns the exit code."""
-    arguments = _parser().parse_args()
+    arguments = parser().parse_args()
     return run(functools.partial(arguments.command, arguments), PROGRAM)
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def parser() -> Parser:
+    """The command line of ``svfl-collect``."""
+    root = Parser(
         prog=PROGRAM,
         description="Collect visual-force episodes.",
         example="svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering",
     )
-    tasks = parser.add_subparsers(title="tasks", metavar="TASK", required=True, parser_class=Parser)
+    tasks = root.add_subparsers(title="tasks", metavar="TASK", required=True, parser_class=Parser)
     centering = tasks.add_parser(
         "centering",
         help="block centering: one finger collides with the block; which way to move?",
@@ -45,7 +46,7 @@ def _parser() -> Parser:
         "--image-size", type=positive, default=76, metavar="PX", help="width and height (default 76)"
     )
     centering.set_defaults(command=_centering)
-    return parser
+    return root
 
 
 def _border(text: str) -> float:

@@ -185,3 +185,7 @@ def markdown_table() -> str:
             f"| {field.doc}{names}{optional} |"
         )
     return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    print(markdown_table())

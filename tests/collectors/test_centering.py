@@ -1,0 +1,122 @@
+"""Block-centering samples are what they say: one finger on the block, and a label that mends the grasp."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from collectors.centering import MAX_STEPS, CenteringCollector, add_block, balanced_direction
+from collectors.simulation.centering import CenteringConfig, Scene, draw_scene
+from collectors.simulation.world import World
+from svfl_data.errors import CollectError
+from svfl_data.store import episode_bytes
+from svfl_data.symmetry import OFFSET_PARTS, act, border_distance, nearest_direction
+
+SAMPLES = 8
+
+
+@pytest.fixture(scope="module")
+def episodes():
+    collector = CenteringCollector(seed=5)
+    return [collector(index) for index in range(SAMPLES)]
+
+
+def test_the_same_sample_is_the_same_bytes(episodes):
+    """In any order, in a collector of its own."""
+    for index in (3, 1):
+        assert episode_bytes(CenteringCollector(seed=5)(index)) == episode_bytes(episodes[index])
+    assert episode_bytes(CenteringCollector(seed=6)(1)) != episode_bytes(episodes[1])
+
+
+def test_classes_are_balanced():
+    for start in range(0, 200, 4):
+        assert sorted(balanced_direction(7, index) for index in range(start, start + 4)) == [0, 1, 2, 3]
+    assert len({tuple(balanced_direction(7, i) for i in range(s, s + 4)) for s in range(0, 200, 4)}) > 8
+
+
+def test_the_label_is_the_true_offset(episodes):
+    for episode in episodes:
+        truth = episode.object_pose[-1, :2] - episode.proprio[-1, 1:3]
+        np.testing.assert_allclose(episode.label_offset, truth, atol=1e-6)
+        in_image = act(episode.image_axes, episode.label_offset, OFFSET_PARTS)
+        assert int(episode.label_direction) == int(nearest_direction(in_image))
+        assert np.rad2deg(border_distance(in_image)) >= 5
+
+
+def test_the_wrist_feels_the_collision_only_after_it(episodes):
+    """Free until the last steps, then an upward force whose lever arm is the finger that touches."""
+    for episode in episodes:
+        wrench = episode.tared_wrench
+        force = np.linalg.norm(wrench[:, :3], axis=1)
+        assert force[: int(episode.wrench_end[0])].max() < 2.0
+        final = wrench[-5:].mean(axis=0)
+        assert 3.0 < final[2] < 60.0
+        lever = np.array([-final[4], final[3]]) / final[2]
+        along = lever @ episode.label_offset / np.linalg.norm(episode.label_offset)
+        assert 0.03 < along < 0.065
+
+
+def test_an_episode_starts_at_home_with_enough_readings(episodes):
+    for episode in episodes:
+        assert episode.wrench_end[0] >= 64
+        assert len(episode) <= MAX_STEPS
+        assert np.all(np.diff(episode.wrench_t_ns) == 2_000_000)
+        assert np.all(np.diff(episode.t_ns) == 50_000_000)
+        np.testing.assert_allclose(episode.proprio[0], [1, *episode.meta.config["world"]["home"], 0], atol=2e-3)
+        assert np.abs(episode.action[:, 1:4]).max() <= 0.025 + 1e-7
+        assert np.abs(episode.action[:, 4]).max() <= np.pi / 16 + 1e-7
+
+
+def test_images_show_the_scene(episodes):
+    """The block is where the camera's calibration says, and its colour is seen there or the hand hides it."""
+    for episode in episodes:
+        assert episode.color[0].std() > 10
+        point = np.linalg.inv(episode.T_base_camera) @ [*episode.object_pose[0, :3], 1]
+        column, row, _ = (episode.intrinsics @ (point[:3] / point[2])).round().astype(int)
+        drawn = np.array(episode.meta.config["drawn"]["block_color"])
+        seen = episode.color[0, row - 1 : row + 2, column - 1 : column + 2].mean(axis=(0, 1))
+        assert np.dot(drawn, seen) / (np.linalg.norm(drawn) * np.linalg.norm(seen)) > 0.98
+        assert abs(episode.depth_m[0, row, column] - point[2]) < 0.05
+
+
+@pytest.mark.parametrize("direction", range(4))
+def test_scenes_are_drawn_in_the_wanted_direction(direction):
+    with World() as world:
+        for seed in range(50):
+            scene = draw_scene(np.random.default_rng(seed), direction, CenteringConfig(border_deg=5), world)
+            offset = np.subtract(scene.block_xy, scene.hand_xy)
+            in_image = world.camera.image_axes @ offset
+            assert nearest_direction(in_image) == direction
+            assert np.rad2deg(border_distance(in_image)) >= 5 - 1e-9
+            assert -np.pi / 2 <= scene.hand_yaw <= np.pi / 2
+
+
+def beside(scene: Scene) -> Scene:
+    """The same scene with the hand coming down far from the block."""
+    away = np.where(np.asarray(scene.block_xy) > [0.45, 0.0], -0.15, 0.15)
+    return replace(scene, hand_xy=tuple(np.add(scene.hand_xy, away)))
+
+
+def test_attempts_that_miss_are_retried_and_counted(monkeypatch):
+    hands = iter([beside, lambda scene: scene])
+    monkeypatch.setattr("collectors.centering.draw_scene", lambda *args: next(hands)(draw_scene(*args)))
+    episode = CenteringCollector(seed=5)(0)
+    assert episode.meta.config["rejected"] == ["0 fingers touched"]
+    assert episode.meta.config["attempt"] == 1
+
+
+def test_a_sample_that_never_collides_is_an_error(monkeypatch):
+    monkeypatch.setattr("collectors.centering.ATTEMPTS", 2)
+    monkeypatch.setattr("collectors.centering.draw_scene", lambda *args: beside(draw_scene(*args)))
+    with pytest.raises(CollectError, match=r"sample 0 \(seed 5\): none of 2 attempts .* 0 fingers touched"):
+        CenteringCollector(seed=5)(0)
+
+
+def test_a_block_rests_on_the_table():
+    scene = Scene((0.5, 0.05), 0.025, 0.3, 0.1, 0.5, (0.2, 0.4, 0.6), (0.5, 0.05), 0.3, 0.01)
+    with World() as world:
+        world.reset(seed=0)
+        block = add_block(world, scene)
+        for _ in range(10):
+            world.step(np.array([1.0, 0, 0, 0, 0]))
+        np.testing.assert_allclose(world.pose(block)[:3], [0.5, 0.05, 0.025], atol=1e-3)

@@ -1,0 +1,42 @@
+"""What the documentation says is what the code does."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from svfl_data.fields import markdown_table
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "Makefile", *sorted((ROOT / "docs").glob("*.md"))]
+COMMANDS = sorted(
+    {match for page in PAGES for match in re.findall(r"^\s+(?:\$\(BIN\)/)?(svfl-\w+ .*)$", page.read_text(), re.M)}
+)
+
+
+def test_the_table_of_fields_is_the_declaration():
+    page = (ROOT / "data" / "README.md").read_text()
+    table = page.split("-->\n")[1].split("<!-- end of fields")[0].strip()
+    assert table == markdown_table()
+
+
+def test_there_are_commands_to_check():
+    assert len(COMMANDS) >= 3
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_documented_commands_parse(command):
+    from collectors.cli import parser as collect
+    from svfl_data.__main__ import parser as data
+    from svfl_models.cli import parser as train
+
+    program, *arguments = shlex.split(command, comments=True)
+    parsers = {"svfl-collect": collect, "svfl-data": data, "svfl-train": train}
+    parsers[program]().parse_args(arguments)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.suffix == ".md"], ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text()):
+        assert (page.parent / target).exists(), target
