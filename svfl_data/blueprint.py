@@ -30,8 +30,8 @@ def arrange(episode: Episode) -> rrb.Blueprint:
     plots = {
         "force": _plot(episode, f"{WRENCH}/force", "Force on the hand, N (base axes, tared)", force),
         "torque": _plot(episode, f"{WRENCH}/torque", "Torque on the hand, N m (about the sensor, tared)", torque),
-        "move": _plot(episode, f"{ACTION}/displacement", "Action: TCP displacement, m", displacement, 0.7),
-        "rest": _plot(episode, f"{ACTION}/opening_and_turn", "Action: gripper, yaw change", rest, 0.7),
+        "move": _plot(episode, f"{ACTION}/displacement", "Action: TCP displacement, m", displacement, 0.6),
+        "rest": _plot(episode, f"{ACTION}/opening_and_turn", "Action: gripper, yaw change", rest, 0.6),
     }
     return rrb.Blueprint(
         rrb.Horizontal(
@@ -75,20 +75,34 @@ def _scene(episode: Episode) -> rrb.Spatial3DView:
 
 
 def _plot(episode: Episode, path: str, name: str, values: np.ndarray, headroom: float = 0.1) -> rrb.TimeSeriesView:
-    """A plot over the whole episode, with room around the lines."""
-    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
-    room = high - low or 1.0
-    start, end = int(episode.t_ns[0]), int(episode.t_ns[-1])
-    if len(episode.wrench_t_ns):
-        start, end = min(start, int(episode.wrench_t_ns[0])), max(end, int(episode.wrench_t_ns[-1]))
+    """A plot over the whole episode; `headroom` is the room above the lines, for the legend."""
+    times = np.concatenate([episode.t_ns, episode.wrench_t_ns]) / 1e9
     whole = rr.TimeRange(
-        start=rrb.TimeRangeBoundary.absolute(seconds=start / 1e9),
-        end=rrb.TimeRangeBoundary.absolute(seconds=(end + 0.02 * (end - start)) / 1e9),
+        start=rrb.TimeRangeBoundary.absolute(seconds=float(times.min())),
+        end=rrb.TimeRangeBoundary.absolute(seconds=float(times.max() + 0.02 * np.ptp(times))),
     )
     return rrb.TimeSeriesView(
         origin=path,
         name=name,
         axis_x=rrb.TimeAxis(view_range=whole),
-        axis_y=rrb.ScalarAxis(range=(low - 0.1 * room, high + headroom * room)),
+        axis_y=rrb.ScalarAxis(range=axis_range(values, headroom)),
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
     )
+
+
+def axis_range(values: np.ndarray, headroom: float = 0.1) -> tuple[float, float]:
+    """Range of a plot's vertical axis.
+
+    Args:
+        values: What is plotted, any shape, possibly empty.
+        headroom: Room above, as a fraction of the values' span; below there is a tenth.
+
+    Returns:
+        Lower and upper end, with at least one number beside 0 written at the axis: Rerun writes multiples of a power
+        of ten only, and only of those that are more than about a ninth of the range.
+    """
+    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
+    span = high - low or 1.0
+    low, high = low - 0.1 * span, high + headroom * span
+    step = 10.0 ** np.ceil(np.log10((high - low) / 9))
+    return (low, 1.05 * step) if -step < low < 0 < high < step else (low, high)

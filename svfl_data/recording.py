@@ -1,4 +1,4 @@
-"""An episode as a Rerun recording: what the camera saw, what the wrist felt, where the hand was and should have been."""
+"""An episode as a Rerun recording: what the camera saw, what the wrist felt, where the hand was and should be."""
 
 from collections.abc import Sequence
 
@@ -29,7 +29,6 @@ GREY = (150, 150, 150)
 def recording_bytes(episode: Episode) -> bytes:
     """The episode, with the arrangement of the viewer's window, as the content of an ``.rrd`` file."""
     recording = rr.RecordingStream("svfl")
-    recording.disable_timeline("log_time")
     memory = recording.memory_recording()
     recording.send_blueprint(arrange(episode))
     recording.send_recording_name(f"{episode.meta.task} {episode.meta.index}")
@@ -106,16 +105,29 @@ def _log_surroundings(recording: rr.RecordingStream, episode: Episode) -> None:
     recording.log(f"{SCENE}/base_axes", axes, static=True)
     if "object_pose" in episode.arrays:
         pose = episode.object_pose
-        block = rr.Boxes3D(half_sizes=[block_half_size(episode)], colors=BLOCK, fill_mode="solid")
+        block = rr.Boxes3D(half_sizes=[block_half_size(episode) or BLOCK_HALF], colors=BLOCK, fill_mode="solid")
         recording.log(f"{SCENE}/block", block, static=True)
         moving = rr.Transform3D.columns(translation=pose[:, :3], quaternion=pose[:, 3:])
         _send(recording, f"{SCENE}/block", episode.t_ns, moving)
 
 
-def block_half_size(episode: Episode) -> Sequence[float]:
-    """Half the block's edges, shape (3,), [m]: what the configuration says, or those of a 5 cm cube."""
+def block_half_size(episode: Episode) -> Sequence[float] | None:
+    """Half the block's edges, shape (3,), [m], if the configuration says it: ``config["block"]["half_extents"]``."""
     block = episode.meta.config.get("block")
-    return block["half_extents"] if isinstance(block, dict) and "half_extents" in block else BLOCK_HALF
+    return block.get("half_extents") if isinstance(block, dict) else None
+
+
+def hand_poses(proprio: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The hand's frame: origin at the TCP, z up, the fingers open along y.
+
+    Args:
+        proprio: Opening, TCP position and yaw as declared in `svfl_data.fields`, shape (N, 5).
+
+    Returns:
+        Position, shape (N, 3), [m], and quat_xyzw, shape (N, 4), in base.
+    """
+    zero, half_yaw = np.zeros(len(proprio)), proprio[:, 4] / 2
+    return proprio[:, 1:4], np.stack([zero, zero, np.sin(half_yaw), np.cos(half_yaw)], axis=1)
 
 
 def hand_boxes(opening: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -135,13 +147,12 @@ def hand_boxes(opening: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _log_hand(recording: rr.RecordingStream, episode: Episode) -> None:
-    opening, position, yaw = episode.proprio[:, 0], episode.proprio[:, 1:4], episode.proprio[:, 4]
-    quat_xyzw = np.stack([np.zeros_like(yaw), np.zeros_like(yaw), np.sin(yaw / 2), np.cos(yaw / 2)], axis=1)
-    centres, half_sizes = hand_boxes(opening)
+    position, quat_xyzw = hand_poses(episode.proprio)
+    centres, half_sizes = hand_boxes(episode.proprio[:, 0])
     path = f"{SCENE}/hand"
     hand = rr.Boxes3D.from_fields(half_sizes=half_sizes, colors=[(200, 200, 200)], fill_mode="solid")
     recording.log(path, hand, static=True)
-    boxes = rr.Boxes3D.columns(centers=centres.reshape(-1, 3)).partition([3] * len(opening))
+    boxes = rr.Boxes3D.columns(centers=centres.reshape(-1, 3)).partition([3] * len(centres))
     _send(recording, path, episode.t_ns, rr.Transform3D.columns(translation=position, quaternion=quat_xyzw), boxes)
     recording.log(f"{SCENE}/path", rr.LineStrips3D([position], colors=GREY, radii=0.001), static=True)
 
@@ -159,8 +170,11 @@ def _log_wrench(recording: rr.RecordingStream, episode: Episode) -> None:
         _send(recording, f"{WRENCH}/{name}", episode.wrench_t_ns, rr.Scalars.columns(scalars=values))
         size = np.linalg.norm(values, axis=1)
         arrow = f"{SCENE}/wrist/{name}"
-        recording.log(arrow, rr.Arrows3D.from_fields(colors=[color], radii=[0.004], show_labels=True), static=True)
         labels = [f"{name} {value:.1f} {unit}" for value in size]
+        arrows = rr.Arrows3D.from_fields(
+            colors=[color], radii=[0.004], show_labels=name == "force"
+        )  # one text is enough
+        recording.log(arrow, arrows, static=True)
         _send(recording, arrow, episode.wrench_t_ns, rr.Arrows3D.columns(vectors=values * scale, labels=labels))
 
 
@@ -177,30 +191,29 @@ def _log_action(recording: rr.RecordingStream, episode: Episode) -> None:
 
 def _log_label(recording: rr.RecordingStream, episode: Episode) -> None:
     """The label belongs to the final observation: an arrow from the hand to its outline where it must go."""
-    opening, *position, yaw = episode.proprio[-1]
-    offset = np.array([*episode.label_offset, 0.0])
+    end, offset = episode.t_ns[-1:], np.array([*episode.label_offset, 0.0])
+    position, quat_xyzw = hand_poses(episode.proprio[-1:])
+    centres, half_sizes = hand_boxes(episode.proprio[-1:, 0])
     words = f"move {DIRECTIONS[int(episode.label_direction)]} {np.linalg.norm(offset) * 1e3:.0f} mm"
-    centres, half_sizes = hand_boxes(np.array([opening]))
-    path = f"{SCENE}/label"
-    recording.set_time(TIMELINE, duration=np.timedelta64(int(episode.t_ns[-1]), "ns"))
-    recording.log(path, rr.Transform3D(translation=position))
-    above = [0.0, 0.0, WRIST_ABOVE_TCP + 0.02]  # the hand's top would hide it
-    arrow = rr.Arrows3D(origins=[above], vectors=[offset], colors=LABEL, radii=0.004)
-    recording.log(f"{path}/offset", arrow)
-    recording.log(
-        f"{path}/target",
-        rr.Transform3D(translation=offset, rotation=rr.RotationAxisAngle([0, 0, 1], radians=float(yaw))),
-        rr.Boxes3D(
-            centers=centres[0], half_sizes=half_sizes, colors=LABEL, radii=0.0007, labels=[words, "", ""],
-            show_labels=True,
-        ),
-    )  # fmt: skip
+
+    arrow, above = f"{SCENE}/label_offset", [0.0, 0.0, WRIST_ABOVE_TCP + 0.02]  # the hand's top would hide it
+    recording.log(arrow, rr.Arrows3D.from_fields(colors=[LABEL], radii=[0.004]), static=True)
+    _send(recording, arrow, end, rr.Arrows3D.columns(origins=position + above, vectors=[offset]))
+
+    target = f"{SCENE}/label_target"
+    outline = rr.Boxes3D.from_fields(
+        half_sizes=half_sizes, colors=[LABEL], radii=[0.0007], labels=[words, "", ""], show_labels=True
+    )
+    recording.log(target, outline, static=True)
+    pose = rr.Transform3D.columns(translation=position + offset, quaternion=quat_xyzw)
+    _send(recording, target, end, pose, rr.Boxes3D.columns(centers=centres[0]).partition([3]))
 
 
 def about(episode: Episode) -> str:
     """What a person should know before looking, in Markdown."""
     meta = episode.meta
     seconds = (episode.t_ns[-1] - episode.t_ns[0]) / 1e9
+    size = "" if block_half_size(episode) else " (size not recorded, drawn as a 5 cm cube)"
     versions = ", ".join(f"{name} {version}" for name, version in meta.software.items())
     lines = [
         f"**Origin:** seed {meta.seed}, source {meta.source}, {len(episode)} steps, {seconds:.2f} s; "
@@ -214,10 +227,10 @@ def about(episode: Episode) -> str:
             f"({dx:+.1f}, {dy:+.1f}) mm along base x, y."
         )
     lines += [
-        "**Scene:** hand grey, block blue, label yellow (the outline is where the hand must go). Arrows at the wrist: "
-        f"force orange, {METRES_PER_NEWTON * 1e3:.0f} mm per N; "
+        f"**Scene:** hand grey, block blue{size}, label yellow (the outline is where the hand must go).",
+        f"**Arrows at the wrist:** force orange, {METRES_PER_NEWTON * 1e3:.0f} mm per N; "
         f"torque pink, {METRES_PER_NEWTON_METRE * 1e3:.0f} mm per N m.",
-        f"**Wrench:** load of the surroundings on the hand in base axes, torque about the sensor origin; "
+        "**Wrench:** load of the surroundings on the hand in base axes, torque about the sensor origin; "
         f"{_stream_words(episode)}",
         f"**Tare** (subtracted): {_vector_words(episode.tare[:3])} N, {_vector_words(episode.tare[3:])} N m.",
     ]
