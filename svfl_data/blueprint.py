@@ -105,4 +105,4 @@ def axis_range(values: np.ndarray, headroom: float = 0.1) -> tuple[float, float]
     span = high - low or 1.0
     low, high = low - 0.1 * span, high + headroom * span
     step = 10.0 ** np.ceil(np.log10((high - low) / 9))
-    return (low, 1.05 * step) if -step < low < 0 < high < step else (low, high)
+    return (low, 1.1 * step) if -step < low < 0 < high < step else (low, high)

@@ -7,7 +7,7 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from svfl_data import recording, viewer
+from svfl_data import recording, scene, viewer
 from svfl_data.blueprint import axis_range
 from svfl_data.episode import Episode, Meta
 from svfl_data.fields import FIELDS
@@ -106,16 +106,17 @@ def test_the_hand_is_where_proprio_says(saved, episode):
 
 
 def test_fingers_open_along_y_from_touching_to_eight_centimetres():
-    centres, half_sizes = recording.hand_boxes(np.array([0.0, 1.0]))
-    left, right = centres[:, 1, 1] - half_sizes[1, 1], centres[:, 2, 1] + half_sizes[2, 1]
+    half_sizes, centres = scene.hand_boxes(np.array([0.0, 1.0]))
+    left, right = (centres - half_sizes)[:, 1, 1], (centres + half_sizes)[:, 2, 1]
     np.testing.assert_allclose(left - right, [0.0, 0.08])
 
 
 def test_force_arrow_has_the_stated_scale_and_starts_at_the_wrist(saved, episode):
-    _, vectors = logged(saved, "scene/wrist/force", "Arrows3D:vectors")
-    expected = episode.tared_wrench[:, :3] * recording.METRES_PER_NEWTON
+    t_ns, vectors = logged(saved, "scene/wrist/force", "Arrows3D:vectors")
+    expected = episode.tared_wrench[-len(t_ns) :, :3] * scene.METRES_PER_NEWTON
     np.testing.assert_allclose(vectors[:, 0], expected, rtol=1e-6)
-    assert f"{recording.METRES_PER_NEWTON * 1e3:.0f} mm per N;" in recording.about(episode)
+    np.testing.assert_array_equal(t_ns, episode.wrench_t_ns[-len(t_ns) :])
+    assert f"{scene.METRES_PER_NEWTON * 1e3:.0f} mm per N;" in recording.about(episode)
     _, wrist = logged(saved, "scene/wrist", "Transform3D:translation")
     np.testing.assert_allclose(wrist[:, 0] - episode.proprio[:, 1:4], [[0, 0, 0.105]] * len(wrist), atol=1e-6)
 
@@ -124,6 +125,24 @@ def test_label_arrow_is_the_offset_and_appears_with_the_last_observation(saved, 
     t_ns, vectors = logged(saved, "scene/label_offset", "Arrows3D:vectors")
     assert t_ns.tolist() == [episode.t_ns[-1]]
     np.testing.assert_allclose(vectors[0, 0], [*episode.label_offset, 0.0], rtol=1e-6)
+    _, target = logged(saved, "scene/label_target", "Transform3D:translation")
+    np.testing.assert_allclose(target[0, 0, :2], episode.object_pose[-1, :2], atol=1e-6)  # over the block
+
+
+@pytest.mark.parametrize(
+    ("entity", "component", "first"),
+    [
+        ("scene/hand", "Boxes3D:half_sizes", 0),
+        ("scene/block", "Boxes3D:half_sizes", 0),
+        ("scene/wrist/force", "Arrows3D:vectors", 0),
+        ("scene/wrist/torque", "Arrows3D:vectors", 0),
+        ("scene/label_target", "Boxes3D:half_sizes", -1),
+    ],
+)
+def test_nothing_is_drawn_before_it_is_known_where(saved, episode, entity, component, first):
+    t_ns, _ = logged(saved, entity, component)
+    assert episode.wrench_t_ns[0] < episode.t_ns[0]
+    assert t_ns[0] == episode.t_ns[first]
 
 
 def test_block_has_the_recorded_size_or_says_that_it_is_not_known(episode, tmp_path):
@@ -131,8 +150,8 @@ def test_block_has_the_recorded_size_or_says_that_it_is_not_known(episode, tmp_p
         Meta("centering", 0, 0, "expert", True, {"block": {"half_extents": [0.01, 0.02, 0.03]}}), episode.arrays
     )
     viewer.save(known, tmp_path / "known.rrd")
-    sizes = logged(tmp_path / "known.rrd", "scene/block", "Boxes3D:half_sizes", timed=False)
-    np.testing.assert_allclose(sizes, [[0.01, 0.02, 0.03]])
+    _, sizes = logged(tmp_path / "known.rrd", "scene/block", "Boxes3D:half_sizes")
+    np.testing.assert_allclose(sizes, [[[0.01, 0.02, 0.03]]] * len(episode.t_ns))
     assert "size not recorded" in recording.about(episode)
     assert "size not recorded" not in recording.about(known)
 
