@@ -74,7 +74,11 @@ class CenteringCollector:
             return f"{touching} fingers touched"
         if label.direction != wanted or label.border_deg < self.scene.border_deg:
             return "the block was pushed across a class border"
-        arrays |= {"label_offset": label.offset, "label_direction": np.array(label.direction)}
+        arrays |= {
+            "object_half": np.full(3, scene.block_half),
+            "label_offset": label.offset,
+            "label_direction": np.array(label.direction),
+        }
         config = self.config() | {"drawn": asdict(scene), "attempt": attempt, "rejected": rejected}
         meta = Meta(TASK, index, self.seed, "expert", True, config, software_versions("svfl", "pybullet", "numpy"))
         return Episode(meta, arrays)

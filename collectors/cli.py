@@ -12,11 +12,11 @@ PROGRAM = "svfl-collect"
 
 def main() -> int:
     """Parse the command line and collect; returns the exit code."""
-    arguments = parser().parse_args()
+    arguments = build_parser().parse_args()
     return run(functools.partial(arguments.command, arguments), PROGRAM)
 
 
-def parser() -> Parser:
+def build_parser() -> Parser:
     """The command line of ``svfl-collect``."""
     root = Parser(
         prog=PROGRAM,

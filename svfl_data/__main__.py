@@ -17,11 +17,17 @@ EPISODE_SUFFIXES = (".hdf5", ".h5")
 
 
 def main() -> int:
-    """Run the command line; returns the exit code."""
-    parser = Parser(
+    """Parse the command line and run it; returns the exit code."""
+    arguments = build_parser().parse_args()
+    return run(functools.partial(arguments.command, arguments), PROGRAM)
+
+
+def build_parser() -> Parser:
+    """The command line of ``svfl-data``."""
+    root = Parser(
         prog=PROGRAM, description="Look at recorded data.", example=f"{PROGRAM} view data/centering --episode 3"
     )
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    commands = root.add_subparsers(required=True, metavar="COMMAND")
     view = commands.add_parser(
         "view",
         help="show an episode: images, forces over time, the 3-D scene, the label",
@@ -33,8 +39,7 @@ def main() -> int:
     view.add_argument("--episode", type=natural, metavar="N", help="episode of the dataset (default: the first)")
     view.add_argument("--save", type=Path, metavar="FILE.rrd", help="write a file instead of opening the viewer")
     view.set_defaults(command=_view)
-    arguments = parser.parse_args()
-    return run(functools.partial(arguments.command, arguments), PROGRAM)
+    return root
 
 
 def _view(arguments: argparse.Namespace) -> None:

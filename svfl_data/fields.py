@@ -62,7 +62,8 @@ FIELDS = (
     ),
     Field(
         "proprio", "observations/proprio", "float32", ("N+1", 5), "-, m, m, m, rad",
-        "Gripper opening (0 closed, 1 open), TCP position in base axes about the base origin, hand yaw about base z.",
+        "Gripper opening (0 closed, 1 open), TCP position in base axes, yaw of the hand about base z "
+        "(0 when the fingers open along base y).",
         components=("opening", "x", "y", "z", "theta"), parts=PROPRIO_PARTS,
     ),
     Field(
@@ -111,6 +112,10 @@ FIELDS = (
     Field(
         "workspace", "camera/workspace", "float64", (3, 2), "m",
         "Lower and upper bound of TCP x, y, z in base axes; its (x, y) centre is the centre of the image.",
+    ),
+    Field(
+        "object_half", "object/half_extents", "float64", (3,), "m", "Half the edges of the task's object, a box.",
+        optional=True,
     ),
     Field(
         "label_offset", "labels/offset", "float64", (2,), "m",

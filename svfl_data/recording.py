@@ -12,7 +12,6 @@ from svfl_data.scene import (
     METRES_PER_NEWTON,
     METRES_PER_NEWTON_METRE,
     TORQUE,
-    block_half_size,
     log_scene,
     send_stream,
 )
@@ -88,7 +87,7 @@ def about(episode: Episode) -> str:
     """What a person should know before looking, in Markdown."""
     meta = episode.meta
     seconds = (episode.t_ns[-1] - episode.t_ns[0]) / 1e9
-    size = "" if block_half_size(episode) else " (size not recorded, drawn as a 5 cm cube)"
+    size = "" if "object_half" in episode.arrays else " (size not recorded, drawn as a 5 cm cube)"
     versions = ", ".join(f"{name} {version}" for name, version in meta.software.items())
     lines = [
         f"**Origin:** seed {meta.seed}, source {meta.source}, {len(episode)} steps, {seconds:.2f} s; "

@@ -1,7 +1,5 @@
 """The 3-D scene of an episode's recording, in base axes: workspace, block, hand, what it feels, where it must go."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import rerun as rr
 
@@ -18,7 +16,7 @@ WRIST_ABOVE_TCP = 0.105  # the sensor origin
 PALM_CENTRE, PALM_HALF = (0.0, 0.0, 0.072), (0.030, 0.100, 0.033)
 FINGER_Z, FINGER_HALF = 0.016, (0.010, 0.006, 0.023)
 FINGER_TRAVEL = 0.040  # of one finger, from closed to open
-BLOCK_HALF = (0.025, 0.025, 0.025)  # where the configuration does not say
+BLOCK_HALF = (0.025, 0.025, 0.025)  # where it was not recorded
 
 # Okabe and Ito's palette, made to be told apart by colour-blind people. Axes x, y, z have one colour everywhere.
 AXES = ((213, 94, 0), (0, 158, 115), (86, 180, 233))
@@ -94,15 +92,9 @@ def _log_surroundings(recording: rr.RecordingStream, episode: Episode) -> None:
     recording.log(f"{SCENE}/base_axes", axes, static=True)
     if "object_pose" in episode.arrays:
         pose = episode.object_pose
-        boxes = np.tile(block_half_size(episode) or BLOCK_HALF, (len(pose), 1, 1))
+        boxes = np.tile(episode.arrays.get("object_half", BLOCK_HALF), (len(pose), 1, 1))
         _send_boxes(recording, f"{SCENE}/block", episode.t_ns, pose[:, :3], pose[:, 3:], boxes)
         recording.log(f"{SCENE}/block", rr.Boxes3D.from_fields(colors=[BLOCK], fill_mode="solid"), static=True)
-
-
-def block_half_size(episode: Episode) -> Sequence[float] | None:
-    """Half the block's edges, shape (3,), [m], if the configuration says it: ``config["block"]["half_extents"]``."""
-    block = episode.meta.config.get("block")
-    return block.get("half_extents") if isinstance(block, dict) else None
 
 
 def hand_poses(proprio: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -24,7 +24,7 @@ def episode_arrays(
     camera = np.eye(4)
     camera[:3, :3] = [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
     camera[:3, 3] = [1.0, 0.0, 0.2]
-    proprio = np.stack([np.array([1.0, 0.45, 0.0, 0.2 - 0.01 * k, angle]) for k in range(steps + 1)])
+    proprio = np.stack([np.array([1.0, 0.45, 0.0, 0.2 - 0.01 * k, angle - np.pi / 2]) for k in range(steps + 1)])
     block = np.array([0.45 + finger[0], finger[1], 0.025, 0.0, 0.0, 0.0, 1.0])
     return {
         "t_ns": t_ns,
@@ -43,6 +43,7 @@ def episode_arrays(
         "T_base_camera": camera,
         "image_axes": IMAGE_AXES.copy(),
         "workspace": np.array([[0.25, 0.65], [-0.2, 0.2], [-0.01, 0.25]]),
+        "object_half": np.full(3, 0.025),
         "label_offset": finger,
         "label_direction": np.asarray(nearest_direction(act(IMAGE_AXES, finger, OFFSET_PARTS))),
     }

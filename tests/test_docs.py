@@ -27,9 +27,9 @@ def test_there_are_commands_to_check():
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_documented_commands_parse(command):
-    from collectors.cli import parser as collect
-    from svfl_data.__main__ import parser as data
-    from svfl_models.cli import parser as train
+    from collectors.cli import build_parser as collect
+    from svfl_data.__main__ import build_parser as data
+    from svfl_models.cli import build_parser as train
 
     program, *arguments = shlex.split(command, comments=True)
     parsers = {"svfl-collect": collect, "svfl-data": data, "svfl-train": train}

@@ -146,13 +146,12 @@ def test_nothing_is_drawn_before_it_is_known_where(saved, episode, entity, compo
 
 
 def test_block_has_the_recorded_size_or_says_that_it_is_not_known(episode, tmp_path):
-    known = Episode(
-        Meta("centering", 0, 0, "expert", True, {"block": {"half_extents": [0.01, 0.02, 0.03]}}), episode.arrays
-    )
+    known = Episode(episode.meta, episode.arrays | {"object_half": np.array([0.01, 0.02, 0.03])})
+    unknown = Episode(episode.meta, {name: a for name, a in episode.arrays.items() if name != "object_half"})
     viewer.save(known, tmp_path / "known.rrd")
     _, sizes = logged(tmp_path / "known.rrd", "scene/block", "Boxes3D:half_sizes")
     np.testing.assert_allclose(sizes, [[[0.01, 0.02, 0.03]]] * len(episode.t_ns))
-    assert "size not recorded" in recording.about(episode)
+    assert "size not recorded" in recording.about(unknown)
     assert "size not recorded" not in recording.about(known)
 
 
