@@ -1,5 +1,6 @@
 """The Cartesian admittance law: how far the hand gives way to a force."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,15 +15,18 @@ class AdmittanceConfig:
 
     Attributes:
         stiffness: K, [N/m].
-        damping: D, [N s/m].
-        mass: M, [kg].
+        damping: D, [N s/m]; 0.7 of critical, 2 sqrt(K M), with these values.
+        mass: M, [kg]; about twice the hand's own mass, because the loop must not depend on making the hand lighter.
+        filter_hz: Corner of the first-order low-pass on the force that drives the law, [Hz]. Without it, a sticking
+            finger and the controller push each other at half the sampling rate.
         max_deviation: The commanded position is kept this close to the hand along each axis, [m]; it bounds the force
             of a blocked hand to K times this.
     """
 
     stiffness: float = 2500.0
-    damping: float = 300.0
+    damping: float = 100.0
     mass: float = 2.0
+    filter_hz: float = 30.0
     max_deviation: float = 0.03
 
 
@@ -32,26 +36,30 @@ class Admittance:
     With e the deviation of the hand from the reference, M e'' + D e' + K e = F. Written in the deviation, not the
     position, so that a free hand follows the reference without lag whatever M, D and K are.
 
+    `deviation` [m] and `rate` [m/s] are its state, (3,) each, base axes.
+
     Source: Hogan (1985), "Impedance control: an approach to manipulation", part I (the target dynamics); Ott, Mukherjee
-    and Nakamura (2010), "Unified impedance and admittance control", eq. 4 (position-controlled robot).
+    and Nakamura (2010), "Unified impedance and admittance control" (realised by a position-controlled robot).
     """
 
     def __init__(self, config: AdmittanceConfig, dt: float) -> None:
         """Start at rest on the reference.
 
         Args:
-            config: Stiffness, damping and mass.
+            config: Stiffness, damping, mass and filter.
             dt: Control period, [s].
         """
-        self._stiffness = config.stiffness
+        self._config = config
         self._dt = dt
-        self._effective_mass = config.mass + dt * config.damping + dt * dt * config.stiffness
-        self._mass = config.mass
+        self._inertia = config.mass + dt * config.damping + dt * dt * config.stiffness
+        # Exact discretisation of a first-order lag: y += gain (u - y).
+        self._filter_gain = 1.0 - math.exp(-2.0 * math.pi * config.filter_hz * dt)
+        self._force = np.zeros(3)
         self.deviation = np.zeros(3)
         self.rate = np.zeros(3)
 
     def step(self, force: NDArray[np.float64]) -> None:
-        """Advance `deviation` [m] and `rate` [m/s] by one period.
+        """Advance the state by one period.
 
         Implicit Euler, stable for every positive M, D, K:
         (M + dt D + dt^2 K) e'_next = M e' + dt (F - K e).
@@ -59,6 +67,7 @@ class Admittance:
         Args:
             force: What the surroundings push the hand with, (3,), [N], base axes; no weight, no inertia of the hand.
         """
-        impulse = self._mass * self.rate + self._dt * (force - self._stiffness * self.deviation)
-        self.rate = impulse / self._effective_mass
+        self._force += self._filter_gain * (force - self._force)
+        net = self._force - self._config.stiffness * self.deviation
+        self.rate = (self._config.mass * self.rate + self._dt * net) / self._inertia
         self.deviation = self.deviation + self._dt * self.rate

@@ -12,6 +12,7 @@ from collectors.simulation.admittance import Admittance, AdmittanceConfig
 from collectors.simulation.camera import Calibration, Camera, CameraConfig
 from collectors.simulation.noise import NoiseConfig, SensorNoise
 from collectors.simulation.panda import LEFT_FINGER, RIGHT_FINGER, Panda, PandaConfig
+from collectors.simulation.reference import Reference
 from collectors.simulation.wrist_sensor import FEEDBACK_MODE, wrench_from_reaction
 from svfl_data.errors import CollectError, UsageError
 
@@ -26,6 +27,7 @@ class WorldConfig:
     Attributes:
         physics_dt_ns: Time of one physics step and between two readings, [ns] (500 Hz).
         physics_steps: Physics steps in one action (25 of 2 ms = 20 Hz).
+        blend_steps: Physics steps over which a change of the commanded velocity is spread.
         settle_steps: Steps of rest, without action, after a reset.
         tare_readings: Readings averaged by `World.tare`.
         workspace: Bounds of the commanded TCP (x, y, z), [m]; the lowest z lets the fingers press on the table.
@@ -44,6 +46,7 @@ class WorldConfig:
 
     physics_dt_ns: int = 2_000_000
     physics_steps: int = 25
+    blend_steps: int = 10
     settle_steps: int = 4
     tare_readings: int = 50
     workspace: tuple[tuple[float, float], ...] = ((0.35, 0.75), (-0.2, 0.2), (-0.01, 0.25))
@@ -77,11 +80,6 @@ class Observation:
     depth: NDArray[np.uint16]
     proprio: NDArray[np.float32]
     joints: NDArray[np.float32]
-
-
-def smooth_step(s: float) -> float:
-    """Minimum-jerk progress from 0 to 1, at rest at both ends (Flash and Hogan 1985, eq. 6)."""
-    return s * s * s * (10.0 + s * (6.0 * s - 15.0))
 
 
 class World:
@@ -149,12 +147,11 @@ class World:
             physicsClientId=self.client,
         )
         self.add_box((0.75, 0.75, 0.05), (0.5, 0.0, -0.05), 0.0, 0.0, c.table_friction, c.table_color)
-        self._panda = Panda(c.panda, self.client, self._dt)
-        self._panda.place(np.array(c.home), 0.0)
+        self._panda = Panda(c.panda, self.client, self._dt, np.array(c.home))
+        self._reference = Reference(c.physics_steps, c.blend_steps)
         self._admittance = Admittance(c.admittance, self._dt)
         self._noise = SensorNoise(c.noise, self._dt, np.random.default_rng(np.random.SeedSequence(seed)))
         self._target = np.array([*c.home, 0.0])
-        self._opening = 1.0
         self._wrenches: list[NDArray[np.float32]] = []
         self.tare_offset = np.zeros(6, np.float32)
         for _ in range(c.settle_steps):
@@ -202,8 +199,8 @@ class World:
     def step(self, action: ArrayLike) -> None:
         """Carry out one action: 25 physics steps of 2 ms, each with one control update and one reading.
 
-        The commanded pose moves by the action from the last commanded pose (not from the measured one, so that the
-        same push can be kept up or increased), and is reached at the end of the step by minimum-jerk interpolation.
+        The commanded pose moves by the action from the last commanded pose (not from the measured one, so that a push
+        can be kept up or increased), and is reached at the end of the step.
 
         Args:
             action: Gripper opening 0..1, dx, dy, dz [m], dtheta [rad] in base, (5,); clipped to the bounds of an
@@ -212,22 +209,16 @@ class World:
         Raises:
             UsageError: If the action is not five finite numbers.
         """
-        c = self.config
         wanted = np.asarray(action, np.float64)
         if wanted.shape != (5,) or not np.isfinite(wanted).all():
             raise UsageError(f"an action is 5 finite numbers (opening, dx, dy, dz, dtheta), got {action!r}")
-        start = self._target
-        move = np.clip(wanted[1:], -self._action_bound, self._action_bound)
-        self._target = self._limit(start + move)
-        move = self._target - start
         opening = float(np.clip(wanted[0], 0.0, 1.0))
-        wrenches = np.empty((c.physics_steps, 6))
-        progress = 0.0
-        for i in range(c.physics_steps):
-            next_progress = smooth_step((i + 1) / c.physics_steps)
-            wrenches[i] = self._advance(start + progress * move, (next_progress - progress) * move, opening)
-            progress = next_progress
-        self._wrenches.append(self._noise(wrenches).astype(np.float32))
+        start = self._target
+        self._target = self._limit(start + np.clip(wanted[1:], -self._action_bound, self._action_bound))
+        moves = self._reference.moves(self._target - start)
+        targets = start + np.cumsum(moves, axis=0) - moves
+        wrenches = [self._advance(target, move, opening) for target, move in zip(targets, moves, strict=True)]
+        self._wrenches.append(self._noise(np.array(wrenches)).astype(np.float32))
 
     @property
     def _action_bound(self) -> NDArray[np.float64]:
@@ -256,13 +247,14 @@ class World:
             The physical wrench on the hand, (6,), [N] and [N m], base axes, about the sensor origin.
         """
         panda, admittance = self._panda, self._admittance
-        position = reference[:3] + admittance.deviation
-        before = panda.velocity
-        panda.command(position, reference[3], move[:3] / self._dt + admittance.rate, move[3] / self._dt, opening)
+        motion = move.copy()
+        motion[:3] += admittance.rate * self._dt
+        before = panda.hand_velocity
+        panda.drive(reference[:3] + admittance.deviation, reference[3], motion, opening)
         pybullet.stepSimulation(physicsClientId=self.client)
         panda.read()
         wrench = wrench_from_reaction(panda.reaction)
-        acceleration = (panda.velocity - before) / self._dt
+        acceleration = (panda.hand_velocity - before) / self._dt
         admittance.step(wrench[:3] - panda.hand_mass * (GRAVITY - acceleration))
         return wrench
 

@@ -1,0 +1,61 @@
+"""The force law of the two-finger gripper."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class GripperConfig:
+    """Numbers of the gripper.
+
+    Attributes:
+        stroke: Travel of a finger from closed to open, [m] (panda.urdf).
+        speed: Speed of a finger, [m/s] (limit in panda.urdf).
+        force: Largest force of the motor on a finger, [N] (effort limit in panda.urdf; Franka's datasheet: up to 70 N).
+        stiffness: Force per position error of a finger, [N/m].
+        damping: Force per speed of a finger, [N s/m].
+    """
+
+    stroke: float = 0.04
+    speed: float = 0.2
+    force: float = 20.0
+    stiffness: float = 5000.0
+    damping: float = 30.0
+
+
+class Gripper:
+    """One motor of limited force drives both fingers; a linkage that does not give way keeps them symmetric."""
+
+    def __init__(self, config: GripperConfig, dt: float) -> None:
+        """Start open.
+
+        Args:
+            config: Stroke, speed and force.
+            dt: Control period, [s].
+        """
+        self._config = config
+        self._reach = config.speed * dt
+        self._target = config.stroke
+
+    def force(self, opening: float, position: NDArray[np.float64], rate: NDArray[np.float64]) -> tuple[float, float]:
+        """Force on the left and right finger for the next physics step, positive opens.
+
+        Args:
+            opening: Wanted opening, 0 closed to 1 open; the fingers go there at their own speed.
+            position: Distance of the left and right finger from the middle, (2,), [m].
+            rate: Their speeds, (2,), [m/s].
+
+        Returns:
+            Force on the left and right finger, [N].
+        """
+        c = self._config
+        wanted = opening * c.stroke - self._target
+        self._target += min(max(wanted, -self._reach), self._reach)
+        left, right = position.tolist()
+        left_rate, right_rate = rate.tolist()
+        motor = c.stiffness * (self._target - 0.5 * (left + right)) - 0.5 * c.damping * (left_rate + right_rate)
+        motor = min(max(motor, -c.force), c.force)
+        linkage = 0.5 * (c.stiffness * (right - left) + c.damping * (right_rate - left_rate))
+        return motor + linkage, motor - linkage
