@@ -1,6 +1,8 @@
 """The ``svfl-train`` command."""
 
+import math
 import sys
+from argparse import ArgumentTypeError
 from pathlib import Path
 
 from svfl_data.cli import Parser, natural, positive, run
@@ -12,6 +14,17 @@ PROGRAM = "svfl-train"
 EXAMPLE = """\
 svfl-train centering --data data/centering --encoder vf --model svfl --train-samples 100 --seed 0 --out out/centering
 svfl-train centering --data data/centering --encoder f --model cnn --train-samples 10"""
+
+
+def positive_number(text: str) -> float:
+    """Argument type: a finite number above zero."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < math.inf:
+        raise ArgumentTypeError(f"{text!r} is not a positive number")
+    return value
 
 
 def build_parser() -> Parser:
@@ -31,7 +44,9 @@ def build_parser() -> Parser:
     add("--preset", choices=tuple(PRESETS), default=default.preset, help="size of the network (default: %(default)s)")
     add("--torque", choices=TORQUES, default=default.torque, help="how a torque transforms (default: %(default)s)")
     add("--epochs", type=positive, default=default.epochs, metavar="N", help="at most (default: %(default)s)")
-    add("--learning-rate", type=float, default=default.learning_rate, metavar="R", help="default: %(default)s")
+    add(
+        "--learning-rate", type=positive_number, default=default.learning_rate, metavar="R", help="default: %(default)s"
+    )
     add("--out", type=Path, help="output folder (default: out/centering_ENCODER_MODEL_N_seedS)")
     return parser
 

@@ -1,6 +1,7 @@
 """Train a block-centering classifier: load, split, fit, test, report."""
 
 import logging
+import signal
 import time
 import warnings
 from pathlib import Path
@@ -101,12 +102,14 @@ def fit(
         num_sanity_val_steps=0,
         default_root_dir=out,
     )
+    interrupt = signal.getsignal(signal.SIGINT)
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", module="lightning")
             trainer.fit(module, data)
     except SystemExit:
         if trainer.state.status == TrainerStatus.INTERRUPTED:
+            signal.signal(signal.SIGINT, interrupt)  # Lightning has switched Ctrl-C off for good
             raise KeyboardInterrupt from None
         raise
 
