@@ -282,9 +282,24 @@ class World:
         return self._bounds
 
     @property
+    def workspace(self) -> NDArray[np.float64]:
+        """Bounds of the commanded TCP in base, (3, 2), [m]."""
+        return self._bounds
+
+    @property
     def camera(self) -> Calibration:
         """Intrinsics, pose, image axes and depth scale."""
         return self._camera.calibration
+
+    @property
+    def robot(self) -> int:
+        """Body id of the Panda, for tasks that reach into PyBullet by `client`."""
+        return self._panda.body
+
+    @property
+    def target(self) -> NDArray[np.float64]:
+        """Commanded TCP x, y, z [m] and theta [rad] in base, (4,): where a free hand is now."""
+        return self._target.copy()
 
     @property
     def tcp(self) -> NDArray[np.float64]:
