@@ -85,8 +85,13 @@ class Camera:
         self._client = client
         self.calibration = calibration(config)
         self._view = pybullet.computeViewMatrix(config.eye, config.target, config.up)
-        aspect = config.width / config.height
-        self._projection = pybullet.computeProjectionMatrixFOV(config.fov_deg, aspect, config.near, config.far)
+        # TinyRenderer samples pixels at their lower left corner. The frustum is shifted by half a pixel, so that the
+        # optical axis goes through the middle of the picture: only then does turning the picture turn the workspace.
+        size = 2.0 * config.near * math.tan(0.5 * math.radians(config.fov_deg)) / config.height
+        left, bottom = -0.5 * (config.width - 1) * size, -0.5 * (config.height - 1) * size
+        self._projection = pybullet.computeProjectionMatrix(
+            left, left + config.width * size, bottom, bottom + config.height * size, config.near, config.far
+        )
 
     def render(self) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
         """Take one picture.
@@ -110,6 +115,6 @@ class Camera:
         buffer = np.asarray(buffer, np.float64).reshape(c.height, c.width)
         # Inverse of the OpenGL perspective depth, with the buffer in [0, 1].
         depth = c.far * c.near / (c.far - (c.far - c.near) * buffer)
-        units = np.where(buffer < 1.0, np.round(depth / c.depth_scale), 0.0)
+        units = np.where(depth < 0.999 * c.far, np.round(depth / c.depth_scale), 0.0)
         colour = np.asarray(rgba, np.uint8).reshape(c.height, c.width, 4)[:, :, :3]
         return np.ascontiguousarray(colour), units.astype(np.uint16)

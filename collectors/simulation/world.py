@@ -282,11 +282,6 @@ class World:
         return self._bounds
 
     @property
-    def workspace(self) -> NDArray[np.float64]:
-        """Bounds of the commanded TCP in base, (3, 2), [m]."""
-        return self._bounds
-
-    @property
     def camera(self) -> Calibration:
         """Intrinsics, pose, image axes and depth scale."""
         return self._camera.calibration

@@ -25,7 +25,9 @@ def loaded_minus_unloaded(world: World, load) -> np.ndarray:
 
 
 @pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize(("mass", "arm"), [(0.2, (0.0, 0.0, -0.1)), (0.5, (0.07, -0.05, -0.12)), (0.3, (-0.1, 0.1, 0.05))])
+@pytest.mark.parametrize(
+    ("mass", "arm"), [(0.2, (0.0, 0.0, -0.1)), (0.5, (0.07, -0.05, -0.12)), (0.3, (-0.1, 0.1, 0.05))]
+)
 def test_a_hanging_mass_reads_its_weight(world: World, place, mass, arm):
     move(world, place)
 
@@ -52,7 +54,11 @@ def test_a_hanging_mass_reads_its_weight(world: World, place, mass, arm):
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize(
     ("force", "arm"),
-    [((8.0, 0.0, 0.0), (0.0, 0.0, -0.1)), ((0.0, -6.0, 0.0), (0.05, 0.0, -0.1)), ((3.0, 5.0, 10.0), (0.02, 0.06, -0.16))],
+    [
+        ((8.0, 0.0, 0.0), (0.0, 0.0, -0.1)),
+        ((0.0, -6.0, 0.0), (0.05, 0.0, -0.1)),
+        ((3.0, 5.0, 10.0), (0.02, 0.06, -0.16)),
+    ],
 )
 def test_a_push_reads_its_force_and_its_moment_about_the_sensor(world: World, monkeypatch, place, force, arm):
     move(world, place)

@@ -1,0 +1,83 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from collectors.simulation import CameraConfig, World, WorldConfig
+
+SEEN_FROM_THE_SIDE = CameraConfig(height=60, width=80, eye=(0.6, 0.9, 0.5), target=(0.5, 0.0, 0.05), up=(0.0, 0.0, 1.0))
+
+
+def points_in_base(world: World, depth: np.ndarray) -> np.ndarray:
+    """Every pixel as a point in base, (H, W, 3): the pinhole model with the stored calibration."""
+    camera = world.camera
+    v, u = np.mgrid[: depth.shape[0], : depth.shape[1]]
+    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(camera.intrinsics).T
+    in_camera = rays * (depth * camera.depth_scale)[:, :, None]
+    return in_camera @ camera.T_base_camera[:3, :3].T + camera.T_base_camera[:3, 3]
+
+
+def pixel(world: World, point: tuple[float, float, float]) -> np.ndarray:
+    """Column and row where a point in base is seen."""
+    camera = world.camera
+    in_camera = np.linalg.inv(camera.T_base_camera) @ [*point, 1.0]
+    u, v, w = camera.intrinsics @ in_camera[:3]
+    return np.array([u, v]) / w
+
+
+TILTED = CameraConfig(up=(0.0, 1.0, 0.0))  # here an error of half a column shows in the height of the table
+
+
+@pytest.mark.parametrize("camera", [CameraConfig(), SEEN_FROM_THE_SIDE, TILTED])
+def test_depth_and_calibration_put_the_table_and_a_box_where_they_are(ideal: WorldConfig, camera: CameraConfig):
+    with World(dataclasses.replace(ideal, camera=camera)) as world:
+        world.reset(seed=0)
+        bare = world.observe()
+        world.add_box((0.04, 0.04, 0.03), (0.65, 0.1, 0.03), 0.0, 0.0, 0.5, color=(0.0, 0.0, 1.0))
+        boxed = world.observe()
+    table = np.ptp(bare.color.astype(int) - bare.color[-1, -1], axis=-1) == 0  # the table's one colour
+    table &= (bare.color == bare.color[-1, -1]).all(axis=-1)
+    points = points_in_base(world, bare.depth)
+    assert table.mean() > 0.3
+    assert np.abs(points[table][:, 2]).max() < 2e-4
+    changed = bare.depth != boxed.depth
+    top = points_in_base(world, boxed.depth)[changed]
+    assert np.abs(top[:, 2].max() - 0.06) < 1e-3
+    assert np.abs(top[:, :2] - [0.65, 0.1]).max() < 0.04 + 2e-3
+
+
+def test_image_axes_turn_base_vectors_into_right_and_up(world: World):
+    np.testing.assert_allclose(world.camera.image_axes, [[0, 1], [-1, 0]], atol=1e-12)
+    centre = np.array([0.55, 0.0])
+    for step in ([0.05, 0.0], [0.0, 0.05], [-0.03, 0.04]):
+        seen = pixel(world, (*(centre + step), 0.0)) - pixel(world, (*centre, 0.0))
+        right, up = world.camera.image_axes @ step
+        assert np.sign(np.round(seen[0], 6)) == np.sign(np.round(right, 6))
+        assert np.sign(np.round(-seen[1], 6)) == np.sign(np.round(up, 6))
+
+
+def test_the_workspace_centre_is_the_image_centre(world: World):
+    centre = world.workspace[:2].mean(axis=1)
+    np.testing.assert_allclose(pixel(world, (*centre, 0.0)), [11.5, 11.5], atol=1e-9)
+
+
+def test_arrays_are_as_promised(ideal: WorldConfig):
+    with World(dataclasses.replace(ideal, camera=CameraConfig(height=20, width=30))) as world:
+        world.reset(seed=0)
+        seen = world.observe()
+    assert (seen.color.shape, seen.color.dtype) == ((20, 30, 3), np.uint8)
+    assert (seen.depth.shape, seen.depth.dtype) == ((20, 30), np.uint16)
+
+
+def test_what_is_too_far_has_no_depth(ideal: WorldConfig):
+    with World(dataclasses.replace(ideal, camera=CameraConfig(height=24, width=24, target=(3.0, 0.0, 2.0)))) as world:
+        world.reset(seed=0)
+        assert (world.observe().depth == 0).all()
+
+
+def test_the_floor_has_no_texture_to_navigate_by(ideal: WorldConfig):
+    """Below the hand the picture is one colour: a checkerboard edge would break the planar symmetry."""
+    with World(dataclasses.replace(ideal, camera=CameraConfig())) as world:
+        world.reset(seed=0)
+        color = world.observe().color
+    assert (color[40:] == color[40, 0]).all()
