@@ -29,7 +29,7 @@ def cost(full_meshes: bool, size: int, images: int) -> list[float]:
 
 def main() -> None:
     """Print median, 10th and 90th percentile of both."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--size", type=int, default=76, help="height and width, px")
     parser.add_argument("--images", type=int, default=100)
     args = parser.parse_args()
