@@ -4,8 +4,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
+
+from collectors.simulation.bullet import pybullet
 
 Vector3 = tuple[float, float, float]
 

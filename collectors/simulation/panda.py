@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pybullet
 import pybullet_data
 from numpy.typing import NDArray
 
+from collectors.simulation.bullet import pybullet
 from collectors.simulation.gripper import Gripper, GripperConfig
 from collectors.simulation.servo import POSTURE, Servo, ServoConfig, joint_motion, rotation_error
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from types import TracebackType
 
 import numpy as np
-import pybullet
 from numpy.typing import ArrayLike, NDArray
 
 from collectors.simulation.admittance import Admittance, AdmittanceConfig
+from collectors.simulation.bullet import pybullet
 from collectors.simulation.camera import Calibration, Camera, CameraConfig
 from collectors.simulation.noise import NoiseConfig, SensorNoise
 from collectors.simulation.panda import LEFT_FINGER, RIGHT_FINGER, Panda, PandaConfig

@@ -1,8 +1,9 @@
 """The six-axis force-torque sensor between flange and hand."""
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
+
+from collectors.simulation.bullet import pybullet
 
 # In this mode PyBullet reports the reaction at a joint in base axes and about the joint's origin; without it, in the
 # axes and about the centre of mass of the child link. Found by experiment (pybullet 3.2.7), held by the tests.
