@@ -75,9 +75,9 @@ class CenteringCollector:
         if label.direction != wanted or label.border_deg < self.scene.border_deg:
             return "the block was pushed across a class border"
         arrays |= {
-            "object_half": np.full(3, scene.block_half),
-            "label_offset": label.offset,
-            "label_direction": np.array(label.direction),
+            "streams/object/half_extents": np.full(3, scene.block_half),
+            "labels/offset": label.offset,
+            "labels/direction": np.array(label.direction),
         }
         config = self.config() | {"drawn": asdict(scene), "attempt": attempt, "rejected": rejected}
         meta = Meta(TASK, index, self.seed, "expert", True, config, software_versions("svfl", "pybullet", "numpy"))

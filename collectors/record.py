@@ -5,6 +5,9 @@ from typing import Protocol
 
 import numpy as np
 
+CAMERA = "front"
+"""Name of a rig's one camera."""
+
 
 class Observation(Protocol):
     """What is seen and felt at one step; shapes and units as declared in `svfl_data.fields`."""
@@ -73,9 +76,10 @@ def record(
         track: Gives the pose of the task's object, shape (7,), where it is known.
 
     Returns:
-        The arrays of the episode without labels, by field name.
+        The arrays of the episode without labels, by dataset path.
     """
-    observations, actions, poses = [rig.observe()], [], [track()] if track else []
+    observations, actions = [rig.observe()], []
+    poses = [track()] if track else []
     while len(actions) < max_steps and (chosen := policy(observations[-1])) is not None:
         action = np.asarray(chosen, dtype=np.float32)  # what is stored is what was commanded
         rig.step(action)
@@ -83,21 +87,28 @@ def record(
         observations.append(rig.observe())
         poses += [track()] if track else []
     t_ns = np.array([observation.t_ns for observation in observations], dtype=np.int64)
+
+    def stacked(name: str) -> np.ndarray:
+        return np.stack([getattr(observation, name) for observation in observations])
+
     arrays = {
-        "t_ns": t_ns,
-        **{
-            name: np.stack([getattr(observation, name) for observation in observations])
-            for name in ("color", "depth", "proprio", "joints")
-        },
-        "action": np.array(actions, dtype=np.float32).reshape(-1, 5),
-        "wrench_t_ns": np.array(rig.wrench_t_ns),
-        "wrench": np.array(rig.wrench),
-        "wrench_end": np.searchsorted(rig.wrench_t_ns, t_ns, side="right").astype(np.int64),
-        "tare": np.array(rig.tare_offset, dtype=np.float64),
-        "depth_scale": np.array(rig.camera.depth_scale),
-        "intrinsics": np.array(rig.camera.intrinsics),
-        "T_base_camera": np.array(rig.camera.T_base_camera),
-        "image_axes": np.array(rig.camera.image_axes),
+        "observations/t_ns": t_ns,
+        "observations/proprio": stacked("proprio"),
+        "actions/action": np.array(actions, dtype=np.float32).reshape(-1, 5),
+        "streams/wrench/t_ns": np.array(rig.wrench_t_ns),
+        "streams/wrench/wrench": np.array(rig.wrench),
+        "streams/wrench/tare": np.array(rig.tare_offset, dtype=np.float64),
+        "streams/joints/t_ns": t_ns.copy(),
+        "streams/joints/position": stacked("joints"),
+        f"cameras/{CAMERA}/t_ns": t_ns.copy(),
+        f"cameras/{CAMERA}/color": stacked("color"),
+        f"cameras/{CAMERA}/depth": stacked("depth"),
+        f"cameras/{CAMERA}/depth_scale": np.array(rig.camera.depth_scale),
+        f"cameras/{CAMERA}/intrinsics": np.array(rig.camera.intrinsics),
+        f"cameras/{CAMERA}/T_base_camera": np.array(rig.camera.T_base_camera),
+        f"cameras/{CAMERA}/image_axes": np.array(rig.camera.image_axes),
         "workspace": np.array(rig.workspace),
     }
-    return arrays | ({"object_pose": np.stack(poses)} if poses else {})
+    if poses:
+        arrays |= {"streams/object/t_ns": t_ns.copy(), "streams/object/pose": np.stack(poses)}
+    return arrays

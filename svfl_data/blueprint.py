@@ -4,13 +4,13 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from svfl_data.episode import Episode
+from svfl_data.episode import Camera, Episode
 from svfl_data.symmetry import element
 
 TIMELINE = "time"
 """The one timeline: seconds of the episode clock."""
 
-SCENE, CAMERA, WRENCH, ACTION, ABOUT = "scene", "scene/camera", "wrench", "action", "about"
+SCENE, CAMERAS, WRENCH, ACTION, ABOUT = "scene", "scene/cameras", "wrench", "action", "about"
 """Entity paths. Everything below SCENE is in base axes, in metres."""
 
 DARK = (22, 24, 28)
@@ -37,10 +37,7 @@ def arrange(episode: Episode) -> rrb.Blueprint:
         rrb.Horizontal(
             rrb.Vertical(
                 _scene(episode),
-                rrb.Horizontal(
-                    rrb.Spatial2DView(origin=f"{CAMERA}/color", name="Camera: colour"),
-                    rrb.Spatial2DView(origin=f"{CAMERA}/depth", name="Camera: depth, m"),
-                ),
+                rrb.Horizontal(*(view for camera in episode.cameras.values() for view in _images(camera))),
                 row_shares=[3, 2],
             ),
             rrb.Vertical(
@@ -58,15 +55,24 @@ def arrange(episode: Episode) -> rrb.Blueprint:
     )
 
 
+def _images(camera: Camera) -> list[rrb.Spatial2DView]:
+    views = [rrb.Spatial2DView(origin=f"{CAMERAS}/{camera.name}/color", name=f"Camera {camera.name}: colour")]
+    if camera.has("depth"):
+        depth = rrb.Spatial2DView(origin=f"{CAMERAS}/{camera.name}/depth", name=f"Camera {camera.name}: depth, m")
+        views.append(depth)
+    return views
+
+
 def _scene(episode: Episode) -> rrb.Spatial3DView:
     """Seen from where the image's lower edge is, so that right in the image is right in the scene too."""
     target = np.array([*episode.centre, 0.1])
-    towards_eye = element(-30) @ episode.image_axes.T @ [0.0, -1.0]
+    axes = next((camera.image_axes for camera in episode.cameras.values()), np.eye(2))
+    towards_eye = element(-30) @ axes.T @ [0.0, -1.0]
     reach = float(np.linalg.norm(np.ptp(episode.workspace, axis=1)))
     eye = target + 0.93 * reach * np.array([*towards_eye, 0.6])
     return rrb.Spatial3DView(
         origin=SCENE,
-        contents=["$origin/**", f"- {CAMERA}/depth"],
+        contents=["$origin/**", *(f"- {CAMERAS}/{camera}/depth" for camera in episode.cameras)],
         name="Scene in base axes",
         background=DARK,
         line_grid=False,

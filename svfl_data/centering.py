@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
+from svfl_data.episode import Camera, Episode
 from svfl_data.errors import DatasetError
 from svfl_data.symmetry import OFFSET_PARTS, WRENCH_PARTS, act
-from svfl_data.windows import WINDOW, wrench_window
+from svfl_data.windows import WINDOW, latest, wrench_window
 
 
 @dataclass(frozen=True)
@@ -65,15 +65,27 @@ def load_centering(path: Path | str, window: int = WINDOW) -> CenteringSamples:
 
 
 def _sample(episode: Episode, window: int) -> dict[str, np.ndarray]:
-    if "label_offset" not in episode.arrays or "label_direction" not in episode.arrays:
+    if not (episode.has("label_offset") and episode.has("label_direction")):
         raise DatasetError(f"{episode.name}: has no labels (labels/offset and labels/direction) to learn from")
-    color = episode.color[-1].astype(np.float32) / 255
-    image = np.concatenate([color, episode.depth_m[-1][..., None]], axis=-1)  # (H, W, 4)
+    camera = _only_camera(episode)
+    frame = latest(camera.t_ns, episode.t_ns[-1])
+    color = camera.color[frame].astype(np.float32) / 255
+    image = np.concatenate([color, camera.depth_m[frame][..., None]], axis=-1)  # (H, W, 4)
     wrench, _ = wrench_window(episode, length=window)
     return {
         "image": image.transpose(2, 0, 1),  # (H, W, 4) -> (4, H, W)
-        "wrench": act(episode.image_axes, wrench, WRENCH_PARTS),
-        "offset": act(episode.image_axes, episode.label_offset, OFFSET_PARTS).astype(np.float32),
+        "wrench": act(camera.image_axes, wrench, WRENCH_PARTS),
+        "offset": act(camera.image_axes, episode.label_offset, OFFSET_PARTS).astype(np.float32),
         "direction": np.asarray(episode.label_direction),
         "episode": np.asarray(episode.meta.index, dtype=np.int64),
     }
+
+
+def _only_camera(episode: Episode) -> Camera:
+    cameras = episode.cameras
+    if len(cameras) != 1:
+        raise DatasetError(f"{episode.name}: a sample needs exactly one camera, found: {', '.join(cameras) or 'none'}")
+    (camera,) = cameras.values()
+    if not camera.has("depth"):
+        raise DatasetError(f"{episode.name}: a sample needs depth, but camera {camera.name} was recorded without")
+    return camera

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from svfl_data.fields import FIELD, check_arrays
+from svfl_data.fields import CAMERA, OF_CAMERA, OF_EPISODE, camera_names, check_arrays
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,38 @@ class Meta:
 
 
 @dataclass(frozen=True, eq=False)
+class Camera:
+    """One camera of an episode; its arrays are those declared for cameras in `svfl_data.fields.FIELDS`.
+
+    Attributes:
+        name: Its name.
+        arrays: Field name to array. Also available as attributes: ``camera.color``.
+    """
+
+    name: str
+    arrays: dict[str, np.ndarray]
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        return _array(self, OF_CAMERA, name, f"camera {self.__dict__.get('name')}")
+
+    def has(self, name: str) -> bool:
+        """Whether an optional field was recorded."""
+        return name in self.arrays
+
+    @property
+    def depth_m(self) -> np.ndarray:
+        """Depth images in metres, shape (F, H, W), float32; 0 where there is no measurement."""
+        return np.asarray(self.depth * np.float32(self.depth_scale), dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False)
 class Episode:
     """The arrays and metadata of one episode; the arrays are those declared in `svfl_data.fields.FIELDS`.
 
     Attributes:
         meta: What the episode is about.
-        arrays: Field name to array, checked and read-only. Also available as attributes: ``episode.wrench``.
+        arrays: Dataset path to array, checked and read-only. Those that do not belong to a camera are also available
+            by name as attributes: ``episode.wrench``.
         name: Where it came from, for messages.
     """
 
@@ -57,24 +83,38 @@ class Episode:
             array.setflags(write=False)
 
     def __getattr__(self, name: str) -> np.ndarray:
-        arrays = self.__dict__.get("arrays", {})
-        if name in arrays:
-            return arrays[name]
-        if name in FIELD:
-            raise AttributeError(f"{self.name} was recorded without {FIELD[name].path}")
-        raise AttributeError(f"an episode has no {name!r}; it has {', '.join(FIELD)}")
+        return _array(self, OF_EPISODE, name, self.__dict__.get("name", "episode"))
+
+    def has(self, name: str) -> bool:
+        """Whether an optional field was recorded."""
+        return OF_EPISODE[name].path in self.arrays
 
     def __len__(self) -> int:
         return len(self.action)
 
     def __repr__(self) -> str:
         seconds = (self.t_ns[-1] - self.t_ns[0]) / 1e9
-        shapes = ", ".join(f"{name} {array.shape}" for name, array in self.arrays.items() if array.ndim)
-        return f"Episode({self.meta.task} {self.meta.index}, {len(self)} steps, {seconds:.2f} s: {shapes})"
+        shapes = "".join(f"\n  {path} {array.dtype} {array.shape}" for path, array in self.arrays.items())
+        return f"Episode {self.meta.index} of {self.meta.task}: {len(self)} steps, {seconds:.2f} s{shapes}"
+
+    @property
+    def cameras(self) -> dict[str, Camera]:
+        """The cameras, by name."""
+        return {
+            camera: Camera(
+                camera,
+                {
+                    name: self.arrays[path]
+                    for name, declared in OF_CAMERA.items()
+                    if (path := declared.path.replace(CAMERA, camera)) in self.arrays
+                },
+            )
+            for camera in camera_names(self.arrays)
+        }
 
     @property
     def centre(self) -> np.ndarray:
-        """Centre of the workspace and of the image, base (x, y), shape (2,), [m]."""
+        """Centre of the workspace, base (x, y), shape (2,), [m]."""
         return np.asarray(self.workspace[:2].mean(axis=1))
 
     @property
@@ -82,10 +122,16 @@ class Episode:
         """The whole wrench stream minus the tare, shape (M, 6), [N] and [N m], base axes, about the sensor origin."""
         return np.asarray(self.wrench - self.tare, dtype=np.float32)
 
-    @property
-    def depth_m(self) -> np.ndarray:
-        """Depth images in metres, shape (N+1, H, W), float32; 0 where there is no measurement."""
-        return np.asarray(self.depth * np.float32(self.depth_scale), dtype=np.float32)
+
+def _array(owner: Episode | Camera, fields: dict[str, Any], name: str, where: str) -> np.ndarray:
+    """Look an array up for ``__getattr__``, with an error that says what there is."""
+    arrays = owner.__dict__.get("arrays", {})
+    if name not in fields:
+        raise AttributeError(f"{type(owner).__name__} has no {name!r}; it has {', '.join(fields)}")
+    key = name if isinstance(owner, Camera) else fields[name].path
+    if key not in arrays:
+        raise AttributeError(f"{where} was recorded without {fields[name].path}")
+    return np.asarray(arrays[key])
 
 
 def canonical_json(value: Any) -> str:  # noqa: ANN401 - any JSON value

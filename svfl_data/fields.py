@@ -4,6 +4,7 @@ Writing, checking, the tables of ``data/README.md``, normalisation, augmentation
 derive from `FIELDS`. Adding a stream to the format means adding one entry here.
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,10 @@ from svfl_data.errors import FieldError
 from svfl_data.symmetry import ACTION_PARTS, OFFSET_PARTS, PROPRIO_PARTS, WRENCH_PARTS, Part, parts_named
 
 Size = int | str
+CAMERA = "{camera}"
+"""Stands in a path for the name of a camera, of which an episode may have any number."""
+EXTRA = "extra/"
+"""Arrays below this group are the user's own: any name, shape and dtype, kept by every tool."""
 
 
 @dataclass(frozen=True)
@@ -19,20 +24,20 @@ class Field:
     """One array of an episode.
 
     Attributes:
-        name: Attribute of `svfl_data.episode.Episode`.
-        path: Dataset in the HDF5 file.
+        path: Dataset in the HDF5 file; may contain `CAMERA`.
+        name: Attribute of `svfl_data.episode.Episode`, or of its `Camera` if the path contains `CAMERA`.
         dtype: NumPy dtype on disk and in memory.
-        shape: Sizes; equal symbols (``"N+1"``, ``"M"``, ``"H"``) must agree between all fields of an episode.
+        shape: Sizes; equal symbols (``"N+1"``, ``"M"``) must agree between all fields of an episode, or of a camera.
         unit: Unit of the stored numbers, ``-`` for none.
         doc: What it is, with axes, reference point and clock.
         components: Names along the last axis, if it has names.
         parts: How the last axis transforms under planar rotations and reflections; empty if it does not.
         image: Whether rows and columns are pixels, which move under rotations.
-        optional: Whether an episode may lack it.
+        optional: Whether an episode (or camera) may lack it.
     """
 
-    name: str
     path: str
+    name: str
     dtype: str
     shape: tuple[Size, ...]
     unit: str
@@ -51,113 +56,149 @@ class Field:
 
 
 FIELDS = (
-    Field("t_ns", "observations/t_ns", "int64", ("N+1",), "ns", "Time of each observation, episode clock."),
+    Field("observations/t_ns", "t_ns", "int64", ("N+1",), "ns", "Time of each observation, episode clock."),
     Field(
-        "color", "observations/color", "uint8", ("N+1", "H", "W", 3), "-", "Colour image, sRGB, rows run downwards.",
-        components=("red", "green", "blue"), image=True,
-    ),
-    Field(
-        "depth", "observations/depth", "uint16", ("N+1", "H", "W"), "depth_scale m",
-        "Distance along the camera's viewing axis; 0 where there is no measurement.", image=True,
-    ),
-    Field(
-        "proprio", "observations/proprio", "float32", ("N+1", 5), "-, m, m, m, rad",
+        "observations/proprio", "proprio", "float32", ("N+1", 5), "-, m, m, m, rad",
         "Gripper opening (0 closed, 1 open), TCP position in base axes, yaw of the hand about base z "
         "(0 when the fingers open along base y).",
         components=("opening", "x", "y", "z", "theta"), parts=PROPRIO_PARTS,
     ),
     Field(
-        "joints", "observations/joints", "float32", ("N+1", "J"), "rad, m",
-        "Measured joint positions in the order of the arm's URDF (arm, then fingers).", optional=True,
-    ),
-    Field(
-        "object_pose", "observations/object_pose", "float64", ("N+1", 7), "m, -",
-        "Pose of the task's object in base axes: position, then quat_xyzw (simulation or tracked).",
-        components=("x", "y", "z", "qx", "qy", "qz", "qw"), optional=True,
-    ),
-    Field(
-        "wrench_end", "observations/wrench_end", "int64", ("N+1",), "-",
-        "Number of wrench readings with a timestamp at or before t_ns: a window ends before this row.",
-    ),
-    Field(
-        "action", "actions/action", "float32", ("N", 5), "-, m, m, m, rad",
+        "actions/action", "action", "float32", ("N", 5), "-, m, m, m, rad",
         "Commanded after observation t: gripper opening, then TCP displacement and yaw change in base axes.",
         components=("opening", "dx", "dy", "dz", "dtheta"), parts=ACTION_PARTS,
     ),
-    Field("wrench_t_ns", "streams/wrench/t_ns", "int64", ("M",), "ns", "Time of each wrench reading, episode clock."),
     Field(
-        "wrench", "streams/wrench/wrench", "float32", ("M", 6), "N, N, N, N m, N m, N m",
+        "streams/wrench/t_ns", "wrench_t_ns", "int64", ("M",), "ns", "Time of each wrench reading, episode clock.",
+    ),
+    Field(
+        "streams/wrench/wrench", "wrench", "float32", ("M", 6), "N, N, N, N m, N m, N m",
         "Raw load that the surroundings put on the hand (gravity of the hand included), base axes, torque about the "
         "sensor origin, native rate.",
         components=("fx", "fy", "fz", "mx", "my", "mz"), parts=WRENCH_PARTS,
     ),
     Field(
-        "tare", "streams/wrench/tare", "float64", (6,), "N, N, N, N m, N m, N m",
+        "streams/wrench/tare", "tare", "float64", (6,), "N, N, N, N m, N m, N m",
         "Offset to subtract from `wrench`, read after the arm is home.",
         components=("fx", "fy", "fz", "mx", "my", "mz"), parts=WRENCH_PARTS,
     ),
-    Field("depth_scale", "camera/depth_scale", "float64", (), "m", "Metres per unit of `depth`."),
     Field(
-        "intrinsics", "camera/intrinsics", "float64", (3, 3), "px",
-        "Pinhole matrix K; the centre of the top left pixel is (0, 0).",
-    ),
-    Field(
-        "T_base_camera", "camera/T_base_camera", "float64", (4, 4), "m",
-        "Pose of the camera in base; camera axes: x right, y down, z forward.",
-    ),
-    Field(
-        "image_axes", "camera/image_axes", "float64", (2, 2), "-",
-        "Orthogonal matrix that takes base (x, y) to image-aligned (right, up).",
-    ),
-    Field(
-        "workspace", "camera/workspace", "float64", (3, 2), "m",
-        "Lower and upper bound of TCP x, y, z in base axes; its (x, y) centre is the centre of the image.",
-    ),
-    Field(
-        "object_half", "object/half_extents", "float64", (3,), "m", "Half the edges of the task's object, a box.",
+        "streams/joints/t_ns", "joints_t_ns", "int64", ("L",), "ns", "Time of each joint reading, episode clock.",
         optional=True,
     ),
     Field(
-        "label_offset", "labels/offset", "float64", (2,), "m",
+        "streams/joints/position", "joints", "float32", ("L", "J"), "rad, m",
+        "Measured joint positions in the order of the arm's URDF (arm, then fingers).", optional=True,
+    ),
+    Field(
+        "streams/object/t_ns", "object_t_ns", "int64", ("P",), "ns", "Time of each object pose, episode clock.",
+        optional=True,
+    ),
+    Field(
+        "streams/object/pose", "object_pose", "float64", ("P", 7), "m, -",
+        "Pose of the task's object in base axes: position, then quat_xyzw (simulation or tracked).",
+        components=("x", "y", "z", "qx", "qy", "qz", "qw"), optional=True,
+    ),
+    Field(
+        "streams/object/half_extents", "object_half", "float64", (3,), "m",
+        "Half the edges of the task's object, a box.", optional=True,
+    ),
+    Field(
+        "cameras/{camera}/t_ns", "t_ns", "int64", ("F",), "ns", "Time of each frame, episode clock.",
+    ),
+    Field(
+        "cameras/{camera}/color", "color", "uint8", ("F", "H", "W", 3), "-",
+        "Colour image, sRGB, rows run downwards.", components=("red", "green", "blue"), image=True,
+    ),
+    Field(
+        "cameras/{camera}/depth", "depth", "uint16", ("F", "H", "W"), "depth_scale m",
+        "Distance along the camera's viewing axis; 0 where there is no measurement.", image=True, optional=True,
+    ),
+    Field(
+        "cameras/{camera}/depth_scale", "depth_scale", "float64", (), "m", "Metres per unit of `depth`.",
+        optional=True,
+    ),
+    Field(
+        "cameras/{camera}/intrinsics", "intrinsics", "float64", (3, 3), "px",
+        "Pinhole matrix K; the centre of the top left pixel is (0, 0).",
+    ),
+    Field(
+        "cameras/{camera}/T_base_camera", "T_base_camera", "float64", (4, 4), "m",
+        "Pose of the camera in base; camera axes: x right, y down, z forward.",
+    ),
+    Field(
+        "cameras/{camera}/image_axes", "image_axes", "float64", (2, 2), "-",
+        "Orthogonal matrix that takes base (x, y) to image-aligned (right, up).",
+    ),
+    Field(
+        "workspace", "workspace", "float64", (3, 2), "m",
+        "Lower and upper bound of TCP x, y, z in base axes; its (x, y) centre is the centre of symmetry.",
+    ),
+    Field(
+        "labels/offset", "label_offset", "float64", (2,), "m",
         "Block centre minus TCP, base axes: the displacement that would centre the hand over the block.",
         components=("dx", "dy"), parts=OFFSET_PARTS, optional=True,
     ),
     Field(
-        "label_direction", "labels/direction", "int64", (), "-",
-        "Nearest image-aligned direction to `label_offset`: 0 right, 1 up, 2 left, 3 down.", optional=True,
+        "labels/direction", "label_direction", "int64", (), "-",
+        "Nearest image-aligned direction to `labels/offset`: 0 right, 1 up, 2 left, 3 down.", optional=True,
     ),
 )  # fmt: skip
 
-FIELD = {field.name: field for field in FIELDS}
+OF_EPISODE = {field.name: field for field in FIELDS if CAMERA not in field.path}
+OF_CAMERA = {field.name: field for field in FIELDS if CAMERA in field.path}
+_BY_PATH = {field.path: field for field in FIELDS}
 
 
-def check_arrays(arrays: dict[str, np.ndarray], where: str) -> None:
+def field_at(path: str) -> Field | None:
+    """The declaration of a dataset, or None for `EXTRA` arrays and unknown paths."""
+    group, _, rest = path.partition("/")
+    if group == "cameras":
+        _, _, leaf = rest.partition("/")
+        path = f"cameras/{CAMERA}/{leaf}"
+    return _BY_PATH.get(path)
+
+
+def camera_names(paths: Iterable[str]) -> list[str]:
+    """Names of the cameras among dataset paths, sorted."""
+    return sorted({path.split("/")[1] for path in paths if path.startswith("cameras/")})
+
+
+def check_arrays(arrays: Mapping[str, np.ndarray], where: str) -> None:
     """Check the arrays of one episode against `FIELDS`.
 
     Args:
-        arrays: Field name to array.
+        arrays: Dataset path to array.
         where: What to name in the error, such as the file.
 
     Raises:
         FieldError: If a field is missing or unknown, has a wrong dtype or shape, disagrees with another field about
             a size, or holds NaN or infinity.
     """
-    unknown = sorted(set(arrays) - set(FIELD))
-    if unknown:
-        raise FieldError(f"{where}: unknown field {unknown[0]!r}; an episode has {', '.join(FIELD)}")
-    sizes: dict[str, tuple[int, str]] = {}
-    for field in FIELDS:
-        if field.name in arrays:
-            _check_array(field, np.asarray(arrays[field.name]), sizes, where)
-        elif not field.optional:
-            raise FieldError(f"{where}: field {field.path} is missing")
+    for path in arrays:
+        if field_at(path) is None and not path.startswith(EXTRA):
+            known = ", ".join(field.path for field in FIELDS)
+            raise FieldError(f"{where}: unknown field {path!r}; an episode has {known} and anything below {EXTRA}")
+    sizes = _check_group({field.path: field for field in OF_EPISODE.values()}, arrays, where)
     rows, actions = sizes["N+1"][0], sizes["N"][0]
     if rows != actions + 1:
         raise FieldError(f"{where}: {rows} observations need {rows - 1} actions, found {actions}")
+    for camera in camera_names(arrays):
+        _check_group({field.path.replace(CAMERA, camera): field for field in OF_CAMERA.values()}, arrays, where)
 
 
-def _check_array(field: Field, array: np.ndarray, sizes: dict[str, tuple[int, str]], where: str) -> None:
-    here = f"{where}: field {field.path}"
+def _check_group(fields: dict[str, Field], arrays: Mapping[str, np.ndarray], where: str) -> dict[str, tuple[int, str]]:
+    """Check fields that share their symbols; returns each symbol's size and the path that set it."""
+    sizes: dict[str, tuple[int, str]] = {}
+    for path, field in fields.items():
+        if path in arrays:
+            _check_array(field, arrays[path], sizes, f"{where}: field {path}", path)
+        elif not field.optional:
+            raise FieldError(f"{where}: field {path} is missing")
+    return sizes
+
+
+def _check_array(field: Field, array: np.ndarray, sizes: dict[str, tuple[int, str]], here: str, path: str) -> None:
     if array.dtype != np.dtype(field.dtype):
         raise FieldError(f"{here} has dtype {array.dtype}, expected {field.dtype}")
     if array.ndim != len(field.shape):
@@ -166,7 +207,7 @@ def _check_array(field: Field, array: np.ndarray, sizes: dict[str, tuple[int, st
         if isinstance(expected, int) and found != expected:
             raise FieldError(f"{here} has shape {array.shape}, expected {shape_words(field)}")
         if isinstance(expected, str):
-            known, owner = sizes.setdefault(expected, (found, field.path))
+            known, owner = sizes.setdefault(expected, (found, path))
             if found != known:
                 raise FieldError(f"{here} has {expected} = {found}, but {owner} has {expected} = {known}")
     if array.dtype.kind == "f" and not np.isfinite(array).all():

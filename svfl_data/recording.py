@@ -3,8 +3,8 @@
 import numpy as np
 import rerun as rr
 
-from svfl_data.blueprint import ABOUT, ACTION, CAMERA, WRENCH, arrange
-from svfl_data.episode import Episode
+from svfl_data.blueprint import ABOUT, ACTION, CAMERAS, WRENCH, arrange
+from svfl_data.episode import Camera, Episode
 from svfl_data.scene import (
     AXES,
     FORCE,
@@ -24,7 +24,8 @@ def recording_bytes(episode: Episode) -> bytes:
     memory = recording.memory_recording()
     recording.send_blueprint(arrange(episode))
     recording.send_recording_name(f"{episode.meta.task} {episode.meta.index}")
-    _log_camera(recording, episode)
+    for camera in episode.cameras.values():
+        _log_camera(recording, camera)
     log_scene(recording, episode)
     _log_wrench(recording, episode)
     _log_action(recording, episode)
@@ -32,14 +33,15 @@ def recording_bytes(episode: Episode) -> bytes:
     return memory.drain_as_bytes()
 
 
-def _log_camera(recording: rr.RecordingStream, episode: Episode) -> None:
-    height, width = episode.depth.shape[1:]
-    intrinsics = np.array(episode.intrinsics)
+def _log_camera(recording: rr.RecordingStream, camera: Camera) -> None:
+    entity = f"{CAMERAS}/{camera.name}"
+    rows, height, width = camera.color.shape[:3]
+    intrinsics = np.array(camera.intrinsics)
     intrinsics[:2, 2] += 0.5  # Rerun's origin is the corner of the top left pixel, ours its centre
-    pose = episode.T_base_camera
-    recording.log(CAMERA, rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]), static=True)
+    pose = camera.T_base_camera
+    recording.log(entity, rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]), static=True)
     recording.log(
-        CAMERA,
+        entity,
         rr.Pinhole(
             image_from_camera=intrinsics, resolution=[width, height], camera_xyz=rr.ViewCoordinates.RDF,
             image_plane_distance=0.12, color=GREY,
@@ -47,19 +49,23 @@ def _log_camera(recording: rr.RecordingStream, episode: Episode) -> None:
         static=True,
     )  # fmt: skip
     color_format = rr.components.ImageFormat(width=width, height=height, color_model="RGB", channel_datatype="U8")
-    recording.log(f"{CAMERA}/color", rr.Image.from_fields(format=color_format), static=True)
-    rows = len(episode.t_ns)
-    send_stream(recording, f"{CAMERA}/color", episode.t_ns, rr.Image.columns(buffer=episode.color.reshape(rows, -1)))
+    recording.log(f"{entity}/color", rr.Image.from_fields(format=color_format), static=True)
+    send_stream(recording, f"{entity}/color", camera.t_ns, rr.Image.columns(buffer=camera.color.reshape(rows, -1)))
+    if camera.has("depth"):
+        _log_depth(recording, f"{entity}/depth", camera)
 
-    measured = episode.depth[episode.depth > 0]
+
+def _log_depth(recording: rr.RecordingStream, entity: str, camera: Camera) -> None:
+    rows, height, width = camera.depth.shape
+    measured = camera.depth[camera.depth > 0]
     near, far = np.percentile(measured, [1, 99]) if measured.size else (0, 1)
     depth = rr.DepthImage.from_fields(
         format=rr.components.ImageFormat(width=width, height=height, channel_datatype="U16"),
-        meter=1 / float(episode.depth_scale), colormap="viridis", depth_range=(near, far),
+        meter=1 / float(camera.depth_scale), colormap="viridis", depth_range=(near, far),
     )  # fmt: skip
-    recording.log(f"{CAMERA}/depth", depth, static=True)
-    buffer = np.ascontiguousarray(episode.depth).view(np.uint8).reshape(rows, -1)
-    send_stream(recording, f"{CAMERA}/depth", episode.t_ns, rr.DepthImage.columns(buffer=buffer))
+    recording.log(entity, depth, static=True)
+    buffer = np.ascontiguousarray(camera.depth).view(np.uint8).reshape(rows, -1)
+    send_stream(recording, entity, camera.t_ns, rr.DepthImage.columns(buffer=buffer))
 
 
 def _log_wrench(recording: rr.RecordingStream, episode: Episode) -> None:
@@ -87,13 +93,13 @@ def about(episode: Episode) -> str:
     """What a person should know before looking, in Markdown."""
     meta = episode.meta
     seconds = (episode.t_ns[-1] - episode.t_ns[0]) / 1e9
-    size = "" if "object_half" in episode.arrays else " (size not recorded, drawn as a 5 cm cube)"
+    size = "" if episode.has("object_half") else " (size not recorded, drawn as a 5 cm cube)"
     versions = ", ".join(f"{name} {version}" for name, version in meta.software.items())
     lines = [
         f"**Origin:** seed {meta.seed}, source {meta.source}, {len(episode)} steps, {seconds:.2f} s; "
         f"recorded with {versions or 'unknown software'}.",
     ]
-    if "label_offset" in episode.arrays:
+    if episode.has("label_offset"):
         dx, dy = episode.label_offset * 1e3
         direction = DIRECTIONS[int(episode.label_direction)]
         lines.append(

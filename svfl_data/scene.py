@@ -29,7 +29,7 @@ def log_scene(recording: rr.RecordingStream, episode: Episode) -> None:
     _log_surroundings(recording, episode)
     _log_hand(recording, episode)
     _log_arrows(recording, episode)
-    if "label_offset" in episode.arrays:
+    if episode.has("label_offset"):
         _log_label(recording, episode)
 
 
@@ -90,10 +90,11 @@ def _log_surroundings(recording: rr.RecordingStream, episode: Episode) -> None:
         show_labels=True,
     )
     recording.log(f"{SCENE}/base_axes", axes, static=True)
-    if "object_pose" in episode.arrays:
+    if episode.has("object_pose"):
         pose = episode.object_pose
-        boxes = np.tile(episode.arrays.get("object_half", BLOCK_HALF), (len(pose), 1, 1))
-        _send_boxes(recording, f"{SCENE}/block", episode.t_ns, pose[:, :3], pose[:, 3:], boxes)
+        half = episode.object_half if episode.has("object_half") else BLOCK_HALF
+        boxes = np.tile(half, (len(pose), 1, 1))
+        _send_boxes(recording, f"{SCENE}/block", episode.object_t_ns, pose[:, :3], pose[:, 3:], boxes)
         recording.log(f"{SCENE}/block", rr.Boxes3D.from_fields(colors=[BLOCK], fill_mode="solid"), static=True)
 
 

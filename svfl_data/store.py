@@ -3,6 +3,9 @@
 A file is built in memory, written aside, synced and renamed. Writing HDF5 straight to a full disk makes the HDF5
 library crash the whole process, and a killed writer leaves a file that cannot be opened; this way an episode is
 either whole or absent. Equal episodes give equal bytes: HDF5's object times are not stored.
+
+Behind the HDF5 content stands a seal, a SHA-256 of all bytes before it. HDF5 readers ignore it; ours checks it before
+HDF5 sees a byte, because damaged metadata can be read as if nothing had happened, or keep the library busy for ever.
 """
 
 import hashlib
@@ -10,7 +13,6 @@ import io
 import json
 import os
 import tempfile
-from dataclasses import asdict
 from pathlib import Path
 
 import h5py
@@ -18,7 +20,7 @@ import numpy as np
 
 from svfl_data.episode import Episode, Meta, canonical_json
 from svfl_data.errors import FormatError, StorageError, SvflError
-from svfl_data.fields import FIELDS, Field
+from svfl_data.fields import EXTRA, field_at
 
 FORMAT = "svfl-episode"
 FORMAT_VERSION = "1.0"
@@ -26,49 +28,48 @@ FORMAT_VERSION = "1.0"
 
 GZIP_LEVEL = 1  # readable everywhere; higher levels cost more time than they save bytes on rendered images
 STREAM_CHUNK = 1024  # rows per chunk of a stream
+HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 
 
 def episode_bytes(episode: Episode) -> bytes:
-    """The episode as the content of an HDF5 file; equal episodes give equal bytes."""
+    """The episode as the content of a sealed HDF5 file; equal episodes give equal bytes."""
     buffer = io.BytesIO()
     with h5py.File(buffer, "w") as file:
         file.attrs["format"] = FORMAT
         file.attrs["format_version"] = FORMAT_VERSION
-        file.attrs["sha256"] = _digest(episode.meta, episode.arrays)
         for key in ("task", "index", "seed", "source", "success"):
             file.attrs[key] = getattr(episode.meta, key)
         file.attrs["config"] = canonical_json(episode.meta.config)
         file.attrs["software"] = canonical_json(episode.meta.software)
-        for field in FIELDS:
-            if field.name in episode.arrays:
-                _write_field(file, field, episode.arrays[field.name])
-    return buffer.getvalue()
+        for path in sorted(episode.arrays):
+            _write_array(file, path, episode.arrays[path])
+    content = buffer.getvalue()
+    return content + _seal(content)
 
 
-def _write_field(file: h5py.File, field: Field, array: np.ndarray) -> None:
+def _write_array(file: h5py.File, path: str, array: np.ndarray) -> None:
+    field = field_at(path)
     if array.ndim and array.size:
-        rows = 1 if field.image else min(len(array), STREAM_CHUNK)
+        rows = 1 if field and field.image else min(len(array), STREAM_CHUNK)
         dataset = file.create_dataset(
-            field.path, data=array, chunks=(rows, *array.shape[1:]), compression="gzip", compression_opts=GZIP_LEVEL,
+            path, data=array, chunks=(rows, *array.shape[1:]), compression="gzip", compression_opts=GZIP_LEVEL,
             shuffle=array.itemsize > 1, fletcher32=True,
         )  # fmt: skip
     else:
-        dataset = file.create_dataset(field.path, data=array)
-    dataset.attrs["unit"] = field.unit
-    dataset.attrs["doc"] = field.doc
-    if field.components:
-        dataset.attrs["components"] = ",".join(field.components)
+        dataset = file.create_dataset(path, data=array)
+    if field:
+        dataset.attrs["unit"] = field.unit
+        dataset.attrs["doc"] = field.doc
+        if field.components:
+            dataset.attrs["components"] = ",".join(field.components)
 
 
-def _digest(meta: Meta, arrays: dict[str, np.ndarray]) -> str:
-    """SHA-256 of everything an episode says: HDF5 has no checksum for attributes and small arrays."""
-    digest = hashlib.sha256(canonical_json(asdict(meta)).encode())
-    for field in FIELDS:
-        if field.name in arrays:
-            array = arrays[field.name]
-            digest.update(f"{field.name} {array.dtype.str} {array.shape}".encode())
-            digest.update(np.ascontiguousarray(array).data)
-    return digest.hexdigest()
+def _seal(content: bytes) -> bytes:
+    return b"\nsvfl-sha256:" + hashlib.sha256(content).hexdigest().encode() + b"\n"
+
+
+SEAL_SIZE = len(_seal(b""))
+HEX_DIGITS = 65  # and the line's end
 
 
 def write_episode(episode: Episode, path: Path) -> None:
@@ -131,26 +132,34 @@ def read_episode(path: Path | str) -> Episode:
         The episode, every array checked against its declaration.
 
     Raises:
-        FormatError: If the file is missing, truncated, not an episode, or of an unknown version.
+        FormatError: If the file is missing, truncated, damaged, not an episode, or of an unknown version.
         FieldError: If a field is missing or does not fit its declaration.
     """
     path = Path(path)
     if not path.is_file():
         raise FormatError(f"{path}: {'is a folder, not an episode file' if path.is_dir() else 'no such file'}")
-    content = path.read_bytes()
+    content = _unsealed(path.read_bytes(), path)
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
             _check_format(file, path)
-            meta, arrays, digest = _read_meta(file), _read_arrays(file, path), str(file.attrs["sha256"])
+            return Episode(_read_meta(file), _read_arrays(file), name=str(path))
     except SvflError:
         raise
-    except Exception as error:  # damaged metadata makes h5py raise nearly anything
+    except Exception as error:  # whole, but not as we write it: h5py raises nearly anything
         reason = " ".join(str(error).split())
-        raise FormatError(f"{path}: truncated, damaged or no HDF5 file ({len(content)} bytes; {reason})") from error
-    episode = Episode(meta, arrays, name=str(path))
-    if digest != _digest(meta, arrays):
-        raise FormatError(f"{path}: damaged (the content does not match its sha256)")
-    return episode
+        raise FormatError(f"{path}: sealed, but not a readable episode ({reason})") from error
+
+
+def _unsealed(sealed: bytes, path: Path) -> bytes:
+    """The HDF5 content, if it is what was written."""
+    content, seal = sealed[:-SEAL_SIZE], sealed[-SEAL_SIZE:]
+    if seal == _seal(content):
+        return content
+    if not sealed.startswith(HDF5_MAGIC):
+        raise FormatError(f"{path}: not an episode file (no HDF5 file, {len(sealed)} bytes)")
+    if seal.startswith(_seal(b"")[:-HEX_DIGITS]):
+        raise FormatError(f"{path}: damaged (its {len(sealed)} bytes do not match its seal)")
+    raise FormatError(f"{path}: not a sealed episode: truncated, or written by other software ({len(sealed)} bytes)")
 
 
 def _check_format(file: h5py.File, path: Path) -> None:
@@ -162,14 +171,15 @@ def _check_format(file: h5py.File, path: Path) -> None:
         raise FormatError(f"{path}: format version {version}; this software reads {FORMAT_VERSION.split('.')[0]}.x")
 
 
-def _read_arrays(file: h5py.File, path: Path) -> dict[str, np.ndarray]:
-    arrays = {}
-    for field in FIELDS:
-        if field.path in file:
-            try:
-                arrays[field.name] = np.asarray(file[field.path][()])
-            except (OSError, RuntimeError) as error:
-                raise FormatError(f"{path}: field {field.path} is damaged ({str(error).splitlines()[0]})") from error
+def _read_arrays(file: h5py.File) -> dict[str, np.ndarray]:
+    """Every array that is declared or the user's own; what else there is comes from a later minor version."""
+    arrays: dict[str, np.ndarray] = {}
+
+    def read(path: str, item: h5py.Group | h5py.Dataset) -> None:
+        if isinstance(item, h5py.Dataset) and (field_at(path) or path.startswith(EXTRA)):
+            arrays[path] = np.asarray(item[()])
+
+    file.visititems(read)
     return arrays
 
 

@@ -1,4 +1,4 @@
-"""Windows over the wrench stream, cut when reading: causal, never a reading from after the observation."""
+"""Windows over streams with clocks of their own, cut when reading: causal, never a reading from after its step."""
 
 import numpy as np
 
@@ -6,6 +6,16 @@ from svfl_data.episode import Episode
 
 WINDOW = 64
 """Readings in a wrench window (Kohler et al., CoRL 2023, section 5 and appendix: the last 64 readings)."""
+
+
+def latest(t_ns: np.ndarray, now_ns: int) -> int:
+    """Row of the last reading at or before a moment; -1 if there is none.
+
+    Args:
+        t_ns: Ascending timestamps of a stream, shape (M,), [ns].
+        now_ns: The moment, same clock, [ns].
+    """
+    return int(np.searchsorted(t_ns, now_ns, side="right")) - 1
 
 
 def wrench_window(episode: Episode, step: int = -1, length: int = WINDOW) -> tuple[np.ndarray, np.ndarray]:
@@ -21,7 +31,7 @@ def wrench_window(episode: Episode, step: int = -1, length: int = WINDOW) -> tup
         and a mask of shape (T,), true where there was no reading yet and the first one is repeated (zeros if the
         stream is still empty).
     """
-    end = int(episode.wrench_end[step])
+    end = latest(episode.wrench_t_ns, episode.t_ns[step]) + 1
     readings = episode.tared_wrench[max(0, end - length) : end]
     missing = length - len(readings)
     filler = readings[:1] if len(readings) else np.zeros((1, 6), dtype=np.float32)

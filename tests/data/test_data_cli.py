@@ -71,7 +71,7 @@ def test_every_mistake_is_one_line_with_its_exit_code(command, dataset, tmp_path
         ((no_dataset,), 1, "not a dataset"),
         ((empty,), 1, "no episodes yet"),
         ((truncated,), 1, "truncated"),
-        ((foreign,), 1, "not an episode"),
+        ((foreign,), 1, "written by other software"),
         ((dataset.path, "--episode", 7), 1, "2 episodes, 2 to 5"),
         ((dataset.path, "--episode", -1), 2, "integer of at least 0"),
         ((dataset.episode_path(2), "--episode", 2), 2, "--episode chooses from a dataset"),

@@ -117,7 +117,7 @@ def test_samples_are_in_image_axes(dataset):
 
 def test_a_dataset_without_labels_is_refused(dataset):
     arrays = episode_arrays(np.random.default_rng(0))
-    del arrays["label_offset"], arrays["label_direction"]
+    del arrays["labels/offset"], arrays["labels/direction"]
     write_episode(Episode(make_episode(5).meta, arrays), dataset.episode_path(5))
     with pytest.raises(DatasetError, match=r"episode_000005\.hdf5: has no labels"):
         load_centering(dataset.path)

@@ -10,7 +10,7 @@ from rerun.chunk import RrdReader
 from svfl_data import recording, scene, viewer
 from svfl_data.blueprint import axis_range
 from svfl_data.episode import Episode, Meta
-from svfl_data.fields import FIELDS
+from svfl_data.fields import OF_EPISODE
 from tests.builders import episode_arrays, make_episode
 
 RERUN = Path(sys.executable).parent / "rerun"
@@ -88,13 +88,14 @@ def test_actions_are_there_with_the_time_of_their_observation(saved, episode):
 
 
 def test_images_are_lossless_and_depth_is_metric(saved, episode):
-    t_ns, color = logged(saved, "scene/camera/color", "Image:buffer")
-    np.testing.assert_array_equal(t_ns, episode.t_ns)
-    np.testing.assert_array_equal(color.astype(np.uint8).reshape(episode.color.shape), episode.color)
-    _, depth = logged(saved, "scene/camera/depth", "DepthImage:buffer")
-    units = depth.astype(np.uint8).reshape(len(t_ns), -1).view(np.uint16).reshape(episode.depth.shape)
-    metres = units / logged(saved, "scene/camera/depth", "DepthImage:meter", timed=False)[0]
-    np.testing.assert_allclose(metres, episode.depth_m, rtol=1e-6)
+    camera = episode.cameras["front"]
+    t_ns, color = logged(saved, "scene/cameras/front/color", "Image:buffer")
+    np.testing.assert_array_equal(t_ns, camera.t_ns)
+    np.testing.assert_array_equal(color.astype(np.uint8).reshape(camera.color.shape), camera.color)
+    _, depth = logged(saved, "scene/cameras/front/depth", "DepthImage:buffer")
+    units = depth.astype(np.uint8).reshape(len(t_ns), -1).view(np.uint16).reshape(camera.depth.shape)
+    metres = units / logged(saved, "scene/cameras/front/depth", "DepthImage:meter", timed=False)[0]
+    np.testing.assert_allclose(metres, camera.depth_m, rtol=1e-6)
 
 
 def test_the_hand_is_where_proprio_says(saved, episode):
@@ -146,8 +147,10 @@ def test_nothing_is_drawn_before_it_is_known_where(saved, episode, entity, compo
 
 
 def test_block_has_the_recorded_size_or_says_that_it_is_not_known(episode, tmp_path):
-    known = Episode(episode.meta, episode.arrays | {"object_half": np.array([0.01, 0.02, 0.03])})
-    unknown = Episode(episode.meta, {name: a for name, a in episode.arrays.items() if name != "object_half"})
+    known = Episode(episode.meta, episode.arrays | {"streams/object/half_extents": np.array([0.01, 0.02, 0.03])})
+    unknown = Episode(
+        episode.meta, {name: a for name, a in episode.arrays.items() if name != "streams/object/half_extents"}
+    )
     viewer.save(known, tmp_path / "known.rrd")
     _, sizes = logged(tmp_path / "known.rrd", "scene/block", "Boxes3D:half_sizes")
     np.testing.assert_allclose(sizes, [[[0.01, 0.02, 0.03]]] * len(episode.t_ns))
@@ -165,8 +168,9 @@ def test_text_says_what_it_is_and_what_the_numbers_mean(episode):
 
 def test_an_episode_with_nothing_optional_and_nothing_measured_is_shown_too(tmp_path):
     arrays = episode_arrays(np.random.default_rng(0), steps=1)
-    arrays = {field.name: arrays[field.name] for field in FIELDS if not field.optional}
-    arrays["wrench"], arrays["wrench_t_ns"] = arrays["wrench"][:0], arrays["wrench_t_ns"][:0]
+    arrays = {field.path: arrays[field.path] for field in OF_EPISODE.values() if not field.optional}
+    for path in ("streams/wrench/wrench", "streams/wrench/t_ns"):
+        arrays[path] = arrays[path][:0]
     arrays["wrench_end"] = np.zeros(2, np.int64)
     arrays["depth"] = np.zeros_like(arrays["depth"])
     viewer.save(Episode(Meta("picking", 0, 0, "robot", False), arrays), tmp_path / "bare.rrd")

@@ -71,7 +71,7 @@ def test_no_labels_is_one_line_and_exit_code_1(tmp_path, capsys):
     folder = tmp_path / "unlabelled"
     Dataset.create_or_resume(folder, "centering", seed=0, config={})
     episode = make_episode(0, steps=3, size=76)
-    del episode.arrays["label_offset"], episode.arrays["label_direction"]
+    del episode.arrays["labels/offset"], episode.arrays["labels/direction"]
     write_episode(episode, folder / "episode_000000.hdf5")
     assert command("centering", "--data", folder, "--out", tmp_path / "out") == 1
     error = capsys.readouterr().err
