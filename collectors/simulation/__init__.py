@@ -2,9 +2,10 @@
 
 from collectors.simulation.admittance import AdmittanceConfig
 from collectors.simulation.camera import Calibration, CameraConfig
+from collectors.simulation.config import WorldConfig
 from collectors.simulation.noise import NoiseConfig
 from collectors.simulation.panda import PandaConfig
-from collectors.simulation.world import Observation, World, WorldConfig
+from collectors.simulation.world import Observation, World
 
 __all__ = [
     "AdmittanceConfig",

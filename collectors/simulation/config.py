@@ -1,0 +1,54 @@
+"""Every number of the simulated world, in one place."""
+
+import math
+from dataclasses import dataclass, field
+
+from collectors.simulation.admittance import AdmittanceConfig
+from collectors.simulation.camera import CameraConfig
+from collectors.simulation.noise import NoiseConfig
+from collectors.simulation.panda import PandaConfig
+
+Vector3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class WorldConfig:
+    """Every number of the simulated world. Base frame = robot base = world frame, z up, table top at z = 0.
+
+    Attributes:
+        physics_dt_ns: Time of one physics step and between two readings, [ns] (500 Hz).
+        physics_steps: Physics steps in one action (25 of 2 ms = 20 Hz).
+        blend_steps: Physics steps over which a change of the commanded velocity is spread.
+        settle_steps: Steps of rest, without action, after a reset.
+        tare_readings: Readings averaged by `World.tare`.
+        workspace: Bounds of the commanded TCP (x, y, z), [m]; the lowest z lets the fingers press on the table.
+        max_yaw: Bound of the commanded yaw, [rad]; with a two-finger hand +-pi/2 are all directions.
+        home: TCP position after reset, [m]; yaw 0, gripper open.
+        max_move: Largest |dx|, |dy|, |dz| of an action, [m].
+        max_turn: Largest |dtheta| of an action, [rad].
+        table_friction: Coulomb friction of the table; PyBullet multiplies it by the object's.
+        table_color: RGB of the table, 0 to 1.
+        solver_iterations: Iterations of the contact solver in a physics step.
+        panda: The arm.
+        admittance: The compliance of the hand.
+        noise: The wrist sensor's noise.
+        camera: The camera.
+    """
+
+    physics_dt_ns: int = 2_000_000
+    physics_steps: int = 25
+    blend_steps: int = 10
+    settle_steps: int = 4
+    tare_readings: int = 50
+    workspace: tuple[tuple[float, float], ...] = ((0.35, 0.75), (-0.2, 0.2), (-0.01, 0.25))
+    max_yaw: float = math.pi / 2
+    home: Vector3 = (0.55, 0.0, 0.2)
+    max_move: float = 0.025
+    max_turn: float = math.pi / 16
+    table_friction: float = 0.5
+    table_color: Vector3 = (0.62, 0.55, 0.47)
+    solver_iterations: int = 50
+    panda: PandaConfig = field(default_factory=PandaConfig)
+    admittance: AdmittanceConfig = field(default_factory=AdmittanceConfig)
+    noise: NoiseConfig = field(default_factory=NoiseConfig)
+    camera: CameraConfig = field(default_factory=CameraConfig)
