@@ -10,7 +10,8 @@ from collectors.dataset import software_versions
 from collectors.record import record
 from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, draw_scene, true_label
 from collectors.simulation.centering_expert import CollisionExpert
-from collectors.simulation.world import World, WorldConfig
+from collectors.simulation.config import WorldConfig
+from collectors.simulation.world import World
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import CollectError

@@ -64,8 +64,8 @@ def _centering(arguments: argparse.Namespace) -> None:
     from collectors.dataset import collect_dataset
     from collectors.simulation.camera import CameraConfig
     from collectors.simulation.centering import CenteringConfig
+    from collectors.simulation.config import WorldConfig
     from collectors.simulation.noise import NoiseConfig
-    from collectors.simulation.world import WorldConfig
     from svfl_data.dataset import Dataset
 
     camera = CameraConfig(height=arguments.image_size, width=arguments.image_size)

@@ -1,67 +1,14 @@
 """The one recording loop: whoever acts, whatever the robot, an episode is recorded here."""
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
+
+from collectors.contract import Policy, Rig
 
 CAMERA = "front"
 """Name of a rig's one camera."""
-
-
-class Observation(Protocol):
-    """What is seen and felt at one step; shapes and units as declared in `svfl_data.fields`."""
-
-    t_ns: int
-    color: np.ndarray
-    depth: np.ndarray
-    proprio: np.ndarray
-    joints: np.ndarray
-
-
-class Camera(Protocol):
-    """Calibration of a fixed camera; shapes and units as declared in `svfl_data.fields`."""
-
-    depth_scale: float
-    intrinsics: np.ndarray
-    T_base_camera: np.ndarray
-    image_axes: np.ndarray
-
-
-class Rig(Protocol):
-    """A robot with its sensors, simulated or real.
-
-    One step is: `observe`, then `step` with the action commanded after it. The wrench stream runs on by itself at
-    the sensor's own rate; `wrench_t_ns` and `wrench` hold everything read since the episode began.
-    """
-
-    tare_offset: np.ndarray
-
-    @property
-    def camera(self) -> Camera:
-        """Calibration of its camera."""
-
-    @property
-    def workspace(self) -> np.ndarray:
-        """Bounds of the TCP in base axes, shape (3, 2), [m]."""
-
-    @property
-    def wrench_t_ns(self) -> np.ndarray:
-        """Time of every reading so far, shape (M,), int64, [ns]."""
-
-    @property
-    def wrench(self) -> np.ndarray:
-        """Every reading so far, raw, shape (M, 6), float32, [N] and [N m], base axes, about the sensor origin."""
-
-    def observe(self) -> Observation:
-        """See and feel now."""
-
-    def step(self, action: np.ndarray) -> None:
-        """Carry out one action for one step of 50 ms."""
-
-
-Policy = Callable[[Observation], np.ndarray | None]
-"""Gives the next action (opening, dx, dy, dz, dtheta), or None to end the episode."""
 
 
 def record(
@@ -78,12 +25,12 @@ def record(
     Returns:
         The arrays of the episode without labels, by dataset path.
     """
-    observations, actions = [rig.observe()], []
+    observations = [rig.observe()]
+    actions: list[NDArray[np.float32]] = []
     poses = [track()] if track else []
     while len(actions) < max_steps and (chosen := policy(observations[-1])) is not None:
-        action = np.asarray(chosen, dtype=np.float32)  # what is stored is what was commanded
-        rig.step(action)
-        actions.append(action)
+        actions.append(np.asarray(chosen, dtype=np.float32))  # what is stored is what is commanded
+        rig.step(actions[-1])
         observations.append(rig.observe())
         poses += [track()] if track else []
     t_ns = np.array([observation.t_ns for observation in observations], dtype=np.int64)

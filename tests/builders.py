@@ -24,8 +24,8 @@ def episode_arrays(
     camera = np.eye(4)
     camera[:3, :3] = [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
     camera[:3, 3] = [1.0, 0.0, 0.2]
-    proprio = np.stack([np.array([1.0, 0.45, 0.0, 0.2 - 0.01 * k, angle - np.pi / 2]) for k in range(steps + 1)])
-    block = np.array([0.45 + finger[0], finger[1], 0.025, 0.0, 0.0, 0.0, 1.0])
+    proprio = np.stack([np.array([1.0, 0.55, 0.0, 0.2 - 0.01 * k, angle - np.pi / 2]) for k in range(steps + 1)])
+    block = np.array([0.55 + finger[0], finger[1], 0.025, 0.0, 0.0, 0.0, 1.0])
     return {
         "observations/t_ns": t_ns,
         "cameras/front/t_ns": t_ns.copy(),
@@ -44,7 +44,7 @@ def episode_arrays(
         "cameras/front/intrinsics": np.array([[20.0, 0.0, 7.5], [0.0, 20.0, 7.5], [0.0, 0.0, 1.0]]),
         "cameras/front/T_base_camera": camera,
         "cameras/front/image_axes": IMAGE_AXES.copy(),
-        "workspace": np.array([[0.25, 0.65], [-0.2, 0.2], [-0.01, 0.25]]),
+        "workspace": np.array([[0.35, 0.75], [-0.2, 0.2], [-0.01, 0.25]]),
         "streams/object/half_extents": np.full(3, 0.025),
         "labels/offset": finger,
         "labels/direction": np.asarray(nearest_direction(act(IMAGE_AXES, finger, OFFSET_PARTS))),

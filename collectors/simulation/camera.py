@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from collectors.contract import Calibration
 from collectors.simulation.bullet import pybullet
 
 Vector3 = tuple[float, float, float]
@@ -36,23 +37,6 @@ class CameraConfig:
     near: float = 0.1
     far: float = 3.0
     depth_scale: float = 1e-4
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """What one needs to use the images geometrically. Camera axes: x right, y down, z forward.
-
-    Attributes:
-        intrinsics: Pinhole matrix, (3, 3), [px]; the centre of the first pixel is at (0, 0).
-        T_base_camera: Pose of the camera in base, (4, 4), [m].
-        image_axes: Base xy to image (right, up), (2, 2), orthogonal: a vector seen from above in the picture's axes.
-        depth_scale: Metres per unit of depth, [m].
-    """
-
-    intrinsics: NDArray[np.float64]
-    T_base_camera: NDArray[np.float64]
-    image_axes: NDArray[np.float64]
-    depth_scale: float
 
 
 def calibration(config: CameraConfig) -> Calibration:

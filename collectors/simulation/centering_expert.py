@@ -1,8 +1,9 @@
 """The scripted expert of block centering: it fails to grasp in just the way we want to learn from."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from collectors.record import Observation
+from collectors.contract import Observation
 from collectors.simulation.centering import Scene
 
 STEP = np.array([0.025, 0.025, 0.025, np.pi / 16])  # bounds of the action: dx, dy, dz [m], dtheta [rad] (paper, 5.1)
@@ -28,7 +29,7 @@ class CollisionExpert:
         self._slow_from = touchdown + CLEAR
         self._commanded: np.ndarray | None = None  # x, y, z, theta
 
-    def __call__(self, observation: Observation) -> np.ndarray | None:
+    def __call__(self, observation: Observation) -> NDArray[np.float32] | None:
         """Next action, or None when the push is over."""
         if self._commanded is None:
             self._commanded = observation.proprio[1:].astype(float)
@@ -45,4 +46,4 @@ class CollisionExpert:
             left[2] = max(left[2], -SLOW)
         move = np.clip(left, -STEP, STEP)
         self._commanded += move
-        return np.array([OPEN, *move])
+        return np.array([OPEN, *move], dtype=np.float32)

@@ -1,15 +1,15 @@
 """The simulated world: table, Panda, wrist sensor and camera behind one 20 Hz step."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from collectors.contract import Calibration, Observation
 from collectors.simulation.admittance import Admittance
 from collectors.simulation.bullet import pybullet
-from collectors.simulation.camera import Calibration, Camera
+from collectors.simulation.camera import Camera
 from collectors.simulation.config import Vector3, WorldConfig
 from collectors.simulation.noise import SensorNoise
 from collectors.simulation.panda import LEFT_FINGER, RIGHT_FINGER, Panda
@@ -18,25 +18,6 @@ from collectors.simulation.wrist_sensor import FEEDBACK_MODE, wrench_from_reacti
 from svfl_data.errors import CollectError, UsageError
 
 GRAVITY = np.array([0.0, 0.0, -9.81])  # [m/s^2]
-
-
-@dataclass(frozen=True)
-class Observation:
-    """What is known at one 20 Hz tick.
-
-    Attributes:
-        t_ns: Time of the latest reading, [ns] since reset.
-        color: (H, W, 3) uint8 RGB.
-        depth: (H, W) uint16, in units of the camera's depth scale, 0 = nothing seen.
-        proprio: (5,) float32: gripper opening 0..1, TCP x, y, z [m], yaw theta [rad], in base.
-        joints: (9,) float32: arm joints [rad], left and right finger [m].
-    """
-
-    t_ns: int
-    color: NDArray[np.uint8]
-    depth: NDArray[np.uint16]
-    proprio: NDArray[np.float32]
-    joints: NDArray[np.float32]
 
 
 class World:

@@ -6,12 +6,16 @@ import numpy as np
 import pytest
 
 from collectors.centering import MAX_STEPS, CenteringCollector, add_block, balanced_direction
-from collectors.simulation.centering import CenteringConfig, Scene, draw_scene
+from collectors.record import record
+from collectors.simulation import NoiseConfig
+from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, draw_scene
+from collectors.simulation.centering_expert import CollisionExpert
+from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
 from svfl_data.episode import Episode
 from svfl_data.errors import CollectError
 from svfl_data.store import episode_bytes
-from svfl_data.symmetry import OFFSET_PARTS, act, border_distance, nearest_direction
+from svfl_data.symmetry import OFFSET_PARTS, WRENCH_PARTS, act, border_distance, element, nearest_direction
 from svfl_data.windows import latest
 
 SAMPLES = 8
@@ -100,7 +104,7 @@ def test_scenes_are_drawn_in_the_wanted_direction(direction):
 
 def beside(scene: Scene) -> Scene:
     """The same scene with the hand coming down far from the block."""
-    away = np.where(np.asarray(scene.block_xy) > [0.45, 0.0], -0.15, 0.15)
+    away = np.where(np.asarray(scene.block_xy) > WorldConfig().home[:2], -0.15, 0.15)
     return replace(scene, hand_xy=tuple(np.add(scene.hand_xy, away)))
 
 
@@ -119,11 +123,36 @@ def test_a_sample_that_never_collides_is_an_error(monkeypatch):
         CenteringCollector(seed=5)(0)
 
 
+def collide(world: World, scene: Scene) -> np.ndarray:
+    """Tared wrench at the end of a collision, mean of the last 10 ms, base axes."""
+    world.reset(seed=0)
+    add_block(world, scene)
+    world.tare()
+    record(world, CollisionExpert(scene, touchdown=2 * scene.block_half + FINGERTIP), MAX_STEPS)
+    return world.wrench[-5:].mean(axis=0) - world.tare_offset
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_mirrored_collision_feels_mirrored(seed):
+    """Hand and block are their own mirror images; a collision mirrored at the vertical plane y = 0 is felt mirrored."""
+    mirror = element(0, flip=True)
+    with World(WorldConfig(noise=NoiseConfig.none())) as world:
+        scene = draw_scene(np.random.default_rng(seed), seed, CenteringConfig(), world)
+        (bx, by), (hx, hy) = scene.block_xy, scene.hand_xy
+        flipped = replace(
+            scene, block_xy=(bx, -by), hand_xy=(hx, -hy), block_yaw=-scene.block_yaw, hand_yaw=-scene.hand_yaw
+        )
+        felt, felt_flipped = collide(world, scene), collide(world, flipped)
+    expected = act(mirror, felt, WRENCH_PARTS)
+    assert np.linalg.norm(felt_flipped[:3] - expected[:3]) < 0.05 * np.linalg.norm(felt[:3])
+    assert np.linalg.norm(felt_flipped[3:] - expected[3:]) < 0.05 * np.linalg.norm(felt[3:])
+
+
 def test_a_block_rests_on_the_table():
-    scene = Scene((0.5, 0.05), 0.025, 0.3, 0.1, 0.5, (0.2, 0.4, 0.6), (0.5, 0.05), 0.3, 0.01)
+    scene = Scene((0.6, 0.05), 0.025, 0.3, 0.1, 0.5, (0.2, 0.4, 0.6), (0.6, 0.05), 0.3, 0.01)
     with World() as world:
         world.reset(seed=0)
         block = add_block(world, scene)
         for _ in range(10):
             world.step(np.array([1.0, 0, 0, 0, 0]))
-        np.testing.assert_allclose(world.pose(block)[:3], [0.5, 0.05, 0.025], atol=1e-3)
+        np.testing.assert_allclose(world.pose(block)[:3], [0.6, 0.05, 0.025], atol=1e-3)

@@ -171,8 +171,6 @@ def test_an_episode_with_nothing_optional_and_nothing_measured_is_shown_too(tmp_
     arrays = {field.path: arrays[field.path] for field in OF_EPISODE.values() if not field.optional}
     for path in ("streams/wrench/wrench", "streams/wrench/t_ns"):
         arrays[path] = arrays[path][:0]
-    arrays["wrench_end"] = np.zeros(2, np.int64)
-    arrays["depth"] = np.zeros_like(arrays["depth"])
     viewer.save(Episode(Meta("picking", 0, 0, "robot", False), arrays), tmp_path / "bare.rrd")
     assert verify(tmp_path / "bare.rrd").returncode == 0
 

@@ -1,0 +1,80 @@
+"""What the recording loop asks of a robot, simulated or real, and of whoever acts on it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What is known at one step.
+
+    Attributes:
+        t_ns: Time of the latest reading, [ns] of the episode clock.
+        color: (H, W, 3) uint8 RGB.
+        depth: (H, W) uint16, in units of the camera's depth scale, 0 = nothing seen.
+        proprio: (5,) float32: gripper opening 0..1, TCP x, y, z [m], yaw theta [rad], in base.
+        joints: (J,) float32: arm joints [rad], then fingers [m].
+    """
+
+    t_ns: int
+    color: NDArray[np.uint8]
+    depth: NDArray[np.uint16]
+    proprio: NDArray[np.float32]
+    joints: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What one needs to use the images geometrically. Camera axes: x right, y down, z forward.
+
+    Attributes:
+        intrinsics: Pinhole matrix, (3, 3), [px]; the centre of the first pixel is at (0, 0).
+        T_base_camera: Pose of the camera in base, (4, 4), [m].
+        image_axes: Base xy to image (right, up), (2, 2), orthogonal: a vector seen from above in the picture's axes.
+        depth_scale: Metres per unit of depth, [m].
+    """
+
+    intrinsics: NDArray[np.float64]
+    T_base_camera: NDArray[np.float64]
+    image_axes: NDArray[np.float64]
+    depth_scale: float
+
+
+class Rig(Protocol):
+    """A robot with its sensors, homed and tared.
+
+    One step is `observe`, then `step` with the action commanded after it. The wrench stream runs by itself at the
+    sensor's own rate.
+    """
+
+    tare_offset: NDArray[np.float32]
+
+    @property
+    def camera(self) -> Calibration:
+        """Calibration of its camera."""
+
+    @property
+    def workspace(self) -> NDArray[np.float64]:
+        """Bounds of the TCP in base axes, shape (3, 2), [m]."""
+
+    @property
+    def wrench_t_ns(self) -> NDArray[np.int64]:
+        """Time of every reading since the episode began, shape (M,), [ns]."""
+
+    @property
+    def wrench(self) -> NDArray[np.float32]:
+        """Those readings, raw, shape (M, 6), [N] and [N m], base axes, about the sensor origin."""
+
+    def observe(self) -> Observation:
+        """See and feel now."""
+
+    def step(self, action: NDArray[np.float32]) -> None:
+        """Carry out one action (opening, dx, dy, dz, dtheta) for one step of 50 ms."""
+
+
+Policy = Callable[[Observation], NDArray[np.float32] | None]
+"""Gives the next action, or None to end the episode."""
