@@ -17,6 +17,9 @@ from svfl_models.representations import field_basis
 
 IMAGE_SIZE = 64
 IMAGE_CHANNELS = 4
+PADDINGS = (1, 1, 1, 1, 1, 0, 0)
+POOLED = (0, 1, 2, 5)
+"""Convolutions followed by a 2 x 2 max-pooling."""
 
 
 class VisionEncoder(nn.Module):
@@ -34,18 +37,18 @@ class VisionEncoder(nn.Module):
     def __init__(self, layers: Layers[T], widths: Sequence[int], latent: int) -> None:
         super().__init__()
         types = [layers.image(IMAGE_CHANNELS), *(layers.hidden(width) for width in (*widths, latent))]
-        paddings = (1, 1, 1, 1, 1, 0, 0)
         self.convolutions = nn.ModuleList(
-            layers.conv(types[i], types[i + 1], 3, padding) for i, padding in enumerate(paddings)
+            layers.conv(types[i], types[i + 1], 3, padding) for i, padding in enumerate(PADDINGS)
         )
 
     def forward(self, image: Tensor) -> Tensor:
         """Normalised images (B, 4, 64, 64) -> features (B, C)."""
         x = image
         for i, convolution in enumerate(self.convolutions):
-            x = functional.relu(convolution(x))
-            if i in (0, 1, 2, 5):
-                x = functional.max_pool2d(x, 2)
+            x = convolution(x)
+            if i in POOLED:
+                x = functional.max_pool2d(x, 2)  # commutes with the ReLU, which then has a quarter of the pixels
+            x = functional.relu(x)
         return x.flatten(1)  # (B, C, 1, 1) -> (B, C)
 
 
