@@ -30,7 +30,7 @@ from svfl_data.store import write_episode
 
 PARTS = (
     ("physics", world_module.pybullet, "stepSimulation"),
-    ("control", Panda, "command"),
+    ("control", Panda, "drive"),
     ("control", Panda, "read"),
     ("control", Admittance, "step"),
     ("sensor", world_module, "wrench_from_reaction"),

@@ -21,6 +21,9 @@ class Meta:
         success: Whether the task was achieved.
         config: Everything that was set when recording (JSON values).
         software: Versions of what recorded it, by package.
+        transforms: How raw streams become usable ones (tare, filter, compensation), with parameters, in order.
+        annotations: Named intervals of the episode clock, e.g. contacts, with who found them and how.
+        history: What tools have done to the episode since it was recorded, oldest first.
     """
 
     task: str
@@ -30,6 +33,9 @@ class Meta:
     success: bool
     config: dict[str, Any] = field(default_factory=dict)
     software: dict[str, str] = field(default_factory=dict)
+    transforms: list[dict[str, Any]] = field(default_factory=list)
+    annotations: list[dict[str, Any]] = field(default_factory=list)
+    history: list[dict[str, Any]] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,7 @@ FORMAT_VERSION = "1.0"
 
 GZIP_LEVEL = 1  # readable everywhere; higher levels cost more time than they save bytes on rendered images
 STREAM_CHUNK = 1024  # rows per chunk of a stream
+JSON_ATTRIBUTES = ("config", "software", "transforms", "annotations", "history")
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 
 
@@ -39,8 +40,8 @@ def episode_bytes(episode: Episode) -> bytes:
         file.attrs["format_version"] = FORMAT_VERSION
         for key in ("task", "index", "seed", "source", "success"):
             file.attrs[key] = getattr(episode.meta, key)
-        file.attrs["config"] = canonical_json(episode.meta.config)
-        file.attrs["software"] = canonical_json(episode.meta.software)
+        for key in JSON_ATTRIBUTES:
+            file.attrs[key] = canonical_json(getattr(episode.meta, key))
         for path in sorted(episode.arrays):
             _write_array(file, path, episode.arrays[path])
     content = buffer.getvalue()
@@ -190,6 +191,5 @@ def _read_meta(file: h5py.File) -> Meta:
         seed=int(file.attrs["seed"]),
         source=str(file.attrs["source"]),
         success=bool(file.attrs["success"]),
-        config=json.loads(file.attrs["config"]),
-        software=json.loads(file.attrs["software"]),
+        **{key: json.loads(file.attrs[key]) for key in JSON_ATTRIBUTES},
     )

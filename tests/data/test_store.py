@@ -44,7 +44,10 @@ def test_what_is_written_is_read(tmp_path_factory, steps, size, seed, text, drop
     arrays = episode_arrays(np.random.default_rng(seed), steps=steps, size=size)
     for name in dropped:
         del arrays[name]
-    episode = Episode(Meta("centering", 1, seed, "teleop", False, {"note": text, "list": [1, 2.5]}), arrays)
+    episode = Episode(
+        Meta("centering", 1, seed, "teleop", False, {"note": text, "list": [1, 2.5]}, annotations=[{"name": text}]),
+        arrays,
+    )
     path = tmp_path_factory.mktemp("store") / "episode.hdf5"
     write_episode(episode, path)
     assert_equal(read_episode(path), episode)
