@@ -4,6 +4,8 @@ import logging
 import signal
 import time
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import lightning.pytorch as pl
@@ -14,6 +16,7 @@ from lightning.pytorch.trainer.states import TrainerStatus
 from rich.console import Console
 
 from svfl_data.centering import load_centering
+from svfl_data.errors import StorageError
 from svfl_data.split import train_test_split
 from svfl_models import run_folder
 from svfl_models.classifier import parameter_count
@@ -60,7 +63,8 @@ def train_centering(config: TrainingConfig, out: Path, console: Console | None =
     run_folder.claim(out, config.plain())
     metrics = MetricsFile(out / run_folder.METRICS)
     start = time.monotonic()
-    fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console())])
+    with storage_errors(out):
+        fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console())])
     seconds = time.monotonic() - start
 
     predicted = predict(module, data)
@@ -75,8 +79,22 @@ def train_centering(config: TrainingConfig, out: Path, console: Console | None =
         train_samples=np.bincount(train.direction, minlength=4).tolist(),
         confusion=confusion.tolist(),
     )
-    write_report(out, config, result, metrics.rows)
+    with storage_errors(out):
+        write_report(out, config, result, metrics.rows)
     return result
+
+
+@contextmanager
+def storage_errors(out: Path) -> Iterator[None]:
+    """Turn the disk's refusals into one line that names the folder.
+
+    Raises:
+        StorageError: Instead of an OSError, such as a full disk.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(f"{out}: {error.strerror or error}; what was written before is kept") from error
 
 
 def fit(

@@ -10,9 +10,9 @@ import torch
 from rich.console import Console
 
 from svfl_data.dataset import Dataset
-from svfl_data.errors import DatasetError, TrainingError
+from svfl_data.errors import DatasetError, StorageError, TrainingError
 from svfl_data.store import write_episode
-from svfl_models import train
+from svfl_models import run_folder, train
 from svfl_models.config import TrainingConfig
 from svfl_models.module import CenteringModule
 from svfl_models.progress import COLUMNS, ProgressLine
@@ -119,6 +119,12 @@ def test_more_samples_than_there_are(config, tmp_path):
     with pytest.raises(DatasetError, match="asked for 13 training and 12 test samples, but the dataset has 24"):
         train_centering(replace(config, train_samples=13), tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_a_full_disk_is_one_line(config, tmp_path, monkeypatch):
+    monkeypatch.setattr(run_folder, "METRICS", "/dev/full")
+    with pytest.raises(StorageError, match=r"run: No space left on device; what was written before is kept"):
+        train_centering(config, tmp_path / "run")
 
 
 class Poison(pl.Callback):
