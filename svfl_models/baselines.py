@@ -3,13 +3,13 @@
 from torch import Tensor, nn
 
 from svfl_data.symmetry import Part
-from svfl_models.layers import RELU_GAIN
 
 
 class PlainLayers:
     """Ordinary convolutions and linear maps; a type is a number of channels.
 
-    Weights start from the same rule as those of the symmetric layers (He et al., ICCV 2015), biases at zero.
+    Weights start with deviation 1 / sqrt(fan in), which is `layers.initial_deviations` for the trivial group, biases
+    at zero.
     """
 
     copies = 1
@@ -31,17 +31,17 @@ class PlainLayers:
         return 4
 
     def conv(self, source: int, target: int, kernel: int, padding: int) -> nn.Module:
-        """Convolution (B, C, H, W) -> (B, C', H', W'), to be followed by a ReLU."""
-        return _initialised(nn.Conv2d(source, target, kernel, padding=padding), RELU_GAIN)
+        """Convolution (B, C, H, W) -> (B, C', H', W')."""
+        return _initialised(nn.Conv2d(source, target, kernel, padding=padding))
 
-    def linear(self, source: int, target: int, gain: float = 1.0) -> nn.Module:
+    def linear(self, source: int, target: int) -> nn.Module:
         """Linear map of the last axis."""
-        return _initialised(nn.Linear(source, target), gain)
+        return _initialised(nn.Linear(source, target))
 
 
-def _initialised(layer: nn.Conv2d | nn.Linear, gain: float) -> nn.Module:
+def _initialised(layer: nn.Conv2d | nn.Linear) -> nn.Module:
     fan_in = layer.weight[0].numel()
-    nn.init.normal_(layer.weight, std=gain / fan_in**0.5)
+    nn.init.normal_(layer.weight, std=fan_in**-0.5)
     assert isinstance(layer.bias, Tensor)
     nn.init.zeros_(layer.bias)
     return layer

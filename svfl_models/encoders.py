@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from svfl_data.symmetry import Part
-from svfl_models.layers import RELU_GAIN, Layers, T
+from svfl_models.layers import Layers, T
 from svfl_models.representations import field_basis
 
 IMAGE_SIZE = 64
@@ -104,9 +104,9 @@ class ForceEncoder(nn.Module):
         super().__init__()
         self.register_buffer("basis", field_basis(parts))
         self.register_buffer("position", position_encoding(window, width).repeat_interleave(layers.copies, dim=-1))
-        self.embed = layers.linear(layers.vector(parts), layers.hidden(width), gain=RELU_GAIN)
+        self.embed = layers.linear(layers.vector(parts), layers.hidden(width))
         self.attention = SelfAttention(layers, width, heads)
-        self.readout = layers.linear(layers.hidden(window * width), layers.hidden(latent), gain=RELU_GAIN)
+        self.readout = layers.linear(layers.hidden(window * width), layers.hidden(latent))
 
     def forward(self, wrench: Tensor) -> Tensor:
         """Normalised wrench windows (B, T, 6), image-aligned axes -> features (B, C)."""
@@ -148,8 +148,8 @@ class Fusion(nn.Module):
     def __init__(self, layers: Layers[T], encoders: int, latent: int) -> None:
         super().__init__()
         hidden = layers.hidden(latent)
-        self.first = layers.linear(layers.hidden(encoders * latent), hidden, gain=RELU_GAIN)
-        self.second = layers.linear(hidden, hidden, gain=RELU_GAIN)
+        self.first = layers.linear(layers.hidden(encoders * latent), hidden)
+        self.second = layers.linear(hidden, hidden)
 
     def forward(self, features: Sequence[Tensor]) -> Tensor:
         """One (B, C) per encoder -> (B, C)."""

@@ -17,8 +17,6 @@ from svfl_data.symmetry import Part
 from svfl_models.planar_escnn import FieldType, R2Conv
 from svfl_models.representations import dihedral_space, direction_type, field_type, image_type, regular_type
 
-RELU_GAIN = 2**0.5  # keeps the mean square through a ReLU (He et al., ICCV 2015, equation 10)
-
 T = TypeVar("T")
 
 
@@ -44,9 +42,9 @@ class Layers(Protocol[T]):
         """Type of the scores of the four directions."""
 
     def conv(self, source: T, target: T, kernel: int, padding: int) -> nn.Module:
-        """Convolution to be followed by a ReLU: (B, C, H, W) -> (B, C', H', W')."""
+        """Convolution (B, C, H, W) -> (B, C', H', W')."""
 
-    def linear(self, source: T, target: T, gain: float = 1.0) -> nn.Module:
+    def linear(self, source: T, target: T) -> nn.Module:
         """Linear map of the last axis: (..., C) -> (..., C')."""
 
 
@@ -79,11 +77,11 @@ class SymmetricLayers:
 
     def conv(self, source: FieldType, target: FieldType, kernel: int, padding: int) -> nn.Module:
         """Equivariant convolution."""
-        return SymmetricConv(source, target, kernel, padding, gain=RELU_GAIN)
+        return SymmetricConv(source, target, kernel, padding)
 
-    def linear(self, source: FieldType, target: FieldType, gain: float = 1.0) -> nn.Module:
+    def linear(self, source: FieldType, target: FieldType) -> nn.Module:
         """Equivariant linear map."""
-        return SymmetricLinear(source, target, kernel_size=1, padding=0, gain=gain)
+        return SymmetricLinear(source, target, kernel_size=1, padding=0)
 
 
 class SymmetricConv(R2Conv):
@@ -100,15 +98,14 @@ class SymmetricConv(R2Conv):
         target: Type of the output.
         kernel_size: Side of the square kernel.
         padding: Zeros on each side.
-        gain: Factor on the initial standard deviation.
     """
 
-    def __init__(self, source: FieldType, target: FieldType, kernel_size: int, padding: int, gain: float) -> None:
+    def __init__(self, source: FieldType, target: FieldType, kernel_size: int, padding: int) -> None:
         super().__init__(source, target, kernel_size, padding=padding, initialize=False, recompute=True)
         self._buffers.pop("filter")
         self._buffers.pop("expanded_bias", None)
         with torch.no_grad():
-            self.weights.copy_(gain * initial_deviations(self) * torch.randn_like(self.weights))
+            self.weights.copy_(initial_deviations(self) * torch.randn_like(self.weights))
 
     def train(self, mode: bool = True) -> "SymmetricConv":
         """Set the mode; there is no cached filter to keep in step with it."""

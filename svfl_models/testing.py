@@ -100,9 +100,16 @@ def equivariance_error(
 
     Returns:
         ``|f(g x) - g f(x)| / |f(x)|`` per element; 0 if a function is exactly equivariant, of order 1 if not at all.
+
+    Raises:
+        ValueError: If the output is zero, such as that of a network whose ReLUs are all shut.
     """
     output = function(batch)
     size = float(output.norm())
+    if size == 0:
+        raise ValueError(
+            "the output is zero everywhere, which every action leaves alone: this check would prove nothing"
+        )
     return [
         float((function(act_on_batch(g, batch)) - act_on_output(g, output)).norm()) / size
         for g in (dihedral(4) if elements is None else elements)

@@ -13,7 +13,7 @@ WIDTHS = (1, 2, 3, 4, 5, 4)
 
 
 def force_encoder(order=4, torque="axial", window=64):
-    return ForceEncoder(SymmetricLayers(order), wrench_parts(torque), window, width=4, heads=2, latent=3)
+    return ForceEncoder(SymmetricLayers(order), wrench_parts(torque), window, width=4, heads=2, latent=8)
 
 
 def forces(network, inputs):
@@ -21,7 +21,7 @@ def forces(network, inputs):
 
 
 def test_vision_features_are_equivariant(batch):
-    encoder = VisionEncoder(SymmetricLayers(), WIDTHS, latent=4)
+    encoder = VisionEncoder(SymmetricLayers(), WIDTHS, latent=8)
     assert_equivariant(encoder, batch, act_on_hidden(), function=lambda network, inputs: network(inputs["image"]))
 
 
@@ -95,10 +95,15 @@ def test_fusion_is_equivariant():
     class Both(nn.Module):
         def __init__(self):
             super().__init__()
-            self.force, self.fusion = force_encoder(), Fusion(SymmetricLayers(), 2, latent=3)
+            self.force, self.fusion = force_encoder(), Fusion(SymmetricLayers(), 2, latent=8)
 
         def forward(self, batch):
             features = self.force(batch["wrench"])
             return self.fusion([features, features.square()])
 
     assert_equivariant(Both(), {"wrench": torch.randn(4, 64, 6)}, act_on_hidden())
+
+
+def test_an_output_of_zero_proves_nothing(batch):
+    with pytest.raises(ValueError, match="the output is zero"):
+        equivariance_error(lambda b: torch.zeros(8, 8), {"wrench": batch["wrench"]}, act_on_hidden())

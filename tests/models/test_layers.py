@@ -13,13 +13,13 @@ from svfl_models.testing import act_on_feature_map, act_on_hidden, assert_equiva
 KIT = SymmetricLayers()
 
 
-def conv(gain=1.0):
-    return SymmetricConv(KIT.hidden(2), KIT.hidden(3), 3, padding=1, gain=gain)
+def conv():
+    return SymmetricConv(KIT.hidden(2), KIT.hidden(3), 3, padding=1)
 
 
 @pytest.mark.parametrize("padding", [0, 1])
 def test_convolution_is_equivariant_before_any_pooling(padding):
-    layer = SymmetricConv(KIT.hidden(2), KIT.hidden(3), 3, padding=padding, gain=1.0)
+    layer = SymmetricConv(KIT.hidden(2), KIT.hidden(3), 3, padding=padding)
     assert max(map_errors(layer, torch.randn(2, 16, 8, 8))) < 1e-5
 
 
@@ -32,7 +32,7 @@ def map_errors(layer, x):
 
 
 def test_linear_map_of_readings_is_equivariant(batch):
-    layer = SymmetricLinear(KIT.vector(WRENCH_PARTS), KIT.hidden(3), 1, padding=0, gain=1.0)
+    layer = SymmetricLinear(KIT.vector(WRENCH_PARTS), KIT.hidden(3), 1, padding=0)
 
     def stored(network, inputs):
         return network(inputs["wrench"] @ field_basis(WRENCH_PARTS).to(inputs["wrench"]).T)
@@ -41,7 +41,7 @@ def test_linear_map_of_readings_is_equivariant(batch):
 
 
 def test_linear_is_the_one_by_one_convolution():
-    layer = SymmetricLinear(KIT.hidden(2), KIT.hidden(3), 1, padding=0, gain=1.0)
+    layer = SymmetricLinear(KIT.hidden(2), KIT.hidden(3), 1, padding=0)
     x = torch.randn(5, 7, 16)
     as_image = SymmetricConv.forward(layer, x.movedim(-1, 1)[..., None])
     torch.testing.assert_close(layer(x), as_image[..., 0].movedim(1, -1))
@@ -50,12 +50,12 @@ def test_linear_is_the_one_by_one_convolution():
 @pytest.mark.parametrize(("source", "target"), [("vector", "hidden"), ("hidden", "hidden"), ("hidden", "directions")])
 def test_initial_deviations_are_those_of_escnn(source, target):
     types = {"vector": KIT.vector(WRENCH_PARTS), "hidden": KIT.hidden(3), "directions": KIT.directions()}
-    layer = SymmetricConv(types[source], types[target], 1, padding=0, gain=1.0)
+    layer = SymmetricConv(types[source], types[target], 1, padding=0)
     torch.testing.assert_close(initial_deviations(layer), _generalized_he_init_variances(layer.basisexpansion))
 
 
 def test_initial_deviations_of_three_by_three_kernels_are_those_of_escnn():
-    layer = SymmetricConv(KIT.image(4), KIT.hidden(3), 3, padding=1, gain=1.0)
+    layer = SymmetricConv(KIT.image(4), KIT.hidden(3), 3, padding=1)
     torch.testing.assert_close(initial_deviations(layer), _generalized_he_init_variances(layer.basisexpansion))
 
 
