@@ -1,0 +1,120 @@
+"""Opening a sealed episode: once per process its seal is checked and its arrays are located."""
+
+import functools
+import hashlib
+import io
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import h5py
+import numpy as np
+
+from svfl_data.chunks import Extent, Placement, placement, pread
+from svfl_data.errors import FormatError, SvflError
+from svfl_data.fields import EXTRA, check_arrays, field_at
+from svfl_data.store import FORMAT, FORMAT_VERSION, JSON_ATTRIBUTES, SEAL_SIZE
+
+SEAL_MARK = b"\nsvfl-sha256:"
+HEADERS_KEPT = 512
+
+
+@dataclass(frozen=True, eq=False)
+class Header:
+    """What is known of an episode once it was opened.
+
+    Attributes:
+        seal: SHA-256 of its content, in hexadecimal.
+        attributes: Of the file, as HDF5 gives them.
+        placements: Where each array lies, by dataset path.
+    """
+
+    seal: str
+    attributes: dict[str, Any]
+    placements: dict[str, Placement]
+
+
+@functools.lru_cache(maxsize=HEADERS_KEPT)
+def header(extent: Extent) -> Header:
+    """Check the seal and the declared shapes, and find out where everything lies; once per process.
+
+    Raises:
+        FormatError: If the episode is damaged, foreign, of another version, or has changed since it was found.
+        FieldError: If a field is missing or of another type or shape than declared.
+    """
+    digest = _checked_seal(extent)
+    descriptor = extent.open()
+    try:
+        with h5py.File(_ExtentFile(extent, descriptor), "r") as file:
+            attributes = dict(file.attrs)
+            _check_format(attributes, extent)
+            placements = dict(_placements(h5py.h5g.open(file.id, b"/"), ""))
+    except SvflError:
+        raise
+    except Exception as error:  # whole, but not as we write it: h5py raises nearly anything
+        reason = " ".join(str(error).split())
+        raise FormatError(f"{extent}: sealed, but not a readable episode ({reason})") from error
+    finally:
+        os.close(descriptor)
+    hollow = {path: np.broadcast_to(np.zeros((), found.dtype), found.shape) for path, found in placements.items()}
+    check_arrays(hollow, str(extent))
+    return Header(digest, attributes, placements)
+
+
+def _checked_seal(extent: Extent) -> str:
+    digest, tail = hashlib.sha256(), b""
+    for block in extent.blocks():
+        tail += block
+        digest.update(tail[:-SEAL_SIZE])
+        tail = tail[-SEAL_SIZE:]
+    if tail != SEAL_MARK + digest.hexdigest().encode() + b"\n":
+        damaged = "damaged (does not match its seal)" if tail.startswith(SEAL_MARK) else "not a sealed episode"
+        raise FormatError(f"{extent}: {damaged}, {extent.size} bytes")
+    return digest.hexdigest()
+
+
+class _ExtentFile(io.RawIOBase):
+    """An extent as a file object, for HDF5."""
+
+    def __init__(self, extent: Extent, descriptor: int) -> None:
+        self.extent, self.descriptor, self.position = extent, descriptor, 0
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        start = {os.SEEK_SET: 0, os.SEEK_CUR: self.position, os.SEEK_END: self.extent.size - SEAL_SIZE}[whence]
+        self.position = start + offset
+        return self.position
+
+    def tell(self) -> int:
+        return self.position
+
+    def readinto(self, buffer: Any) -> int:  # noqa: ANN401 - any writable buffer
+        view = memoryview(buffer)
+        view[:] = pread(self.extent, self.descriptor, len(view), self.position)
+        self.position += len(view)
+        return len(view)
+
+
+def _check_format(attributes: dict[str, Any], extent: Extent) -> None:
+    if attributes.get("format") != FORMAT:
+        raise FormatError(
+            f"{extent}: an HDF5 file, but not an episode "
+            f"(attribute format is {attributes.get('format')!r}, not {FORMAT!r})"
+        )
+    version, ours = str(attributes.get("format_version")), FORMAT_VERSION.split(".")[0]
+    if version.split(".")[0] != ours:
+        raise FormatError(f"{extent}: format version {version}; this software reads {ours}.x")
+    for key in ("task", "index", "seed", "source", "success", *JSON_ATTRIBUTES):
+        if key not in attributes:
+            raise FormatError(f"{extent}: sealed, but not a readable episode (it has no attribute {key!r})")
+
+
+def _placements(group: h5py.h5g.GroupID, prefix: str) -> Iterator[tuple[str, Placement]]:
+    """Every array that is declared or the user's own; what else there is comes from a later minor version."""
+    for name in group:
+        path = prefix + name.decode()
+        item = h5py.h5o.open(group, name)
+        if isinstance(item, h5py.h5g.GroupID):
+            yield from _placements(item, path + "/")
+        elif isinstance(item, h5py.h5d.DatasetID) and (field_at(path) or path.startswith(EXTRA)):
+            yield path, placement(item)
