@@ -81,7 +81,12 @@ class Dataset:
 
     def episode_path(self, index: int) -> Path:
         """File of an episode, whether or not it exists."""
-        return self.path / f"episode_{index:06d}.hdf5"
+        return self.path / self.file_name(index)
+
+    @staticmethod
+    def file_name(index: int) -> str:
+        """Name of an episode's file."""
+        return f"episode_{index:06d}.hdf5"
 
     @property
     def indices(self) -> list[int]:
