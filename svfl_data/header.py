@@ -14,9 +14,9 @@ import numpy as np
 from svfl_data.chunks import Extent, Placement, placement, pread
 from svfl_data.errors import FormatError, SvflError
 from svfl_data.fields import EXTRA, check_arrays, field_at
-from svfl_data.store import FORMAT, FORMAT_VERSION, JSON_ATTRIBUTES, SEAL_SIZE
+from svfl_data.seal import SEAL_MARK, SEAL_SIZE
+from svfl_data.store import FORMAT, FORMAT_VERSION, JSON_ATTRIBUTES
 
-SEAL_MARK = b"\nsvfl-sha256:"
 HEADERS_KEPT = 512
 
 

@@ -13,11 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from svfl_data.chunks import Extent, Placement
+from svfl_data.chunks import Extent, Placement, pread
 from svfl_data.episode import Episode, Meta
-from svfl_data.errors import FieldError
+from svfl_data.errors import FieldError, FormatError
 from svfl_data.fields import EXTRA, camera_names, field_at
 from svfl_data.header import header
+from svfl_data.seal import SEAL_MARK, SEAL_SIZE
 from svfl_data.store import JSON_ATTRIBUTES
 
 
@@ -111,6 +112,22 @@ class EpisodeReader:
     def seal(self) -> str:
         """SHA-256 of the episode's content, in hexadecimal: equal for equal episodes."""
         return header(self.extent).seal
+
+    @property
+    def written_seal(self) -> str:
+        """The seal as it stands in the file, read without checking it.
+
+        Raises:
+            FormatError: If the episode has none.
+        """
+        descriptor = self.extent.open()
+        try:
+            tail = pread(self.extent, descriptor, SEAL_SIZE, self.extent.size - SEAL_SIZE)
+        finally:
+            os.close(descriptor)
+        if not tail.startswith(SEAL_MARK):
+            raise FormatError(f"{self.extent}: not a sealed episode")
+        return tail[len(SEAL_MARK) : -1].decode(errors="replace")
 
     @property
     def format_version(self) -> str:
