@@ -9,12 +9,13 @@ import errno
 import fcntl
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Meta
 from svfl_data.errors import DatasetError, StorageError
+from svfl_data.index import append_index
 from svfl_data.journal import SUFFIX
 from svfl_data.store import Rows, largest_size, sync_folder, write_sealed
 
@@ -163,3 +164,5 @@ def publish(part: Path, path: Path) -> None:
         raise
     except OSError as error:
         raise StorageError(f"cannot publish {path}: {error.strerror}") from error
+    with suppress(StorageError):  # the index lacks a line then, and is mended by whoever reads it next
+        append_index(path.parent, path)

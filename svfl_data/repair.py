@@ -90,7 +90,7 @@ def _finish(dataset: Dataset, path: Path) -> list[RepairAction]:
         journal = read_journal(descriptor)
         if journal.meta is None:
             return [_set_aside(dataset, path, "not even its first record is intact")]
-        arrays = {**journal.constants, **_salvage(journal)}
+        arrays = _salvage(journal)
         try:
             check_arrays({name: _shaped(array) for name, array in arrays.items()}, str(path))
         except SvflError as error:
@@ -104,9 +104,9 @@ def _finish(dataset: Dataset, path: Path) -> list[RepairAction]:
 
 
 def _salvage(journal: Journal) -> dict[str, Rows]:
-    """The streams, each group cut to the rows that all its streams have."""
+    """The arrays; of an unfinished episode, each group is cut to the rows that all its streams have."""
     if journal.end is not None:
-        return dict(journal.streams)
+        return {**journal.constants, **journal.streams}
     rows: dict[str, int] = {}
     for path, stream in journal.streams.items():
         group = path.rpartition("/")[0]
@@ -123,9 +123,10 @@ def _salvage(journal: Journal) -> dict[str, Rows]:
         if grows(field) and not field.optional and CAMERA not in field.path and field.path not in streams:
             sizes = [size for size in field.shape[1:] if isinstance(size, int)]
             streams[field.path] = np.zeros((0, *sizes), field.dtype)
-    seen = camera_names(streams)
-    for path in [path for path in journal.constants if path.startswith("cameras/") and path.split("/")[1] not in seen]:
-        del journal.constants[path]
+    frames = [f"cameras/{camera}/" for camera in camera_names(streams)]
+    for path, array in journal.constants.items():
+        if not path.startswith("cameras/") or path.startswith(tuple(frames)):
+            streams[path] = array
     return streams
 
 

@@ -185,9 +185,11 @@ class EpisodeWriter:
         self._append_constants(late)
         self._journal.append({"end": asdict(meta)})
         path = self._dataset.episode_path(meta.index)
+        part = build(self._dataset, meta, self._recorded())
         try:
-            publish(build(self._dataset, meta, self._recorded()), path)
+            publish(part, path)
         except FileExistsError as error:
+            part.unlink()
             raise DatasetError(f"{path} was written by someone else meanwhile; svfl-data repair keeps both") from error
         self.discard()
         return path
