@@ -5,10 +5,10 @@ import sys
 
 from svfl_data.cli import Parser, run
 from svfl_data.verbs import filter as filter_
-from svfl_data.verbs import info, merge, plot, relabel, validate, view
+from svfl_data.verbs import info, merge, pack, plot, relabel, repair, split, stats, validate, view
 
 PROGRAM = "svfl-data"
-VERBS = (info, view, plot, validate, filter_, merge, relabel)
+VERBS = (info, view, plot, validate, repair, relabel, filter_, merge, split, stats, pack)
 
 
 def main() -> int:

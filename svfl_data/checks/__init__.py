@@ -13,9 +13,11 @@ from svfl_data.checks.images import check_color, check_depth
 from svfl_data.checks.motion import check_action, check_label, check_poses, check_proprio, check_records
 from svfl_data.checks.timestamps import check_coverage, check_gaps, check_jitter, check_order
 from svfl_data.checks.wrench import check_saturation, check_stuck, check_tare
+from svfl_data.claims import INFLIGHT
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode
 from svfl_data.errors import SvflError
+from svfl_data.journal import SUFFIX
 from svfl_data.store import read_episode
 
 __all__ = ["CHECKS", "Finding", "Severity", "check_dataset", "check_episode", "check_file"]
@@ -48,6 +50,7 @@ def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
     for index in dataset.indices:
         name = str(dataset.episode_path(index))
         try:
+            name = str(dataset.extent(index))
             episode = dataset.read(index)
         except SvflError as problem:
             yield [unreadable(name, problem)]
@@ -55,9 +58,10 @@ def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
         first = first or episode
         shared += [*_placed(dataset, index, episode), *_unlike(first, episode)]
         yield check_episode(episode)
-    unfinished = [file.name for file in sorted(dataset.path.glob(".*.part"))]
+    unfinished = sorted((dataset.path / INFLIGHT).glob(f"*{SUFFIX}"))
     if unfinished:
-        words = f"unfinished files of a writer that was stopped: {', '.join(unfinished)}; run svfl-data repair"
+        names = ", ".join(file.stem for file in unfinished)
+        words = f"being written, or left by a writer that was stopped: {names}; if so, run svfl-data repair"
         shared.append(Finding(str(dataset.path), "", None, "note", words))
     yield shared
 

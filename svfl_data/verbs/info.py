@@ -55,7 +55,7 @@ def units(group: str) -> str:
 
 def dataset_words(dataset: Dataset, found: Summary, software: dict[str, str]) -> str:
     """A dataset in a few lines, for a person."""
-    rate = f"{found.successes / found.episodes:.0%}" if found.episodes else "-"
+    rate = f"{found.successes / found.episodes:.1%}" if found.episodes else "-"
     versions = ", ".join(f"{name} {version}" for name, version in software.items()) or "unknown"
     formats = ", ".join(f"{name} ({count})" for name, count in found.format_versions.items()) or "-"
     lines = [
