@@ -52,7 +52,8 @@ class Frames:
         Args:
             episodes: Position of each sample's episode, shape (B,).
             rows: Images of each sample in the joined stream, shape (B, K); 0 for black.
-            corners: Upper left pixel (row, column) of the rectangle, shape (B, 2).
+            corners: Upper left pixel (row, column) of the rectangle, shape (B, 2) or, for all,
+                (1, 2).
             size: Its height h and width w, [px].
 
         Returns:
@@ -60,7 +61,7 @@ class Frames:
         """
         shape, dtype = self._like()
         out = np.empty((*rows.shape, *size, *shape[2:]), dtype)
-        (height, width), places = size, corners.tolist()
+        (height, width), places = size, np.broadcast_to(corners, (len(rows), 2)).tolist()
         if self.memory is not None:
             for target, images, (top, left) in zip(out, rows.tolist(), places, strict=True):
                 for number, image in enumerate(images):
@@ -89,19 +90,21 @@ class Frames:
         return self.arrays[0].shape[1:], self.arrays[0].dtype
 
 
-def corners(height: int, width: int, size: tuple[int, int], fraction: np.ndarray) -> np.ndarray:
+def corners(height: int, width: int, size: tuple[int, int], fraction: np.ndarray | None) -> np.ndarray:
     """Upper left pixels of rectangles inside an image.
 
     Args:
         height: Of the image, [px].
         width: Of the image, [px].
         size: Height and width of the rectangles, [px].
-        fraction: Where in the free room they lie, from 0 (upper, left) to below 1 (lower, right), shape (B, 2).
+        fraction: Where in the free room they lie, from 0 (upper, left) to below 1 (lower, right), shape (B, 2); None
+            for the middle.
 
     Returns:
-        (row, column), shape (B, 2), int64.
+        (row, column), shape (B, 2) or (1, 2), int64.
     """
-    return (fraction * (np.array([height, width]) - size + 1)).astype(np.int64)
+    room = np.array([[height, width]]) - size
+    return room // 2 if fraction is None else (fraction * (room + 1)).astype(np.int64)
 
 
 def draws(seed: int, epoch: int, samples: np.ndarray) -> np.ndarray:

@@ -127,9 +127,7 @@ class Samples:
         out[WRENCH] = self._wrench[rows]
         rows, out["actions/padding"] = self._action_rows(chosen)
         out[ACTION] = self._action[rows]
-        fraction = np.full((len(chosen), 2), 0.5)
-        if self.crop_at == "random":
-            fraction = draws(self.seed, epoch, chosen)
+        fraction = draws(self.seed, epoch, chosen) if self.crop_at == "random" else None
         for camera, seen in self._frame_rows.items():
             rows, out[f"cameras/{camera}/padding"] = seen.last(chosen, self.frames)
             for path in (f"cameras/{camera}/color", f"cameras/{camera}/depth"):
