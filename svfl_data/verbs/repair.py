@@ -19,8 +19,8 @@ def add(commands: Commands) -> None:
         "repair",
         help="salvage unfinished episodes, set damaged files aside",
         description="Make episodes of what killed writers left, and move damaged files to damaged/. Nothing is "
-        "deleted; running it twice changes nothing more. Exit code 0 if nothing was lost, 3 if some readings were lost and "
-        "others saved, 1 if nothing could be saved.",
+        "deleted; running it twice changes nothing more. Exit code 0 if nothing was lost, 3 if some readings were lost "
+        "and others saved, 1 if nothing could be saved.",
         example="svfl-data repair data/week\n"
         "svfl-data repair data/week --reseal   # after editing files with other software",
     )
