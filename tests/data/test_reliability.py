@@ -3,6 +3,7 @@
 ``SVFL_CAMPAIGN=1 pytest tests/data/test_reliability.py -s`` runs the full numbers of `docs/reliability.md`.
 """
 
+import functools
 import mmap
 import os
 import resource
@@ -18,6 +19,7 @@ import h5py
 import numpy as np
 import pytest
 
+import svfl_data.writer
 from svfl_data import claims
 from svfl_data.claims import INFLIGHT, NEXT
 from svfl_data.dataset import Dataset
@@ -32,7 +34,8 @@ from tests.data.test_writer import append_all, constants_of, start
 
 CAMPAIGN = bool(os.environ.get("SVFL_CAMPAIGN"))
 KILLS = 200 if CAMPAIGN else 10
-SIZES = 200 if CAMPAIGN else 10
+LIMITS = 50 if CAMPAIGN else 6
+SIZES = 200 if CAMPAIGN else 8
 MUTATIONS = 1000 if CAMPAIGN else 200
 CUTS = 1000 if CAMPAIGN else 30
 
@@ -128,11 +131,11 @@ def test_two_killed_writers_lose_nothing_that_was_sealed_or_flushed(dataset):
         for number in range(2):
             sealed = {tuple(draw) for draw in seen.values() if draw[:2] == [attempt, number]}
             assert {(attempt, number, count) for count in range(told[number, 0])} <= sealed
-        counts["published"] += len(published)
+        counts["published by writers"] += len(published)
         assert len(list((dataset.path / INFLIGHT).glob("*.journal"))) <= 2
 
         for action in repair_dataset(dataset.path):
-            counts[action.done] += 1
+            counts[f"{action.done} by repair"] += 1
             if action.done == "quarantined" or action.done == "cleared":
                 continue
             saved = read_episode(action.path)
@@ -147,7 +150,7 @@ def test_two_killed_writers_lose_nothing_that_was_sealed_or_flushed(dataset):
                 assert_prefix(saved.arrays, truth)
                 sealed, steps = told[draw[1]]
                 assert draw[2] > sealed or len(saved) >= min(steps, len(truth["actions/action"]))
-                counts["salvaged steps"] += len(saved)
+                counts["steps salvaged"] += len(saved)
         assert list((dataset.path / INFLIGHT).iterdir()) == []
         assert repair_dataset(dataset.path) == []
     draws = [tuple(draw) for draw in seen.values()]
@@ -207,29 +210,40 @@ def fill(dataset: Dataset, arrays: dict[str, np.ndarray]) -> int:
 
 
 @pytest.mark.parametrize("images", ["noise", "flat"])
-def test_a_file_that_may_not_grow_never_ends_the_process(tmp_path, images):
+@pytest.mark.parametrize("when", ["recording", "sealing"])
+def test_a_file_that_may_not_grow_never_ends_the_process(tmp_path, when, images):
     """RLIMIT_FSIZE refuses writes as a full disk does, wherever tests may run."""
     truth = episode_arrays(np.random.default_rng(1), steps=30, size=24)
     if images == "flat":
         truth["cameras/front/color"][...] = 7
         truth["cameras/front/depth"][...] = 9
     ends: Counter[int] = Counter()
-    for limit in np.linspace(3_000, 200_000, SIZES).astype(int):
+    for limit in np.linspace(3_000, 200_000, LIMITS).astype(int):
         dataset = Dataset.create_or_resume(tmp_path / str(limit), "centering", 0, {})
         write_episode(make_episode(0, steps=30, size=24), dataset.episode_path(0))
-
-        def limited(dataset=dataset, limit=int(limit)):
-            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-            return fill(dataset, truth)
-
-        end = in_child(limited)
+        end = in_child(functools.partial(fill_limited, dataset, truth, when, int(limit)))
         ends[end] += 1
         assert end in (0, 10, 11, 12)
         check_after_full_disk(dataset, truth, sealed=end == 0)
         shutil.rmtree(dataset.path)
-    assert ends[10]
+    assert ends[10 if when == "recording" else 11]
     assert ends[0]
-    report(f"file size limits, {images} images", {f"ended {end}": count for end, count in ends.items()})
+    report(f"file size limits, {images} images, {when}", {f"ended {end}": count for end, count in ends.items()})
+
+
+def fill_limited(dataset, truth, when, limit) -> int:
+    def forbid() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    def limited_build(*arguments):
+        forbid()
+        return claims.build(*arguments)
+
+    if when == "recording":
+        forbid()
+    else:
+        svfl_data.writer.build = limited_build  # of this child process only
+    return fill(dataset, truth)
 
 
 def test_a_full_tmpfs_never_ends_the_process(tmp_path):
