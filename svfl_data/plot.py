@@ -205,7 +205,8 @@ def _dress(axis: Axes, episode: Episode, span: tuple[float, float]) -> None:
     names = sorted({name for name, _, _ in marks})
     for name, start, end in marks:
         axis.axvspan(start, end, color=MARKS[names.index(name) % len(MARKS)], alpha=0.35, linewidth=0)
-    axis.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), fontsize=8, frameon=False)
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), fontsize=8, frameon=False)
 
 
 def _intervals(episode: Episode) -> list[tuple[str, float, float]]:
