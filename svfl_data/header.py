@@ -43,7 +43,7 @@ def header(extent: Extent) -> Header:
         FormatError: If the episode is damaged, foreign, of another version, or has changed since it was found.
         FieldError: If a field is missing or of another type or shape than declared.
     """
-    digest = _checked_seal(extent)
+    digest = checked_seal(extent)
     descriptor = extent.open()
     try:
         with h5py.File(_ExtentFile(extent, descriptor), "r") as file:
@@ -62,7 +62,12 @@ def header(extent: Extent) -> Header:
     return Header(digest, attributes, placements)
 
 
-def _checked_seal(extent: Extent) -> str:
+def checked_seal(extent: Extent) -> str:
+    """SHA-256 of an episode's content, in hexadecimal, read and compared with its seal.
+
+    Raises:
+        FormatError: If the episode is damaged or was never sealed.
+    """
     digest, tail = hashlib.sha256(), b""
     for block in extent.blocks():
         tail += block

@@ -9,7 +9,7 @@ from pathlib import Path
 from svfl_data.chunks import Extent
 from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError, StorageError, UsageError
-from svfl_data.header import header
+from svfl_data.header import checked_seal
 from svfl_data.progress import progress
 from svfl_data.shards import shard_files
 from svfl_data.split import FOLDER as SPLITS
@@ -50,7 +50,7 @@ def pack(dataset: Dataset, out: Path | str, shard_bytes: int = SHARD_BYTES) -> D
         size = 0
         for index in progress(missing, "packing"):
             extent = dataset.extent(index)
-            header(extent)  # checks the seal
+            checked_seal(extent)
             if waiting and size + extent.size > shard_bytes:
                 _write_shard(target.path / f"shard_{number:06d}.zip", waiting)
                 waiting, size, number = [], 0, number + 1
@@ -81,7 +81,7 @@ def unpack(dataset: Dataset, out: Path | str) -> Dataset:
     with target.writing():
         for index in progress(sorted(set(dataset.indices) - set(target.indices)), "unpacking"):
             extent = dataset.extent(index)
-            header(extent)  # checks the seal
+            checked_seal(extent)
             write_atomically(target.episode_path(index), b"".join(extent.blocks()))
     return target
 
