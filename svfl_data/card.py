@@ -88,7 +88,7 @@ def write_card(dataset: Dataset, out: Path) -> list[Path]:
 def episode_facts(episode: Episode) -> Facts:
     """What the card says of an episode."""
     after = episode.wrench_t_ns >= episode.t_ns[0]
-    force = np.linalg.norm(processed_wrench(episode)[after, :3], axis=1)
+    force = np.linalg.norm(processed_wrench(episode)[after, :3].astype(np.float64), axis=1)
     return Facts(
         episode.meta.index,
         episode.meta.success,

@@ -73,9 +73,9 @@ def contact_annotations(episode: Episode, rule: ContactRule | None = None) -> li
 
 
 def contact_force(episode: Episode, rule: ContactRule) -> np.ndarray:
-    """Norm of the processed, filtered force, shape (M,), float32, [N]."""
+    """Norm of the processed, filtered force, shape (M,), float64, [N]."""
     filters = [LowPass(rule.cutoff_hz)] if rule.cutoff_hz else []
-    return np.asarray(np.linalg.norm(processed_wrench(episode, filters)[:, :3], axis=1))
+    return np.asarray(np.linalg.norm(processed_wrench(episode, filters)[:, :3].astype(np.float64), axis=1))
 
 
 def contact_intervals(t_ns: np.ndarray, force: np.ndarray, rule: ContactRule) -> list[tuple[int, int]]:

@@ -16,7 +16,7 @@ from matplotlib.gridspec import GridSpec
 from svfl_data.episode import Camera, Episode
 from svfl_data.store import write_atomically
 from svfl_data.symmetry import DIRECTIONS
-from svfl_data.transforms import processed_wrench
+from svfl_data.transforms import processed_wrench, recorded_transforms
 
 matplotlib.use("Agg")  # a file is written; no display is needed
 matplotlib.rcParams["text.parse_math"] = False  # a dollar sign in a name is a dollar sign
@@ -85,14 +85,20 @@ def overview(episode: Episode) -> Figure:
 
 
 def title(episode: Episode) -> str:
-    """What a person should know before looking: two lines."""
+    """What a person should know before looking: two lines.
+
+    Raises:
+        FormatError: If a recorded transform is unknown.
+    """
+    recorded_transforms(episode)
     meta = episode.meta
     steps = ", then ".join(map(_step_words, meta.transforms or [{"name": "tare"}]))
     label = ""
     if episode.has("label_offset") and episode.has("label_direction"):
         dx, dy = episode.label_offset * 1e3
-        direction = DIRECTIONS[int(episode.label_direction)]
-        label = f"; label (yellow arrow): {direction}, ({dx:+.1f}, {dy:+.1f}) mm in base x, y"
+        direction = int(episode.label_direction)
+        known = DIRECTIONS[direction] if 0 <= direction < len(DIRECTIONS) else f"direction {direction}"
+        label = f"; label (yellow arrow): {known}, ({dx:+.1f}, {dy:+.1f}) mm in base x, y"
     seconds = (episode.t_ns[-1] - episode.t_ns[0]) / 1e9
     return (
         f"{meta.task}, episode {meta.index}: {'success' if meta.success else 'no success'}{label}\n"
@@ -155,7 +161,7 @@ def _label(axis: Axes, episode: Episode, camera: Camera) -> None:
 def _wrench(force: Axes, torque: Axes, episode: Episode) -> None:
     t = episode.wrench_t_ns / 1e9
     wrench = processed_wrench(episode)
-    norm = np.linalg.norm(wrench[:, :3], axis=1)
+    norm = np.linalg.norm(wrench[:, :3].astype(np.float64), axis=1)
     force.plot(t, norm, color="#bbbbbb", linewidth=2.4, label="|f|")
     _lines(force, t, wrench[:, :3], ("fx", "fy", "fz"))
     _lines(torque, t, wrench[:, 3:], ("mx", "my", "mz"))
@@ -214,7 +220,8 @@ def _intervals(episode: Episode) -> list[tuple[str, float, float]]:
     return [
         (str(one["name"]), one["start_ns"] / 1e9, one["end_ns"] / 1e9)
         for one in episode.meta.annotations
-        if {"name", "start_ns", "end_ns"} <= one.keys()
+        if isinstance(one, dict) and "name" in one
+        if all(isinstance(one.get(key), int) for key in ("start_ns", "end_ns"))
     ]
 
 

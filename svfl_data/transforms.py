@@ -145,16 +145,14 @@ def from_record(record: dict[str, Any], where: str) -> Transform:
     Raises:
         FormatError: If the name or a parameter is unknown; a transform must not be left out silently.
     """
-    parameters: dict[str, Any] = {
-        key: tuple(value) if isinstance(value, list) else value for key, value in record.items()
-    }
-    kind = TRANSFORMS.get(str(parameters.pop("name", None)))
     try:
-        if kind is None:
-            raise ValueError(f"known are {', '.join(TRANSFORMS)}")
-        return kind(**parameters)
-    except (TypeError, ValueError, UsageError) as error:
-        raise FormatError(f"{where}: cannot apply the recorded transform {record} ({error})") from error
+        parameters = {key: tuple(value) if isinstance(value, list) else value for key, value in record.items()}
+        return TRANSFORMS[parameters.pop("name")](**parameters)
+    except (AttributeError, KeyError, TypeError, ValueError, UsageError) as error:
+        known = ", ".join(TRANSFORMS)
+        raise FormatError(
+            f"{where}: cannot apply the recorded transform {record} ({error!r}); known are {known}"
+        ) from error
 
 
 def recorded_transforms(episode: Episode) -> list[Transform]:

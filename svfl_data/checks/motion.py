@@ -1,6 +1,7 @@
 """Are actions, positions, poses and labels possible, and do they agree with each other?"""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +21,10 @@ OPENING = 0.05  # fingers stop a little before or after their nominal range
 def action_bounds(episode: Episode) -> tuple[float, float, str]:
     """Largest move [m] and turn [rad] of an action, and where they come from."""
     config = episode.meta.config.get("world", episode.meta.config)
-    if isinstance(config, dict) and {"max_move", "max_turn"} <= config.keys():
-        return float(config["max_move"]), float(config["max_turn"]), "config"
+    if isinstance(config, dict):
+        move, turn = config.get("max_move"), config.get("max_turn")
+        if isinstance(move, int | float) and isinstance(turn, int | float):
+            return move, turn, "config"
     return MAX_MOVE_M, MAX_TURN_RAD, "the paper, the config says none"
 
 
@@ -116,7 +119,8 @@ def check_records(episode: Episode) -> Iterator[Finding]:
         yield error(episode, "transforms", None, str(problem).removeprefix(f"{episode.name}: "))
     last = max([int(episode.t_ns[-1]), *(int(t_ns) for t_ns in episode.wrench_t_ns[-1:])])
     for row, annotation in enumerate(episode.meta.annotations):
-        name, start, end = (annotation.get(key) for key in ("name", "start_ns", "end_ns"))
+        facts: dict[str, Any] = annotation if isinstance(annotation, dict) else {}
+        name, start, end = (facts.get(key) for key in ("name", "start_ns", "end_ns"))
         if not (isinstance(name, str) and isinstance(start, int) and isinstance(end, int)):
             yield error(episode, "annotations", row, "needs a name and integers start_ns and end_ns")
         elif not 0 <= start <= end <= last:

@@ -31,7 +31,7 @@ def period_ns(t_ns: np.ndarray) -> float:
 
 def rate_hz(t_ns: np.ndarray) -> float:
     """Rate by the mean interval, [Hz]; 0 for fewer than two readings or no time between them."""
-    span = float(t_ns[-1] - t_ns[0]) if len(t_ns) > 1 else 0.0
+    span = float(t_ns[-1]) - float(t_ns[0]) if len(t_ns) > 1 else 0.0
     return (len(t_ns) - 1) / span * 1e9 if span > 0 else 0.0
 
 
@@ -98,7 +98,7 @@ def _ends_late(path: str, excess: float, every: dict[str, np.ndarray]) -> bool:
     others = [t_ns for other, t_ns in every.items() if other != path and len(t_ns)]
     if not others:
         return False
-    late = float(every[path][-1] - max(t_ns[-1] for t_ns in others))
+    late = float(every[path][-1]) - max(float(t_ns[-1]) for t_ns in others)
     return late > max(excess / 2, *map(period_ns, others))
 
 
@@ -115,7 +115,7 @@ def check_jitter(episode: Episode) -> Iterator[Finding]:
             yield warning(episode, path, row, words)
         if not period or spread > REGULAR:
             continue
-        missing = round((t_ns[-1] - t_ns[0]) / period) - len(intervals)
+        missing = round((float(t_ns[-1]) - float(t_ns[0])) / period) - len(intervals)
         if missing > max(1, MISSING * len(t_ns)):
             words = (
                 f"drop-outs: about {missing} of {len(t_ns) + missing} readings are missing "

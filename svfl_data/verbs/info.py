@@ -126,9 +126,14 @@ def episode_words(episode: EpisodeReader) -> str:
         f"  file      format {episode.format_version}, {size_words(episode.extent.size)}, sha256 {episode.seal[:12]}",
     ]
     lines += [f"  transform {record}" for record in meta.transforms]
-    lines += [
-        f"  mark      {one.get('name')} from {one.get('start_ns', 0) / 1e9:.3f} to {one.get('end_ns', 0) / 1e9:.3f} s"
-        for one in meta.annotations
-    ]
+    lines += [f"  mark      {_mark_words(one)}" for one in meta.annotations]
     lines += [f"  history   {entry.get('time', '')} {entry.get('tool', entry)}" for entry in meta.history]
     return "\n".join([repr(episode), *lines])
+
+
+def _mark_words(one: dict[str, Any]) -> str:
+    """An annotation; as it stands if it is not what it should be, which `svfl-data validate` says."""
+    try:
+        return f"{one['name']} from {one['start_ns'] / 1e9:.3f} to {one['end_ns'] / 1e9:.3f} s"
+    except (KeyError, TypeError):
+        return str(one)

@@ -52,4 +52,4 @@ def run(arguments: argparse.Namespace) -> None:
 def _loss_words(arguments: argparse.Namespace, actions: list[RepairAction]) -> str:
     lost = [action for action in actions if action.lost]
     names = ", ".join(action.path.name for action in lost[:3]) + (", ..." if len(lost) > 3 else "")
-    return f"{arguments.path}: readings or files were lost in {len(lost)} cases: {names}"
+    return f"{arguments.path}: readings or files were lost: {names}"
