@@ -131,8 +131,10 @@ def build(dataset: Dataset, meta: Meta, arrays: Mapping[str, Rows]) -> Path:
             write_sealed(descriptor, meta, arrays)
         finally:
             os.close(descriptor)
-    except OSError as error:
+    except BaseException as error:
         part.unlink(missing_ok=True)
+        if not isinstance(error, OSError):
+            raise
         free = os.statvfs(dataset.path)
         raise StorageError(
             f"cannot write episode {meta.index} to {dataset.path}: {error.strerror} (at most {largest_size(arrays)} "

@@ -50,17 +50,13 @@ ROW_COUNTS = {"rows", *(field.shape[0] for field in FIELDS if grows(field))}
 
 
 class Growth:
-    """The streams of one growing episode: what they are made of, and how long they are.
+    """The streams of one growing episode and what they are made of.
 
     Args:
         constants: Arrays that the episode has once, for their paths.
-
-    Attributes:
-        rows: Rows of each stream so far, by dataset path.
     """
 
     def __init__(self, constants: Mapping[str, np.ndarray]) -> None:
-        self.rows: dict[str, int] = {}
         self._constants = constants
         self._columns: dict[str, dict[str, tuple[np.dtype, tuple[int, ...]]]] = {}
         self._sizes: dict[str, dict[str, tuple[int, str]]] = {}
@@ -82,23 +78,26 @@ class Growth:
         for path, array in arrays.items():
             _check_rows(path, array, sizes)
         columns = {path: (array.dtype, array.shape[1:]) for path, array in arrays.items()}
-        if group not in self._columns:
+        first = group not in self._columns
+        if first:
             self._check_group(group, columns)
         elif (before := self._columns[group]) != columns:
             raise FieldError(f"{group}: has {_words(columns)}, but began with {_words(before)}")
-        self._sizes[group] = {symbol: size for symbol, size in sizes.items() if symbol not in ROW_COUNTS}
-        return group not in self._columns
+        return first
 
-    def count(self, group: str, arrays: Mapping[str, np.ndarray]) -> None:
-        """Count rows that were checked."""
-        self._columns.setdefault(group, {path: (array.dtype, array.shape[1:]) for path, array in arrays.items()})
+    def begin(self, group: str, arrays: Mapping[str, np.ndarray]) -> None:
+        """Hold a group to what its first rows were."""
+        sizes: dict[str, tuple[int, str]] = {}
         for path, array in arrays.items():
-            self.rows[path] = self.rows.get(path, 0) + len(array)
+            _check_rows(path, array, sizes)
+        self._sizes[group] = {symbol: size for symbol, size in sizes.items() if symbol not in ROW_COUNTS}
+        self._columns[group] = {path: (array.dtype, array.shape[1:]) for path, array in arrays.items()}
 
-    def check_whole(self, late: Mapping[str, np.ndarray], where: str) -> None:
+    def check_whole(self, rows: Mapping[str, int], late: Mapping[str, np.ndarray], where: str) -> None:
         """Check that the streams and constants make an episode.
 
         Args:
+            rows: Number of rows of each stream, by dataset path.
             late: Constants that came at the end.
             where: What to name in the error.
 
@@ -106,9 +105,10 @@ class Growth:
             FieldError: If a stream is missing or streams disagree about their length.
         """
         streams = {
-            path: np.broadcast_to(np.zeros((), dtype), (self.rows[path], *row_shape))
+            path: np.broadcast_to(np.zeros((), dtype), (rows[path], *row_shape))
             for columns in self._columns.values()
             for path, (dtype, row_shape) in columns.items()
+            if path in rows
         }
         check_arrays({**self._constants, **late, **streams}, where)
 

@@ -1,8 +1,9 @@
 """The append-only file in which an episode grows while it is recorded; whatever ends the writer, it stays readable.
 
 A journal is a sequence of records, each a header (`HEADER`: magic, bytes of the label, bytes of the content, CRC-32 of
-both), a label (JSON) and the content. Labels: ``{"meta": ...}`` opens the journal, ``{"path", "dtype", "shape"}`` gives
-rows of a stream or, with ``"constant": true``, a whole array, and ``{"end": {...}}`` closes it with the final metadata.
+both), a label (JSON) and the content. ``{"meta": ...}`` opens the journal; ``{"path", "dtype", "shape", "start"}``
+gives rows of a stream from a certain row on, and a whole array with ``"constant"`` in place of ``"start"``;
+``{"end": ...}`` closes it with the final metadata.
 Nothing is ever overwritten, so what was intact once stays so, and reading stops at the first record that is not.
 """
 
@@ -178,13 +179,16 @@ def read_journal(descriptor: int) -> Journal:
 
 
 def _add_rows(streams: dict[str, JournalRows], label: dict[str, Any], descriptor: int, offset: int) -> None:
+    """Add the rows of a record that are new: one that was interrupted may have been written again, and longer."""
     rows, *row_shape = label["shape"]
     empty = JournalRows(descriptor, np.dtype(label["dtype"]), tuple(row_shape), array("q"), array("q"), 0)
     stream = streams.get(label["path"], empty)
-    if rows:
+    known = stream.rows - label["start"]
+    if rows > known:
         stream.starts.append(stream.rows)
-        stream.offsets.append(offset)
-    streams[label["path"]] = stream.first(stream.rows + rows)
+        stream.offsets.append(offset + known * stream.row_bytes)
+        stream = stream.first(label["start"] + rows)
+    streams[label["path"]] = stream
 
 
 def _records(descriptor: int, size: int) -> Iterator[tuple[dict[str, Any], bytes, int]]:

@@ -182,7 +182,7 @@ def _check_file(dataset: Dataset, index: int, path: Path, reseal: bool) -> list[
 
 def _in_time(path: Path) -> bool:
     """Whether an unsealed file holds a valid episode; HDF5 may crash or hang on it, so another process looks."""
-    process = multiprocessing.get_context("spawn").Process(target=_read, args=(path,), daemon=True)
+    process = multiprocessing.get_context("fork").Process(target=_read, args=(path,), daemon=True)
     process.start()
     process.join(READ_SECONDS)
     if process.is_alive():

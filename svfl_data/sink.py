@@ -12,12 +12,12 @@ class Sink(io.RawIOBase):
     """The new file behind a descriptor, as h5py wants file objects.
 
     Attributes:
-        error: The first refusal of the disk. Whoever writes looks at it now and then, stops, closes and raises it;
-            until then every refused write takes memory.
+        error: The first refusal of the disk, or another reason to stop that was set from outside. Whoever writes looks
+            at it now and then, stops, closes and raises it; until then every write takes memory.
     """
 
     def __init__(self, descriptor: int) -> None:
-        self.error: OSError | None = None
+        self.error: BaseException | None = None
         self._descriptor = descriptor
         self._position = 0
         self._end = 0

@@ -14,6 +14,7 @@ import json
 import os
 import tempfile
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
@@ -75,11 +76,11 @@ def write_sealed(descriptor: int, meta: Meta, arrays: Mapping[str, Rows]) -> Non
         OSError: If the disk refuses; the file then holds nothing of use.
     """
     sink = Sink(descriptor)
-    try:
-        _write_hdf5(sink, meta, arrays)
-    except Exception:
-        if sink.error is None:
-            raise
+    with ThreadPoolExecutor(1) as thread:  # Ctrl-C interrupts the main thread, never HDF5 while it calls the sink
+        try:
+            thread.submit(_write_hdf5, sink, meta, arrays).result()
+        except BaseException as error:
+            sink.error = sink.error or error
     if sink.error is not None:
         raise sink.error
     size = sink.seek(0, os.SEEK_END)

@@ -72,8 +72,8 @@ class EpisodeWriter:
         self._flush_s, self._sync_s = flush_s, sync_s
         self._constants = {path: np.asarray(array) for path, array in constants.items()}
         self._growth = Growth(self._constants)
-        self._pending: dict[str, list[np.ndarray]] = {}
-        self._pending_bytes = 0
+        self._state: tuple[dict[str, int], list[dict[str, np.ndarray]]] = {}, []  # rows stored, appends waiting
+        self._waiting_bytes = 0
         if rates_hz:
             meta = replace(meta, config={**meta.config, "rates_hz": dict(rates_hz)})
         self._check_meta(meta)
@@ -117,13 +117,13 @@ class EpisodeWriter:
         if not arrays:
             raise FieldError(f"{group}: no rows were given")
         with self._lock:
-            if self._growth.check(group, arrays) and not group.startswith(EXTRA):
-                self._agree({path: [str(rows.dtype), list(rows.shape[1:])] for path, rows in arrays.items()})
-            self._growth.count(group, arrays)
-            for path, rows in arrays.items():
-                self._pending.setdefault(path, []).append(rows.copy())
-                self._pending_bytes += rows.nbytes
-            if self._pending_bytes >= FLUSH_BYTES or time.monotonic() - self._flushed >= self._flush_s:
+            if self._growth.check(group, arrays):
+                if not group.startswith(EXTRA):
+                    self._agree({path: [str(rows.dtype), list(rows.shape[1:])] for path, rows in arrays.items()})
+                self._growth.begin(group, arrays)
+            self._waiting_bytes += sum(rows.nbytes for rows in arrays.values())
+            self._state[1].append({path: rows.copy() for path, rows in arrays.items()})
+            if self._waiting_bytes >= FLUSH_BYTES or time.monotonic() - self._flushed >= self._flush_s:
                 self.flush()
 
     def flush(self) -> None:
@@ -133,22 +133,26 @@ class EpisodeWriter:
             StorageError: If the disk refuses; what did not fit is kept in memory and tried again at the next flush.
         """
         with self._lock:
-            while self._pending:
-                self._flush_stream(next(iter(self._pending)))
-            self._pending_bytes = 0
+            stored, waiting = self._state
+            stored = dict(stored)
+            for path in dict.fromkeys(path for arrays in waiting for path in arrays):
+                rows = np.concatenate([arrays[path] for arrays in waiting if path in arrays])
+                self._store(path, rows, stored.get(path, 0))
+                stored[path] = stored.get(path, 0) + len(rows)
+            # One assignment: whatever is interrupted before it, by Ctrl-C or the disk, is done again as a whole.
+            self._state = stored, []
+            self._waiting_bytes = 0
             self._flushed = time.monotonic()
             if self._flushed - self._synced >= self._sync_s:
                 self._journal.sync()
                 self._synced = self._flushed
 
-    def _flush_stream(self, path: str) -> None:
-        rows = np.concatenate(self._pending[path])
+    def _store(self, path: str, rows: np.ndarray, first: int) -> None:
         step = max(1, FLUSH_BYTES * len(rows) // max(1, rows.nbytes))
         for start in range(0, max(1, len(rows)), step):
             part = rows[start : start + step]
-            self._journal.append({"path": path, "dtype": part.dtype.str, "shape": part.shape}, part.tobytes())
-            self._pending[path] = [rows[start + step :]]  # what is not stored yet, should the next part be refused
-        del self._pending[path]
+            label = {"path": path, "dtype": part.dtype.str, "shape": part.shape, "start": first + start}
+            self._journal.append(label, part.tobytes())
 
     def seal(
         self,
@@ -181,7 +185,7 @@ class EpisodeWriter:
         )
         self._check_meta(meta)
         self.flush()
-        self._growth.check_whole(late, f"episode {meta.index}")
+        self._growth.check_whole(self._state[0], late, f"episode {meta.index}")
         self._append_constants(late)
         self._journal.append({"end": asdict(meta)})
         path = self._dataset.episode_path(meta.index)
@@ -216,8 +220,8 @@ class EpisodeWriter:
             self._closed = True
 
     def __repr__(self) -> str:
-        rows = ", ".join(f"{path} {count}" for path, count in self._growth.rows.items())
-        return f"EpisodeWriter(episode {self.meta.index} of {self._dataset.path}: {rows or 'no rows yet'})"
+        rows = ", ".join(f"{path} {count}" for path, count in self._state[0].items())
+        return f"EpisodeWriter(episode {self.meta.index} of {self._dataset.path}: {rows or 'nothing stored yet'})"
 
     def _recorded(self) -> dict[str, Rows]:
         journal = read_journal(self._journal.descriptor)

@@ -23,7 +23,7 @@ import svfl_data.writer
 from svfl_data import claims
 from svfl_data.claims import INFLIGHT, NEXT
 from svfl_data.dataset import Dataset
-from svfl_data.episode import Meta
+from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FieldError, FormatError, StorageError
 from svfl_data.repair import repair_dataset, repair_exit_code
 from svfl_data.seal import SEAL_SIZE, seal
@@ -37,6 +37,7 @@ KILLS = 200 if CAMPAIGN else 10
 LIMITS = 50 if CAMPAIGN else 6
 SIZES = 200 if CAMPAIGN else 8
 MUTATIONS = 1000 if CAMPAIGN else 200
+INTERRUPTS = 100 if CAMPAIGN else 6
 CUTS = 1000 if CAMPAIGN else 30
 
 
@@ -300,6 +301,74 @@ def test_sealing_again_after_making_room_is_possible(dataset, monkeypatch):
             with pytest.raises(StorageError, match=r"No space left on device \(at most \d+ bytes needed, \d+ free\)"):
                 writer.seal()
         assert writer.seal().read_bytes() == episode_bytes(episode)
+
+
+def test_an_interrupt_while_sealing_neither_crashes_nor_loses_anything(dataset):
+    """Ctrl-C must not surface inside HDF5, which would end the process."""
+    truth = make_episode(steps=150, size=40).arrays
+    rng = np.random.default_rng(0)
+
+    def seal_until_interrupted(sealing) -> int:
+        try:
+            with start(dataset, make_episode(steps=150, size=40), flush_s=0.0) as writer:
+                append_all(writer, truth)
+                os.write(sealing, b"x")
+                writer.seal()
+        except KeyboardInterrupt:
+            return 5
+        return 0
+
+    ends: Counter[int] = Counter()
+    for _ in range(INTERRUPTS):
+        told, sealing = os.pipe()
+        child = os.fork()
+        if child == 0:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            code = 99
+            try:
+                code = seal_until_interrupted(sealing)
+            finally:
+                os._exit(code)
+        os.read(told, 1)
+        time.sleep(rng.uniform(0, 0.3))
+        os.kill(child, signal.SIGINT)
+        ends[os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])] += 1
+        os.close(told)
+        os.close(sealing)
+        assert ends.keys() <= {0, 5}
+        repair_dataset(dataset.path)
+        assert list((dataset.path / INFLIGHT).iterdir()) == []
+    for index in dataset.indices:
+        assert_same(read_episode(dataset.episode_path(index)).arrays, truth)
+    assert len(dataset) == INTERRUPTS
+    report("interrupts while sealing", {f"ended {end}": count for end, count in ends.items()})
+
+
+@pytest.mark.parametrize("stage", ["before", "after"])
+def test_an_interrupt_while_recording_neither_doubles_nor_loses_rows(dataset, monkeypatch, stage):
+    """Whatever Ctrl-C hits, the rows of an append are stored once or not at all."""
+    episode = make_episode()
+    with start(dataset) as writer:
+        store, left = writer._journal.append, [3]
+
+        def interrupted(label, content=b""):
+            left[0] -= 1
+            if left[0] == 0 and stage == "before":
+                raise KeyboardInterrupt
+            store(label, content)
+            if left[0] == 0:
+                raise KeyboardInterrupt
+
+        append_all(writer, episode.arrays, rng=np.random.default_rng(3))
+        wrench = {name: episode.arrays[f"streams/wrench/{name}"][-5:] for name in ("t_ns", "wrench")}
+        writer.append("extra/again", **wrench)
+        with monkeypatch.context() as patched:
+            patched.setattr(writer._journal, "append", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                writer.flush()
+        path = writer.seal()
+    own = {f"extra/again/{name}": array for name, array in wrench.items()}
+    assert path.read_bytes() == episode_bytes(Episode(episode.meta, episode.arrays | own))
 
 
 def unfinished(dataset, episode) -> Path:
