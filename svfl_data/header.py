@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import io
+import json
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,10 +13,11 @@ import h5py
 import numpy as np
 
 from svfl_data.chunks import Extent, Placement, placement, pread
-from svfl_data.errors import FormatError, SvflError
+from svfl_data.episode import Meta
+from svfl_data.errors import FieldError, FormatError, SvflError
 from svfl_data.fields import EXTRA, check_arrays, field_at
 from svfl_data.seal import SEAL_MARK, SEAL_SIZE
-from svfl_data.store import FORMAT, FORMAT_VERSION, JSON_ATTRIBUTES
+from svfl_data.store import FORMAT, FORMAT_VERSION, JSON_ATTRIBUTES, PLAIN_ATTRIBUTES
 
 HEADERS_KEPT = 512
 
@@ -49,7 +51,7 @@ def header(extent: Extent) -> Header:
         with h5py.File(_ExtentFile(extent, descriptor), "r") as file:
             attributes = dict(file.attrs)
             _check_format(attributes, extent)
-            placements = dict(_placements(h5py.h5g.open(file.id, b"/"), ""))
+            placements = dict(_placements(h5py.h5g.open(file.id, b"/"), "", extent))
     except SvflError:
         raise
     except Exception as error:  # whole, but not as we write it: h5py raises nearly anything
@@ -77,6 +79,24 @@ def checked_seal(extent: Extent) -> str:
         damaged = "damaged (does not match its seal)" if tail.startswith(SEAL_MARK) else "not a sealed episode"
         raise FormatError(f"{extent}: {damaged}, {extent.size} bytes")
     return digest.hexdigest()
+
+
+def read_meta(extent: Extent) -> Meta:
+    """What an episode is about.
+
+    Raises:
+        FormatError: If its attributes are not those of an episode.
+    """
+    found = header(extent).attributes
+    try:
+        values = {key: json.loads(found[key]) for key in JSON_ATTRIBUTES}
+        values |= {key: np.asarray(found[key]).item() for key in PLAIN_ATTRIBUTES}
+        for key, kind in (JSON_ATTRIBUTES | PLAIN_ATTRIBUTES).items():
+            if type(values[key]) is not kind:
+                raise TypeError(f"attribute {key} is {values[key]!r}, not of type {kind.__name__}")
+        return Meta(**values)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(f"{extent}: sealed, but not a readable episode ({error})") from error
 
 
 class _ExtentFile(io.RawIOBase):
@@ -109,17 +129,21 @@ def _check_format(attributes: dict[str, Any], extent: Extent) -> None:
     version, ours = str(attributes.get("format_version")), FORMAT_VERSION.split(".")[0]
     if version.split(".")[0] != ours:
         raise FormatError(f"{extent}: format version {version}; this software reads {ours}.x")
-    for key in ("task", "index", "seed", "source", "success", *JSON_ATTRIBUTES):
-        if key not in attributes:
-            raise FormatError(f"{extent}: sealed, but not a readable episode (it has no attribute {key!r})")
 
 
-def _placements(group: h5py.h5g.GroupID, prefix: str) -> Iterator[tuple[str, Placement]]:
+def _placements(group: h5py.h5g.GroupID, prefix: str, extent: Extent) -> Iterator[tuple[str, Placement]]:
     """Every array that is declared or the user's own; what else there is comes from a later minor version."""
     for name in group:
         path = prefix + name.decode()
         item = h5py.h5o.open(group, name)
         if isinstance(item, h5py.h5g.GroupID):
-            yield from _placements(item, path + "/")
+            yield from _placements(item, path + "/", extent)
         elif isinstance(item, h5py.h5d.DatasetID) and (field_at(path) or path.startswith(EXTRA)):
+            _check_unit(path, item, extent)
             yield path, placement(item)
+
+
+def _check_unit(path: str, item: h5py.h5d.DatasetID, extent: Extent) -> None:
+    field = field_at(path)
+    if field and (found := h5py.Dataset(item).attrs.get("unit")) != field.unit:
+        raise FieldError(f"{extent}: field {path} is in {found!r}, expected {field.unit!r}")

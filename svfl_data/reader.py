@@ -6,7 +6,6 @@ copied, pickled, and carried through a fork.
 """
 
 import functools
-import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +16,8 @@ from svfl_data.chunks import Extent, Placement, pread
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FieldError, FormatError
 from svfl_data.fields import EXTRA, camera_names, field_at
-from svfl_data.header import header
+from svfl_data.header import header, read_meta
 from svfl_data.seal import SEAL_MARK, SEAL_SIZE
-from svfl_data.store import JSON_ATTRIBUTES
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,11 +135,7 @@ class EpisodeReader:
     @functools.cached_property
     def meta(self) -> Meta:
         """What the episode is about."""
-        found = header(self.extent).attributes
-        return Meta(
-            task=str(found["task"]), index=int(found["index"]), seed=int(found["seed"]), source=str(found["source"]),
-            success=bool(found["success"]), **{key: json.loads(found[key]) for key in JSON_ATTRIBUTES},
-        )  # fmt: skip
+        return read_meta(self.extent)
 
     @property
     def paths(self) -> list[str]:

@@ -4,6 +4,7 @@ import os
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,6 +17,7 @@ from svfl_data.episode import Episode
 from svfl_data.errors import FieldError, FormatError, SvflError
 from svfl_data.header import header
 from svfl_data.reader import EpisodeReader
+from svfl_data.seal import seal
 from svfl_data.store import episode_bytes, read_episode, write_episode
 from tests.builders import episode_arrays, make_episode
 
@@ -172,6 +174,29 @@ def test_the_same_errors_lazily_and_whole(tmp_path):
             read_episode(file)
         with pytest.raises(SvflError, match=path):
             EpisodeReader.of_file(file)["observations/proprio"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda file: file["workspace"].attrs.modify("unit", "mm"), "workspace is in 'mm', expected 'm'"),
+        (lambda file: file.attrs.__delitem__("task"), "not a readable episode .*task"),
+        (lambda file: file.attrs.create("index", "three"), "not a readable episode .*index is 'three'"),
+        (lambda file: file.attrs.modify("config", "{"), "not a readable episode"),
+        (lambda file: file.attrs.modify("format", "other"), "attribute format is 'other'"),
+        (lambda file: file.attrs.modify("format_version", "2.0"), r"format version 2\.0; this software reads 1\.x"),
+    ],
+)
+def test_what_is_sealed_but_wrong_is_refused_by_both(file, change, message):
+    with h5py.File(file, "a") as content:
+        change(content)
+    whole = file.read_bytes()
+    content = whole[: whole.rindex(b"\nsvfl-sha256:")] if whole.count(b"\nsvfl-sha256:") else whole
+    file.write_bytes(content + seal(content))
+    with pytest.raises(SvflError, match=message):
+        read_episode(file)
+    with pytest.raises(SvflError, match=message):
+        EpisodeReader.of_file(file).load()
 
 
 def test_packed_or_not_a_dataset_reads_lazily(tmp_path, file):
