@@ -379,3 +379,22 @@ def test_what_is_wrong_between_the_episodes_of_a_dataset_is_found(tmp_path):
         ("3", "index"), ("4", COLOR), ("4", DEPTH), ("5", "streams/joints/position"), ("5", "streams/joints/t_ns"),
         ("5", "task"), ("6", ""),
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("angle", np.deg2rad([10, 40, 100, 130, 190, 220, 280, 310]))
+def test_only_the_nearest_direction_agrees_with_the_offset(angle):
+    arrays = episode_arrays(np.random.default_rng(0), angle=angle)
+    nearest = int(arrays["labels/direction"])
+    for direction in range(4):
+        found = findings(arrays | {"labels/direction": np.array(direction)})
+        assert bool(found) == (direction != nearest)
+
+
+@pytest.mark.parametrize("noise", ["realistic", "none"])
+def test_what_the_collectors_write_has_no_findings(noise):
+    from collectors.centering import CenteringCollector
+    from collectors.simulation.config import WorldConfig
+    from collectors.simulation.noise import NoiseConfig
+
+    world = WorldConfig(noise=NoiseConfig() if noise == "realistic" else NoiseConfig.none())
+    assert check_episode(CenteringCollector(seed=11, world=world)(0)) == []
