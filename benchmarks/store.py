@@ -152,21 +152,21 @@ import sys, time
 import svfl_data.index
 from svfl_data.dataset import Dataset
 peak = lambda: int(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1]) / 1024
-before, start = peak(), time.perf_counter()
+before, start, cpu = peak(), time.perf_counter(), time.process_time()
 if sys.argv[2] == "open":
     repr(Dataset.open(sys.argv[1]))
 else:
     svfl_data.index.summary(Dataset.open(sys.argv[1]))
-print(time.perf_counter() - start, peak(), peak() - before)
+print(time.perf_counter() - start, time.process_time() - cpu, peak(), peak() - before)
 """
 
 
-def measured(folder: Path, what: str) -> tuple[float, float, float]:
-    """Seconds, peak memory and what it grew by [MB], of opening (``open``) or summarising in a fresh process."""
+def measured(folder: Path, what: str) -> tuple[str, str]:
+    """Seconds and peak memory of opening (``open``) or summarising in a fresh process, for the table."""
     command = [sys.executable, "-c", MEASURE, folder, what]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1])
-    seconds, peak, growth = map(float, done.stdout.split())
-    return seconds, peak, growth
+    seconds, cpu, peak, growth = map(float, done.stdout.split())
+    return f"{seconds:.3f} ({cpu:.3f})", f"{peak:.0f} (+{growth:.0f})"
 
 
 def growing(folder: Path, sizes: list[int], scratch: Path) -> None:
@@ -181,7 +181,7 @@ def growing(folder: Path, sizes: list[int], scratch: Path) -> None:
     print("Opening (`repr(Dataset.open(path))`) and summarising (what `svfl-data info` prints), in fresh processes;")
     print("peak memory with growth over the bare imports. The index is there already; building it takes, once,")
     print(f"{building:.1f} ms of CPU per episode.\n")
-    print("| episodes | open, s | memory, MB | packed: open, s | summary, s | memory, MB |")
+    print("| episodes | open, s (CPU) | memory, MB | packed: open, s (CPU) | summary, s (CPU) | memory, MB |")
     print("| ---: | ---: | ---: | ---: | ---: | ---: |")
     for size in sizes:
         large = Dataset.create_or_resume(scratch / f"{size}", info["task"], info["seed"], info["config"])
@@ -190,15 +190,11 @@ def growing(folder: Path, sizes: list[int], scratch: Path) -> None:
         lines = (replace(described[i % len(sources)], name=large.file_name(i), index=i) for i in range(size))
         (large.path / INDEX).write_text("".join(canonical_json(asdict(line)) + "\n" for line in lines))
         packed = pack(large, scratch / f"{size}-packed")
-        opened, opened_peak, opened_growth = measured(large.path, "open")
-        packed_opened, _, _ = measured(packed.path, "open")
+        opened, open_memory = measured(large.path, "open")
+        packed_opened, _ = measured(packed.path, "open")
+        summed, sum_memory = measured(large.path, "summary")
+        print(f"| {size:,} | {opened} | {open_memory} | {packed_opened} | {summed} | {sum_memory} |", flush=True)
         shutil.rmtree(packed.path)
-        summed, summed_peak, summed_growth = measured(large.path, "summary")
-        print(
-            f"| {size:,} | {opened:.3f} | {opened_peak:.0f} (+{opened_growth:.0f}) | {packed_opened:.3f} "
-            f"| {summed:.2f} | {summed_peak:.0f} (+{summed_growth:.0f}) |",
-            flush=True,
-        )
 
 
 def main() -> None:

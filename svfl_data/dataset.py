@@ -11,7 +11,7 @@ from typing import Any
 
 from svfl_data.chunks import Extent
 from svfl_data.episode import Episode, canonical_json
-from svfl_data.errors import DatasetError, FormatError, StorageError
+from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
 from svfl_data.reader import EpisodeReader
 from svfl_data.shards import MEMBER, member_extent, members, shard_files
 from svfl_data.store import read_episode, write_atomically
@@ -152,7 +152,14 @@ class Dataset:
         return (self.read(index) for index in self.indices)
 
     def __repr__(self) -> str:
-        return f"Dataset({self.path}: {self.info['task']}, {len(self)} episodes, seed {self.info['seed']})"
+        indices = self.indices
+        head = f"Dataset({self.path}: {self.info['task']}, {len(indices)} episodes, seed {self.info['seed']})"
+        if not indices:
+            return head
+        try:
+            return f"{head}, the first of which has\n{self.episode(indices[0]).table()}"
+        except SvflError as error:
+            return f"{head}; {error}"
 
     @contextmanager
     def writing(self) -> Iterator[None]:

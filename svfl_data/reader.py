@@ -184,9 +184,9 @@ class EpisodeReader:
     def __len__(self) -> int:
         return self["actions/action"].shape[0]
 
-    def __repr__(self) -> str:
-        meta, rates = self.meta, self.rates
-        lines = [f"Episode {meta.index} of {meta.task}: {len(self)} steps, {self.seconds:.2f} s, {self.extent}"]
+    def table(self) -> str:
+        """Every array in one line: type, shape, unit, and mean rate if it has a clock."""
+        rates, lines = self.rates, []
         for path in self.paths:
             array = self[path]
             unit = f" [{array.unit}]" if array.unit != "-" else ""
@@ -195,3 +195,7 @@ class EpisodeReader:
             rate = f" at {rates[clock]:.1f} Hz" if same else ""
             lines.append(f"  {path} {array.dtype} {array.shape}{unit}{rate}")
         return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        head = f"Episode {self.meta.index} of {self.meta.task}: {len(self)} steps, {self.seconds:.2f} s, {self.extent}"
+        return f"{head}\n{self.table()}"

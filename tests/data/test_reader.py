@@ -199,8 +199,12 @@ def test_what_is_sealed_but_wrong_is_refused_by_both(file, change, message):
         EpisodeReader.of_file(file).load()
 
 
-def test_packed_or_not_a_dataset_reads_lazily(tmp_path, file):
-    Dataset.create_or_resume(tmp_path / "d", "centering", 0, {})
-    file.rename(tmp_path / "d" / file.name)
-    dataset = Dataset.open(tmp_path / "d")
+def test_a_dataset_says_what_its_episodes_hold(tmp_path, file):
+    dataset = Dataset.create_or_resume(tmp_path / "d", "centering", 0, {})
+    assert repr(dataset) == f"Dataset({dataset.path}: centering, 0 episodes, seed 0)"
+    file.rename(dataset.episode_path(0))
     assert_same(dataset.episode(0).load(), dataset.read(0))
+    assert "1 episodes" in repr(dataset)
+    assert "streams/wrench/wrench float32 (200, 6) [N, N, N, N m, N m, N m] at 500.0 Hz" in repr(dataset)
+    dataset.episode_path(0).write_bytes(b"damaged")
+    assert "episode_000000.hdf5: not a sealed episode" in repr(dataset)
