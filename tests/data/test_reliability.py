@@ -511,7 +511,9 @@ def lost_attribute(file, rng):
 @with_h5py
 def wrong_attribute(file, rng):
     names = sorted(file.attrs)
-    file.attrs[names[rng.integers(len(names))]] = [np.arange(3), "{", "3", 2.5][rng.integers(4)]
+    name = names[rng.integers(len(names))]
+    wrong = [np.arange(3), 2.5] if name in ("task", "source") else [np.arange(3), 2.5, "{", "3"]
+    file.attrs[name] = wrong[rng.integers(len(wrong))]
 
 
 @with_h5py
