@@ -23,7 +23,7 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-Commands = argparse._SubParsersAction  # type: ignore[type-arg]  # what `add_subparsers` returns; argparse has no public name
+Commands = argparse._SubParsersAction  # what `add_subparsers` returns; argparse has no public name
 """The verbs of a command."""
 
 

@@ -146,7 +146,9 @@ def from_record(record: dict[str, Any], where: str) -> Transform:
         FormatError: If the name or a parameter is unknown; a transform must not be left out silently.
     """
     try:
-        parameters = {key: tuple(value) if isinstance(value, list) else value for key, value in record.items()}
+        parameters: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value for key, value in record.items()
+        }
         return TRANSFORMS[parameters.pop("name")](**parameters)
     except (AttributeError, KeyError, TypeError, ValueError, UsageError) as error:
         known = ", ".join(TRANSFORMS)
