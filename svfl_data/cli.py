@@ -23,6 +23,10 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
+Commands = argparse._SubParsersAction  # what `add_subparsers` returns; argparse has no public name
+"""The verbs of a command."""
+
+
 def positive(text: str) -> int:
     """Argument type: an integer of at least 1."""
     return _integer(text, 1)

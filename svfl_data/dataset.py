@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from svfl_data.chunks import Extent
 from svfl_data.episode import Episode, canonical_json
-from svfl_data.errors import DatasetError, FormatError, StorageError
+from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
+from svfl_data.reader import EpisodeReader
+from svfl_data.shards import MEMBER, member_extent, members, shard_files
 from svfl_data.store import read_episode, write_atomically
 
 FORMAT = "svfl-dataset"
@@ -78,12 +81,59 @@ class Dataset:
 
     def episode_path(self, index: int) -> Path:
         """File of an episode, whether or not it exists."""
-        return self.path / f"episode_{index:06d}.hdf5"
+        return self.path / self.file_name(index)
+
+    @staticmethod
+    def file_name(index: int) -> str:
+        """Name of an episode's file."""
+        return f"episode_{index:06d}.hdf5"
 
     @property
     def indices(self) -> list[int]:
-        """Indices of the episodes that exist, ascending."""
-        return sorted(int(file.stem.removeprefix("episode_")) for file in self.path.glob("episode_[0-9]*.hdf5"))
+        """Indices of the episodes that exist, in files of their own or in shards, ascending."""
+        return sorted(self.own_files().keys() | self.packed().keys())
+
+    def own_files(self) -> dict[int, Path]:
+        """The episodes in files of their own, by index."""
+        return {
+            int(match[1]): Path(entry.path)
+            for entry in os.scandir(self.path)
+            if (match := MEMBER.fullmatch(entry.name))
+        }
+
+    def packed(self) -> dict[int, Path]:
+        """The shard of each episode that lies in one; a file of its own comes before it when reading.
+
+        Raises:
+            FormatError: If a shard is damaged.
+        """
+        return {index: shard for shard in shard_files(self.path) for index in members(shard)}
+
+    def extent(self, index: int) -> Extent:
+        """Where the bytes of an episode lie.
+
+        Raises:
+            DatasetError: If the dataset has no such episode.
+            FormatError: If its shard is damaged.
+        """
+        file = self.episode_path(index)
+        if file.exists():
+            return Extent.of_file(file)
+        for shard in reversed(shard_files(self.path)):
+            if index in members(shard):
+                return member_extent(shard, members(shard)[index])
+        indices = self.indices
+        span = f"{len(indices)} episodes, {indices[0]} to {indices[-1]}" if indices else "no episodes"
+        raise DatasetError(f"{self.path}: no episode {index}; it has {span}")
+
+    def episode(self, index: int) -> EpisodeReader:
+        """One episode to read lazily.
+
+        Raises:
+            DatasetError: If the dataset has no such episode.
+            FormatError: If its shard is damaged; damage of the episode itself shows when it is read.
+        """
+        return EpisodeReader(self.extent(index))
 
     def read(self, index: int) -> Episode:
         """Read one episode.
@@ -92,12 +142,8 @@ class Dataset:
             DatasetError: If the dataset has no such episode.
             FormatError: If its file is damaged.
         """
-        file = self.episode_path(index)
-        if not file.exists():
-            indices = self.indices
-            span = f"{len(indices)} episodes, {indices[0]} to {indices[-1]}" if indices else "no episodes"
-            raise DatasetError(f"{self.path}: no episode {index}; it has {span}")
-        return read_episode(file)
+        reader = self.episode(index)
+        return reader.load() if reader.extent.member else read_episode(reader.extent.file)
 
     def __len__(self) -> int:
         return len(self.indices)
@@ -106,7 +152,14 @@ class Dataset:
         return (self.read(index) for index in self.indices)
 
     def __repr__(self) -> str:
-        return f"Dataset({self.path}: {self.info['task']}, {len(self)} episodes, seed {self.info['seed']})"
+        indices = self.indices
+        head = f"Dataset({self.path}: {self.info['task']}, {len(indices)} episodes, seed {self.info['seed']})"
+        if not indices:
+            return head
+        try:
+            return f"{head}, the first of which has\n{self.episode(indices[0]).table()}"
+        except SvflError as error:
+            return f"{head}; {error}"
 
     @contextmanager
     def writing(self) -> Iterator[None]:

@@ -192,13 +192,25 @@ def _check_group(fields: dict[str, Field], arrays: Mapping[str, np.ndarray], whe
     sizes: dict[str, tuple[int, str]] = {}
     for path, field in fields.items():
         if path in arrays:
-            _check_array(field, arrays[path], sizes, f"{where}: field {path}", path)
+            check_array(field, arrays[path], sizes, f"{where}: field {path}", path)
         elif not field.optional:
             raise FieldError(f"{where}: field {path} is missing")
     return sizes
 
 
-def _check_array(field: Field, array: np.ndarray, sizes: dict[str, tuple[int, str]], here: str, path: str) -> None:
+def check_array(field: Field, array: np.ndarray, sizes: dict[str, tuple[int, str]], here: str, path: str) -> None:
+    """Check one array against its declaration.
+
+    Args:
+        field: The declaration.
+        array: What is to be stored.
+        sizes: Each symbol's size so far and the path that set it; symbols met for the first time are added.
+        here: What to name in the error, such as the file and the path.
+        path: Where the array is stored.
+
+    Raises:
+        FieldError: If dtype or shape are not as declared, a size disagrees, or it holds NaN or infinity.
+    """
     if array.dtype != np.dtype(field.dtype):
         raise FieldError(f"{here} has dtype {array.dtype}, expected {field.dtype}")
     if array.ndim != len(field.shape):

@@ -1,26 +1,32 @@
 """Reading and writing episode files; the only module that knows HDF5.
 
-A file is built in memory, written aside, synced and renamed. Writing HDF5 straight to a full disk makes the HDF5
-library crash the whole process, and a killed writer leaves a file that cannot be opened; this way an episode is
-either whole or absent. Equal episodes give equal bytes: HDF5's object times are not stored.
+A file is built in memory, or in a file beside it where it may be large, then synced and given its name. Writing HDF5
+straight to a full disk makes the HDF5 library crash the whole process, and a killed writer leaves a file that cannot be
+opened; this way an episode is either whole or absent. Equal episodes give equal bytes, whichever way they were written:
+HDF5's object times are not stored, and arrays are always handed over in the same blocks.
 
 Behind the HDF5 content stands a seal, a SHA-256 of all bytes before it. HDF5 readers ignore it; ours checks it before
 HDF5 sees a byte, because damaged metadata can be read as if nothing had happened, or keep the library busy for ever.
 """
 
-import hashlib
 import io
 import json
 import os
 import tempfile
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any, BinaryIO, Protocol
 
 import h5py
 import numpy as np
 
 from svfl_data.episode import Episode, Meta, canonical_json
-from svfl_data.errors import FormatError, StorageError, SvflError
+from svfl_data.errors import FieldError, FormatError, StorageError, SvflError
 from svfl_data.fields import EXTRA, field_at
+from svfl_data.seal import SEAL_SIZE as SEAL_SIZE  # for readers
+from svfl_data.seal import file_seal, seal, unsealed
+from svfl_data.sink import Sink, write_all
 
 FORMAT = "svfl-episode"
 FORMAT_VERSION = "1.0"
@@ -28,36 +34,97 @@ FORMAT_VERSION = "1.0"
 
 GZIP_LEVEL = 1  # readable everywhere; higher levels cost more time than they save bytes on rendered images
 STREAM_CHUNK = 1024  # rows per chunk of a stream
-JSON_ATTRIBUTES = ("config", "software", "transforms", "annotations", "history")
-HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+CHUNK_BYTES = 2**20  # and no more than this, unless one row is larger
+BLOCK_BYTES = 2**20  # handed to HDF5 at once
+PLAIN_ATTRIBUTES = {"task": str, "index": int, "seed": int, "source": str, "success": bool}
+JSON_ATTRIBUTES = {"config": dict, "software": dict, "transforms": list, "annotations": list, "history": list}
+
+
+class Rows(Protocol):
+    """An array that may be larger than memory: a NumPy array, or anything that gives slices of rows as such."""
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Type of its numbers."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Its sizes."""
+
+    def __getitem__(self, rows: slice, /) -> np.ndarray: ...
 
 
 def episode_bytes(episode: Episode) -> bytes:
     """The episode as the content of a sealed HDF5 file; equal episodes give equal bytes."""
     buffer = io.BytesIO()
-    with h5py.File(buffer, "w") as file:
+    _write_hdf5(buffer, episode.meta, episode.arrays)
+    content = buffer.getvalue()
+    return content + seal(content)
+
+
+def write_sealed(descriptor: int, meta: Meta, arrays: Mapping[str, Rows]) -> None:
+    """Write a sealed episode of any length into a new file and sync it; memory holds a block at a time.
+
+    The bytes are those of `episode_bytes` for the same content. What is written is read again for the seal.
+
+    Args:
+        descriptor: The file: empty, open for reading and writing.
+        meta: What the episode is about.
+        arrays: Dataset path to array; must be a valid episode, which is not checked here.
+
+    Raises:
+        OSError: If the disk refuses; the file then holds nothing of use.
+    """
+    sink = Sink(descriptor)
+    with ThreadPoolExecutor(1) as thread:  # Ctrl-C interrupts the main thread, never HDF5 while it calls the sink
+        try:
+            thread.submit(_write_hdf5, sink, meta, arrays).result()
+        except BaseException as error:
+            sink.error = sink.error or error
+    if sink.error is not None:
+        raise sink.error
+    size = sink.seek(0, os.SEEK_END)
+    write_all(descriptor, memoryview(file_seal(descriptor, size)), size)
+    os.fsync(descriptor)
+
+
+def largest_size(arrays: Mapping[str, Rows]) -> int:
+    """Upper bound of the bytes that an episode takes on disk, for messages; compression usually saves most of it."""
+    chunks = sum(array.shape[0] // _chunk_rows(path, array) + 1 for path, array in arrays.items() if array.shape)
+    return sum(_bytes(array) for array in arrays.values()) + 256 * chunks + 2**14 * (len(arrays) + 1)
+
+
+def _bytes(array: Rows) -> int:
+    return int(np.prod(array.shape, dtype=np.int64)) * array.dtype.itemsize
+
+
+def _write_hdf5(target: BinaryIO | Sink, meta: Meta, arrays: Mapping[str, Rows]) -> None:
+    with h5py.File(target, "w") as file:
         file.attrs["format"] = FORMAT
         file.attrs["format_version"] = FORMAT_VERSION
-        for key in ("task", "index", "seed", "source", "success"):
-            file.attrs[key] = getattr(episode.meta, key)
+        for key in PLAIN_ATTRIBUTES:
+            file.attrs[key] = getattr(meta, key)
         for key in JSON_ATTRIBUTES:
-            file.attrs[key] = canonical_json(getattr(episode.meta, key))
-        for path in sorted(episode.arrays):
-            _write_array(file, path, episode.arrays[path])
-    content = buffer.getvalue()
-    return content + _seal(content)
+            file.attrs[key] = canonical_json(getattr(meta, key))
+        for path in sorted(arrays):
+            _write_array(file, path, arrays[path], target)
 
 
-def _write_array(file: h5py.File, path: str, array: np.ndarray) -> None:
-    field = field_at(path)
-    if array.ndim and array.size:
-        rows = 1 if field and field.image else min(len(array), STREAM_CHUNK)
+def _write_array(file: h5py.File, path: str, array: Rows, target: BinaryIO | Sink) -> None:
+    if array.shape and _bytes(array):
+        rows = _chunk_rows(path, array)
         dataset = file.create_dataset(
-            path, data=array, chunks=(rows, *array.shape[1:]), compression="gzip", compression_opts=GZIP_LEVEL,
-            shuffle=array.itemsize > 1, fletcher32=True,
+            path, shape=array.shape, dtype=array.dtype, chunks=(rows, *array.shape[1:]), compression="gzip",
+            compression_opts=GZIP_LEVEL, shuffle=array.dtype.itemsize > 1, fletcher32=True,
         )  # fmt: skip
+        block = max(1, BLOCK_BYTES * array.shape[0] // _bytes(array) // rows) * rows
+        for start in range(0, array.shape[0], block):
+            dataset[start : start + block] = array[start : start + block]
+            if isinstance(target, Sink) and target.error:
+                raise target.error
     else:
-        dataset = file.create_dataset(path, data=array)
+        dataset = file.create_dataset(path, data=array[:] if array.shape else np.asarray(array))
+    field = field_at(path)
     if field:
         dataset.attrs["unit"] = field.unit
         dataset.attrs["doc"] = field.doc
@@ -65,12 +132,12 @@ def _write_array(file: h5py.File, path: str, array: np.ndarray) -> None:
             dataset.attrs["components"] = ",".join(field.components)
 
 
-def _seal(content: bytes) -> bytes:
-    return b"\nsvfl-sha256:" + hashlib.sha256(content).hexdigest().encode() + b"\n"
-
-
-SEAL_SIZE = len(_seal(b""))
-HEX_DIGITS = 65  # and the line's end
+def _chunk_rows(path: str, array: Rows) -> int:
+    """Rows per chunk: one image, or as much of a stream as is read at once."""
+    field = field_at(path)
+    if field and field.image:
+        return 1
+    return max(1, min(array.shape[0], STREAM_CHUNK, CHUNK_BYTES * array.shape[0] // max(1, _bytes(array))))
 
 
 def write_episode(episode: Episode, path: Path) -> None:
@@ -105,7 +172,7 @@ def write_atomically(path: Path, content: bytes) -> None:
             os.fsync(file.fileno())
         os.chmod(aside, 0o644)
         os.replace(aside, path)
-        _sync_folder(path.parent)
+        sync_folder(path.parent)
     except OSError as error:
         raise StorageError(
             f"cannot write {path} ({len(content)} bytes): {error.strerror}; everything written before is intact"
@@ -115,7 +182,8 @@ def write_atomically(path: Path, content: bytes) -> None:
             os.unlink(aside)
 
 
-def _sync_folder(folder: Path) -> None:
+def sync_folder(folder: Path) -> None:
+    """Have the disk take a folder's names."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)  # the rename itself survives a power cut
@@ -139,28 +207,31 @@ def read_episode(path: Path | str) -> Episode:
     path = Path(path)
     if not path.is_file():
         raise FormatError(f"{path}: {'is a folder, not an episode file' if path.is_dir() else 'no such file'}")
-    content = _unsealed(path.read_bytes(), path)
+    return _read_content(unsealed(path.read_bytes(), path), path)
+
+
+def read_unsealed(path: Path) -> Episode:
+    """Read an episode file that lost its seal to other software.
+
+    Nothing protects from damage here: HDF5 may crash or hang on a damaged file, or read it as if nothing had happened.
+
+    Raises:
+        FormatError: If it is not a readable episode.
+        FieldError: If a field is missing or does not fit its declaration.
+    """
+    return _read_content(path.read_bytes(), path)
+
+
+def _read_content(content: bytes, path: Path) -> Episode:
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
             _check_format(file, path)
-            return Episode(_read_meta(file), _read_arrays(file), name=str(path))
+            return Episode(_read_meta(file), _read_arrays(file, path), name=str(path))
     except SvflError:
         raise
     except Exception as error:  # whole, but not as we write it: h5py raises nearly anything
         reason = " ".join(str(error).split())
         raise FormatError(f"{path}: sealed, but not a readable episode ({reason})") from error
-
-
-def _unsealed(sealed: bytes, path: Path) -> bytes:
-    """The HDF5 content, if it is what was written."""
-    content, seal = sealed[:-SEAL_SIZE], sealed[-SEAL_SIZE:]
-    if seal == _seal(content):
-        return content
-    if not sealed.startswith(HDF5_MAGIC):
-        raise FormatError(f"{path}: not an episode file (no HDF5 file, {len(sealed)} bytes)")
-    if seal.startswith(_seal(b"")[:-HEX_DIGITS]):
-        raise FormatError(f"{path}: damaged (its {len(sealed)} bytes do not match its seal)")
-    raise FormatError(f"{path}: not a sealed episode: truncated, or written by other software ({len(sealed)} bytes)")
 
 
 def _check_format(file: h5py.File, path: Path) -> None:
@@ -172,24 +243,43 @@ def _check_format(file: h5py.File, path: Path) -> None:
         raise FormatError(f"{path}: format version {version}; this software reads {FORMAT_VERSION.split('.')[0]}.x")
 
 
-def _read_arrays(file: h5py.File) -> dict[str, np.ndarray]:
+def _read_arrays(file: h5py.File, where: Path) -> dict[str, np.ndarray]:
     """Every array that is declared or the user's own; what else there is comes from a later minor version."""
     arrays: dict[str, np.ndarray] = {}
 
     def read(path: str, item: h5py.Group | h5py.Dataset) -> None:
         if isinstance(item, h5py.Dataset) and (field_at(path) or path.startswith(EXTRA)):
+            _check_unit(path, item, where)
             arrays[path] = np.asarray(item[()])
 
     file.visititems(read)
     return arrays
 
 
+def _check_unit(path: str, item: h5py.Dataset, where: Path) -> None:
+    field = field_at(path)
+    if field and (found := item.attrs.get("unit")) != field.unit:
+        raise FieldError(f"{where}: field {path} is in {found!r}, expected {field.unit!r}")
+
+
 def _read_meta(file: h5py.File) -> Meta:
-    return Meta(
-        task=str(file.attrs["task"]),
-        index=int(file.attrs["index"]),
-        seed=int(file.attrs["seed"]),
-        source=str(file.attrs["source"]),
-        success=bool(file.attrs["success"]),
-        **{key: json.loads(file.attrs[key]) for key in JSON_ATTRIBUTES},
-    )
+    values = {key: json.loads(file.attrs[key]) for key in JSON_ATTRIBUTES}
+    values |= {key: np.asarray(file.attrs[key]).item() for key in PLAIN_ATTRIBUTES}
+    for key, kind in (JSON_ATTRIBUTES | PLAIN_ATTRIBUTES).items():
+        if type(values[key]) is not kind:
+            raise TypeError(f"attribute {key} is {values[key]!r}, not of type {kind.__name__}")
+    return Meta(**values)
+
+
+def resealed_bytes(content: bytes, entry: dict[str, Any]) -> bytes:
+    """HDF5 content that other software has changed, sealed again, with an entry added to its history.
+
+    Args:
+        content: A valid episode without a seal.
+        entry: What to add to the attribute ``history``.
+    """
+    buffer = io.BytesIO(content)
+    with h5py.File(buffer, "r+") as file:
+        file.attrs["history"] = canonical_json([*json.loads(file.attrs["history"]), entry])
+    changed = buffer.getvalue()
+    return changed + seal(changed)

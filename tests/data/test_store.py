@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from svfl_data import store
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FieldError, FormatError, StorageError
 from svfl_data.fields import CAMERA, FIELDS
+from svfl_data.seal import seal
 from svfl_data.store import episode_bytes, read_episode, write_atomically, write_episode
 from tests.builders import episode_arrays, make_episode
 
@@ -132,7 +132,7 @@ def test_arrays_that_do_not_fit_are_refused(spoil, message):
 def reseal(path: Path) -> None:
     """Seal a file that a test has changed with plain h5py."""
     content = path.read_bytes()
-    path.write_bytes(content + store._seal(content))
+    path.write_bytes(content + seal(content))
 
 
 def test_missing_and_foreign_files_are_named(tmp_path):

@@ -1,0 +1,144 @@
+"""Are the clocks of an episode plausible? Each stream alone, then against the observations."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from svfl_data.checks.finding import Finding, error, note, places, seconds, warning
+from svfl_data.episode import Episode
+from svfl_data.fields import field_at
+
+GAP = 1.5  # periods; beyond it a reading is missing
+REGULAR = 0.25  # of a period; 9 of 10 intervals of a regular stream are this near the period
+IRREGULAR_GAP = 4.0  # in an irregular stream: times what 9 of 10 intervals are shorter than
+JITTER = 0.1  # of a period; more is worth a warning
+BEHIND = 3  # readings that lie before an earlier one: up to two are out of order, more mean that the clock was set back
+MISSING = 0.01  # share of missing readings that is worth a warning
+CLOCK_START_S = 3600.0  # an episode clock starts with the episode; later starts are clocks of another kind
+
+
+def clocks(episode: Episode) -> dict[str, np.ndarray]:
+    """Timestamps of every declared stream and camera, [ns], by dataset path."""
+    return {path: array for path, array in episode.arrays.items() if path.endswith("/t_ns") and field_at(path)}
+
+
+def period_ns(t_ns: np.ndarray) -> float:
+    """Median of the forward intervals, [ns]; 0 if there is none."""
+    forward = np.diff(t_ns)
+    forward = forward[forward > 0]
+    return float(np.median(forward)) if len(forward) else 0.0
+
+
+def rate_hz(t_ns: np.ndarray) -> float:
+    """Rate by the mean interval, [Hz]; 0 for fewer than two readings or no time between them."""
+    span = float(t_ns[-1]) - float(t_ns[0]) if len(t_ns) > 1 else 0.0
+    return (len(t_ns) - 1) / span * 1e9 if span > 0 else 0.0
+
+
+def check_order(episode: Episode) -> Iterator[Finding]:
+    """Timestamps ascend: none is repeated, none lies before an earlier one, the clock is not set back."""
+    for path, t_ns in clocks(episode).items():
+        intervals = np.diff(t_ns)
+        repeated = np.flatnonzero(intervals == 0) + 1
+        if len(repeated):
+            yield error(episode, path, int(repeated[0]), f"duplicate timestamps at {places(repeated, t_ns)}")
+        back = np.flatnonzero(intervals < 0) + 1
+        set_back = np.array([_behind(t_ns, int(row)) >= BEHIND for row in back], dtype=np.bool_)
+        for row in back[set_back]:
+            jump = (t_ns[row] - t_ns[row - 1] - period_ns(t_ns)) / 1e6
+            words = f"stepped clock: set by {jump:+.1f} ms at {places(np.array([row]), t_ns)}"
+            yield error(episode, path, int(row), words)
+        if len(backward := back[~set_back]):
+            words = f"backward timestamps (out of order) at {places(backward, t_ns)}"
+            yield error(episode, path, int(backward[0]), words)
+
+
+def _behind(t_ns: np.ndarray, row: int) -> int:
+    """How many readings from `row` on lie at or before the one ahead of it."""
+    later = t_ns[row:] > t_ns[row - 1]
+    return int(later.argmax()) if later.any() else len(later)
+
+
+def check_gaps(episode: Episode) -> Iterator[Finding]:
+    """No reading is missing, and the clock is not set forward: then the stream would end after all the others."""
+    every = clocks(episode)
+    for path, t_ns in every.items():
+        intervals, period = np.diff(t_ns), period_ns(t_ns)
+        if not period:
+            continue
+        limit = GAP * period if _regular(t_ns) else max(GAP * period, IRREGULAR_GAP * np.percentile(intervals, 90))
+        wide = np.flatnonzero(intervals > limit) + 1
+        stepped = np.array([_ends_late(path, intervals[row - 1] - period, every) for row in wide], dtype=np.bool_)
+        for row in wide[stepped]:
+            jump = (intervals[row - 1] - period) / 1e6
+            words = f"stepped clock: set by {jump:+.1f} ms at {places(np.array([row]), t_ns)}"
+            yield error(episode, path, int(row), words)
+        if len(gaps := wide[~stepped]):
+            widest = int(intervals[gaps - 1].max())
+            words = (
+                f"gaps before {places(gaps, t_ns)}; the widest is {widest / 1e6:.1f} ms, "
+                f"{widest / period:.1f} periods of {period / 1e6:.3g} ms"
+            )
+            yield warning(episode, path, int(gaps[0]), words)
+
+
+def _regular(t_ns: np.ndarray) -> bool:
+    return _spread(t_ns) <= REGULAR
+
+
+def _spread(t_ns: np.ndarray) -> float:
+    """How far 9 of 10 forward intervals lie from the period at most, in periods."""
+    intervals, period = np.diff(t_ns), period_ns(t_ns)
+    intervals = intervals[intervals > 0]
+    return float(np.percentile(np.abs(intervals - period), 90) / period) if len(intervals) else 0.0
+
+
+def _ends_late(path: str, excess: float, every: dict[str, np.ndarray]) -> bool:
+    """Whether a stream ends after all the others by about the excess of one of its intervals."""
+    others = [t_ns for other, t_ns in every.items() if other != path and len(t_ns)]
+    if not others:
+        return False
+    late = float(every[path][-1]) - max(float(t_ns[-1]) for t_ns in others)
+    return late > max(excess / 2, *map(period_ns, others))
+
+
+def check_jitter(episode: Episode) -> Iterator[Finding]:
+    """Intervals are about equal, and the rate by the mean interval is the rate by the median interval."""
+    for path, t_ns in clocks(episode).items():
+        intervals, period, spread = np.diff(t_ns), period_ns(t_ns), _spread(t_ns)
+        if spread > JITTER:
+            row = int(np.abs(intervals - period).argmax()) + 1
+            words = (
+                f"jitter: intervals vary by {spread:.0%} of the period of {period / 1e6:.3g} ms; "
+                f"the oddest is {intervals[row - 1] / 1e6:.3g} ms before {places(np.array([row]), t_ns)}"
+            )
+            yield warning(episode, path, row, words)
+        if not period or spread > REGULAR:
+            continue
+        missing = round((float(t_ns[-1]) - float(t_ns[0])) / period) - len(intervals)
+        if missing > max(1, MISSING * len(t_ns)):
+            words = (
+                f"drop-outs: about {missing} of {len(t_ns) + missing} readings are missing "
+                f"({rate_hz(t_ns):.1f} Hz by mean interval, {1e9 / period:.1f} Hz by median)"
+            )
+            yield warning(episode, path, None, words)
+
+
+def check_coverage(episode: Episode) -> Iterator[Finding]:
+    """Streams share the episode clock and last from before the first observation to the last one."""
+    start, end = int(episode.t_ns[0]), int(episode.t_ns[-1])
+    if start < 0 or start > CLOCK_START_S * 1e9:
+        words = f"the clock does not start with the episode: the first observation is at {seconds(start)}"
+        yield warning(episode, "observations/t_ns", 0, words)
+    for path, t_ns in clocks(episode).items():
+        if not len(t_ns):
+            yield warning(episode, path, None, "the stream is empty")
+            continue
+        if t_ns[0] > start:
+            words = f"nothing at or before the first observation ({seconds(start)}): starts at {seconds(t_ns[0])}"
+            yield warning(episode, path, 0, words)
+        if t_ns[-1] < end - 2 * max(period_ns(t_ns), period_ns(episode.t_ns)):
+            words = f"ends at {seconds(t_ns[-1])}, the last observation is at {seconds(end)}"
+            yield warning(episode, path, len(t_ns) - 1, words)
+    if not len(episode):
+        yield note(episode, "actions/action", None, "the episode has no actions")

@@ -1,0 +1,149 @@
+"""Opening a sealed episode: once per process its seal is checked and its arrays are located."""
+
+import functools
+import hashlib
+import io
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import h5py
+import numpy as np
+
+from svfl_data.chunks import Extent, Placement, placement, pread
+from svfl_data.episode import Meta
+from svfl_data.errors import FieldError, FormatError, SvflError
+from svfl_data.fields import EXTRA, check_arrays, field_at
+from svfl_data.seal import SEAL_MARK, SEAL_SIZE
+from svfl_data.store import FORMAT, FORMAT_VERSION, JSON_ATTRIBUTES, PLAIN_ATTRIBUTES
+
+HEADERS_KEPT = 512
+
+
+@dataclass(frozen=True, eq=False)
+class Header:
+    """What is known of an episode once it was opened.
+
+    Attributes:
+        seal: SHA-256 of its content, in hexadecimal.
+        attributes: Of the file, as HDF5 gives them.
+        placements: Where each array lies, by dataset path.
+    """
+
+    seal: str
+    attributes: dict[str, Any]
+    placements: dict[str, Placement]
+
+
+@functools.lru_cache(maxsize=HEADERS_KEPT)
+def header(extent: Extent) -> Header:
+    """Check the seal and the declared shapes, and find out where everything lies; once per process.
+
+    Raises:
+        FormatError: If the episode is damaged, foreign, of another version, or has changed since it was found.
+        FieldError: If a field is missing or of another type or shape than declared.
+    """
+    digest = checked_seal(extent)
+    descriptor = extent.open()
+    try:
+        with h5py.File(_ExtentFile(extent, descriptor), "r") as file:
+            attributes = dict(file.attrs)
+            _check_format(attributes, extent)
+            placements = dict(_placements(h5py.h5g.open(file.id, b"/"), "", extent))
+    except SvflError:
+        raise
+    except Exception as error:  # whole, but not as we write it: h5py raises nearly anything
+        reason = " ".join(str(error).split())
+        raise FormatError(f"{extent}: sealed, but not a readable episode ({reason})") from error
+    finally:
+        os.close(descriptor)
+    hollow = {path: np.broadcast_to(np.zeros((), found.dtype), found.shape) for path, found in placements.items()}
+    check_arrays(hollow, str(extent))
+    return Header(digest, attributes, placements)
+
+
+def checked_seal(extent: Extent) -> str:
+    """SHA-256 of an episode's content, in hexadecimal, read and compared with its seal.
+
+    Raises:
+        FormatError: If the episode is damaged or was never sealed.
+    """
+    digest, tail = hashlib.sha256(), b""
+    for block in extent.blocks():
+        tail += block
+        digest.update(tail[:-SEAL_SIZE])
+        tail = tail[-SEAL_SIZE:]
+    if tail != SEAL_MARK + digest.hexdigest().encode() + b"\n":
+        damaged = "damaged (does not match its seal)" if tail.startswith(SEAL_MARK) else "not a sealed episode"
+        raise FormatError(f"{extent}: {damaged}, {extent.size} bytes")
+    return digest.hexdigest()
+
+
+def read_meta(extent: Extent) -> Meta:
+    """What an episode is about.
+
+    Raises:
+        FormatError: If its attributes are not those of an episode.
+    """
+    found = header(extent).attributes
+    try:
+        values = {key: json.loads(found[key]) for key in JSON_ATTRIBUTES}
+        values |= {key: np.asarray(found[key]).item() for key in PLAIN_ATTRIBUTES}
+        for key, kind in (JSON_ATTRIBUTES | PLAIN_ATTRIBUTES).items():
+            if type(values[key]) is not kind:
+                raise TypeError(f"attribute {key} is {values[key]!r}, not of type {kind.__name__}")
+        return Meta(**values)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(f"{extent}: sealed, but not a readable episode ({error})") from error
+
+
+class _ExtentFile(io.RawIOBase):
+    """An extent as a file object, for HDF5."""
+
+    def __init__(self, extent: Extent, descriptor: int) -> None:
+        self.extent, self.descriptor, self.position = extent, descriptor, 0
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        start = {os.SEEK_SET: 0, os.SEEK_CUR: self.position, os.SEEK_END: self.extent.size - SEAL_SIZE}[whence]
+        self.position = start + offset
+        return self.position
+
+    def tell(self) -> int:
+        return self.position
+
+    def readinto(self, buffer: Any) -> int:  # noqa: ANN401 - any writable buffer
+        view = memoryview(buffer)
+        view[:] = pread(self.extent, self.descriptor, len(view), self.position)
+        self.position += len(view)
+        return len(view)
+
+
+def _check_format(attributes: dict[str, Any], extent: Extent) -> None:
+    if attributes.get("format") != FORMAT:
+        raise FormatError(
+            f"{extent}: an HDF5 file, but not an episode "
+            f"(attribute format is {attributes.get('format')!r}, not {FORMAT!r})"
+        )
+    version, ours = str(attributes.get("format_version")), FORMAT_VERSION.split(".")[0]
+    if version.split(".")[0] != ours:
+        raise FormatError(f"{extent}: format version {version}; this software reads {ours}.x")
+
+
+def _placements(group: h5py.h5g.GroupID, prefix: str, extent: Extent) -> Iterator[tuple[str, Placement]]:
+    """Every array that is declared or the user's own; what else there is comes from a later minor version."""
+    for name in group:
+        path = prefix + name.decode()
+        item = h5py.h5o.open(group, name)
+        if isinstance(item, h5py.h5g.GroupID):
+            yield from _placements(item, path + "/", extent)
+        elif isinstance(item, h5py.h5d.DatasetID) and (field_at(path) or path.startswith(EXTRA)):
+            _check_unit(path, item, extent)
+            yield path, placement(item)
+
+
+def _check_unit(path: str, item: h5py.h5d.DatasetID, extent: Extent) -> None:
+    field = field_at(path)
+    if field and (found := h5py.Dataset(item).attrs.get("unit")) != field.unit:
+        raise FieldError(f"{extent}: field {path} is in {found!r}, expected {field.unit!r}")

@@ -1,0 +1,60 @@
+"""Streams of many episodes, joined end to end, and windows cut from them for a whole batch at once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Which rows of a joined stream each sample may see: those of its own episode, up to its own time.
+
+    Row 0 is no episode's: it is zero and stands for "nothing was measured yet".
+
+    Attributes:
+        first: First row of the sample's episode, shape (S,), int64.
+        end: Row after the last one that the sample may see, shape (S,), int64; `first` if there is none.
+    """
+
+    first: np.ndarray
+    end: np.ndarray
+
+    def last(self, samples: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
+        """The last rows that samples may see.
+
+        Args:
+            samples: Which samples, shape (B,).
+            length: How many rows, T.
+
+        Returns:
+            Rows, shape (B, T), int64, latest last; and a mask of the same shape, true where the episode had no row
+            yet and its first one is repeated (row 0 if it had none at all).
+        """
+        first, end = self.first[samples, None], self.end[samples, None]
+        rows = end + np.arange(-length, 0)  # (B, T)
+        padding = rows < first
+        return np.where(padding, np.where(end > first, first, 0), rows), padding
+
+
+def join(pieces: Sequence[np.ndarray]) -> np.ndarray:
+    """Rows of all episodes after one zero row, shape (1 + sum of rows, ...)."""
+    return np.concatenate([np.zeros((1, *pieces[0].shape[1:]), pieces[0].dtype), *pieces])
+
+
+def starts(lengths: Sequence[int]) -> np.ndarray:
+    """First row of each episode in a joined stream, shape (E,), int64."""
+    return 1 + np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int64)
+
+
+def rows_until(t_ns: Sequence[np.ndarray], now_ns: Sequence[np.ndarray]) -> Rows:
+    """Which rows each sample may see of a stream with a clock of its own: none from after the sample's time.
+
+    Args:
+        t_ns: Ascending timestamps of the stream in each episode, each of shape (M,), [ns].
+        now_ns: Times of the samples in each episode, each of shape (s,), same clock, [ns].
+    """
+    first = starts([len(times) for times in t_ns])
+    seen = [np.searchsorted(times, now, side="right") for times, now in zip(t_ns, now_ns, strict=True)]
+    each = np.repeat(first, [len(now) for now in now_ns])
+    return Rows(each, each + np.concatenate(seen).astype(np.int64))

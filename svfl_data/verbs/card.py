@@ -1,0 +1,37 @@
+"""``svfl-data card``: a dataset card."""
+
+import argparse
+from pathlib import Path
+
+from svfl_data.cli import Commands
+from svfl_data.dataset import Dataset
+from svfl_data.errors import UsageError
+from svfl_data.verbs.plot import plotting
+from svfl_data.verbs.source import add_dataset
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "card",
+        help="a dataset card in Markdown, with figures and pictures",
+        description="Write a dataset card in Markdown: figures, streams with units, distributions, one episode as a "
+        "picture, where it came from. The pictures stand in a folder beside it.",
+        example="svfl-data card data/centering   # writes data/centering/README.md",
+    )
+    add_dataset(verb)
+    verb.add_argument("--out", type=Path, metavar="FILE.md", help="file to write (default: README.md in the dataset)")
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Write the card."""
+    out = arguments.out or arguments.path / "README.md"
+    if out.suffix != ".md":
+        raise UsageError(f"--out {out}: the name must end in .md")
+    dataset = Dataset.open(arguments.path)
+    plotting()
+    from svfl_data.card import write_card
+
+    files = write_card(dataset, out)
+    print("wrote " + ", ".join(map(str, files)))

@@ -1,0 +1,173 @@
+import dataclasses
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from svfl_data import plot
+from svfl_data.card import write_card
+from svfl_data.dataset import Dataset
+from svfl_data.episode import Episode
+from svfl_data.errors import DatasetError
+from svfl_data.relabel import relabel, with_annotation, with_success
+from svfl_data.split import split_episodes
+from svfl_data.store import write_episode
+from tests.builders import episode_arrays, make_episode
+
+CONTACT = {"name": "contact", "start_ns": 300_000_000, "end_ns": 350_000_000}
+
+
+def annotated(*annotations, **meta):
+    episode = make_episode(steps=8)
+    return Episode(dataclasses.replace(episode.meta, annotations=list(annotations), **meta), episode.arrays)
+
+
+def panels(figure):
+    """Axes by their label."""
+    return {axis.get_ylabel().split(",")[0]: axis for axis in figure.axes if axis.get_ylabel()}
+
+
+def line(axis, label):
+    return next(line for line in axis.get_lines() if line.get_label() == label)
+
+
+def test_the_lines_are_the_numbers_of_the_episode():
+    episode = annotated()
+    shown = panels(plot.overview(episode))
+    for panel, offset, names in (("force", 0, ("fx", "fy", "fz")), ("torque", 3, ("mx", "my", "mz"))):
+        for column, name in enumerate(names):
+            drawn = line(shown[panel], name)
+            np.testing.assert_allclose(drawn.get_ydata(), episode.tared_wrench[:, offset + column], atol=1e-5)
+            np.testing.assert_allclose(drawn.get_xdata(), episode.wrench_t_ns / 1e9)
+    np.testing.assert_allclose(line(shown["action"], "dz, mm").get_ydata()[:-1], episode.action[:, 3] * 1e3)
+    np.testing.assert_allclose(line(shown["gripper"], "measured").get_ydata(), episode.proprio[:, 0])
+
+
+def test_axes_have_units_and_one_time():
+    shown = panels(plot.overview(annotated()))
+    assert [axis.get_ylabel() for axis in shown.values()] == ["force, N", "torque, N m", "gripper", "action, mm, deg"]
+    assert shown["action"].get_xlabel().endswith(", s")
+    assert len({axis.get_xlim() for axis in shown.values()}) == 1
+
+
+def test_marks_stand_where_the_annotations_are():
+    force = panels(plot.overview(annotated(CONTACT)))["force"]
+    (band,) = (patch for patch in force.patches if patch.get_alpha())
+    assert band.get_x() == pytest.approx(0.30)
+    assert band.get_x() + band.get_width() == pytest.approx(0.35)
+    assert "contact" in {text.get_text() for text in force.texts}
+
+
+def test_recorded_transforms_are_applied_and_named():
+    episode = annotated(transforms=[{"name": "tare", "offset": [0, 0, -100, 0, 0, 0]}])
+    figure = plot.overview(episode)
+    np.testing.assert_allclose(line(panels(figure)["force"], "fz").get_ydata(), episode.wrench[:, 2] + 100, rtol=1e-5)
+    assert "tare (offset [0, 0, -100, 0, 0, 0])" in plot.title(episode)
+
+
+def test_the_title_says_success_and_label():
+    assert "episode 0: success; label (yellow arrow): " in plot.title(annotated())
+    assert "no success" in plot.title(annotated(success=False))
+
+
+def test_the_label_arrow_leads_from_the_tcp_to_the_goal():
+    """With the camera straight above the workspace centre, the arrow's direction is the label's in the image."""
+    episode = annotated()
+    arrays = dict(episode.arrays)
+    camera = np.eye(4)
+    camera[:3, :3] = np.stack([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], axis=1)  # x right = base y
+    camera[:3, 3] = [0.55, 0.0, 1.0]
+    arrays["cameras/front/T_base_camera"] = camera
+    arrays["cameras/front/image_axes"] = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    figure = plot.overview(Episode(episode.meta, arrays))
+    insets = [inset for axis in figure.axes for inset in axis.child_axes]
+    (arrow,) = (text for inset in insets for text in inset.texts)
+    right, down = np.array(arrow.xy) - np.array(arrow.xyann)
+    assert np.array([right, -down]) == pytest.approx(
+        np.array([episode.label_offset[1], -episode.label_offset[0]]) * np.hypot(right, down)
+        / np.linalg.norm(episode.label_offset), rel=1e-3
+    )  # fmt: skip
+
+
+def bare():
+    arrays = {path: array for path, array in episode_arrays(np.random.default_rng(0)).items() if "cameras" not in path}
+    return Episode(make_episode().meta, {path: array for path, array in arrays.items() if "labels" not in path})
+
+
+def empty():
+    arrays = episode_arrays(np.random.default_rng(0), steps=0)
+    for path in ("streams/wrench/t_ns", "streams/wrench/wrench", *(f"cameras/front/{n}" for n in ("t_ns", "color"))):
+        arrays[path] = arrays[path][:0]
+    del arrays["cameras/front/depth"], arrays["cameras/front/depth_scale"]
+    return Episode(make_episode().meta, arrays)
+
+
+def wide():
+    arrays = episode_arrays(np.random.default_rng(0))
+    arrays["cameras/front/color"] = np.zeros((5, 16, 400, 3), dtype=np.uint8)
+    arrays["cameras/front/depth"] = np.zeros((5, 16, 400), dtype=np.uint16)
+    return Episode(make_episode().meta, arrays)
+
+
+@pytest.mark.parametrize(
+    "episode",
+    [
+        bare,
+        empty,
+        wide,
+        lambda: annotated({"note": "malformed"}),
+        lambda: annotated(CONTACT, task=r"$\frac$ _^ Würfel"),
+    ],
+)
+def test_any_valid_episode_can_be_drawn(episode, tmp_path):
+    plot.save(episode(), tmp_path / "e.png")
+    height, width = matplotlib.image.imread(tmp_path / "e.png").shape[:2]
+    assert height > 400
+    assert width > 1000
+
+
+def test_equal_episodes_are_equal_pictures(tmp_path):
+    assert plot.png(plot.overview(annotated())) == plot.png(plot.overview(annotated()))
+
+
+@pytest.fixture
+def dataset(tmp_path):
+    dataset = Dataset.create_or_resume(tmp_path / "secret" / "week", "centering", 0, {})
+    for index in range(4):
+        write_episode(make_episode(index, steps=4 + index), dataset.episode_path(index))
+    return dataset
+
+
+def test_a_card_says_what_the_dataset_holds_and_links_its_pictures(dataset):
+    relabel(dataset, 1, with_success(False))
+    relabel(dataset, 2, with_annotation("slip", 0.1, 0.2))
+    split_episodes(dataset.indices, {"train": 0.5, "test": 0.5}, 0, "halves").save(dataset)
+    out = dataset.path / "README.md"
+    *pictures, written = write_card(dataset, out)
+    text = out.read_text()
+    assert written == out
+    for said in (
+        "# week", "4 episodes of centering: 22 steps", "| success | 3 of 4 (75.0%) |", "| annotations | slip (1) |",
+        "| splits | halves |", "| 0 errors, 0 warnings |", "| wrench | 500 |", "16 x 16 px", "[N, N, N, N m, N m, N m]",
+    ):  # fmt: skip
+        assert said in text
+    for picture in pictures:
+        assert f"]({picture.relative_to(dataset.path)})" in text
+        assert matplotlib.image.imread(picture).size
+    assert "secret" not in text
+
+
+def test_a_card_does_not_get_in_the_way_of_the_dataset(dataset):
+    before = dataset.indices
+    write_card(dataset, dataset.path / "README.md")
+    assert Dataset.open(dataset.path).indices == before
+    Dataset.create_or_resume(dataset.path, "centering", 0, {})
+
+
+def test_a_card_of_nothing_or_of_damage_is_refused(dataset, tmp_path):
+    dataset.episode_path(2).write_bytes(b"")
+    with pytest.raises(DatasetError, match=r"episode_000002\.hdf5.*svfl-data repair"):
+        write_card(dataset, tmp_path / "card.md")
+    with pytest.raises(DatasetError, match="no episodes yet"):
+        write_card(Dataset.create_or_resume(tmp_path / "empty", "centering", 0, {}), tmp_path / "card.md")
+    assert not (tmp_path / "card.md").exists()

@@ -1,0 +1,325 @@
+"""Recording piece by piece gives what writing at once gives, or is refused before a byte is stored."""
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from svfl_data.claims import NEXT
+from svfl_data.dataset import Dataset
+from svfl_data.episode import Episode
+from svfl_data.errors import DatasetError, FieldError, FormatError, UsageError
+from svfl_data.fields import FIELDS, field_at
+from svfl_data.growth import grows
+from svfl_data.repair import repair_dataset
+from svfl_data.store import episode_bytes, read_episode
+from svfl_data.writer import EpisodeWriter
+from tests.builders import episode_arrays, make_episode
+
+RATES = {"streams/wrench": 500, "cameras/front": 20}
+
+
+@pytest.fixture
+def dataset(tmp_path) -> Dataset:
+    return Dataset.create_or_resume(tmp_path / "recorded", "centering", 0, {})
+
+
+def constants_of(arrays):
+    return {path: array for path, array in arrays.items() if (field := field_at(path)) and not grows(field)}
+
+
+def groups_of(arrays):
+    groups: dict[str, dict[str, np.ndarray]] = {}
+    for path, array in arrays.items():
+        field = field_at(path)
+        if field is None or grows(field):
+            group, _, name = path.rpartition("/")
+            groups.setdefault(group, {})[name] = array
+    return groups
+
+
+def append_all(writer, arrays, pieces=3, rng=None):
+    """Append every group in pieces of random sizes, the groups taking turns as they do on a robot."""
+    rng = rng or np.random.default_rng(0)
+    for piece in range(pieces):
+        for group, columns in groups_of(arrays).items():
+            rows = len(next(iter(columns.values())))
+            cuts = np.sort(np.random.default_rng([rows, pieces]).integers(0, rows + 1, pieces - 1))
+            start, stop = np.concatenate([[0], cuts, [rows]])[piece : piece + 2]
+            writer.append(group, **{name: array[start:stop] for name, array in columns.items()})
+        if rng.random() < 0.5:
+            writer.flush()
+
+
+def start(dataset, episode=None, **kwargs):
+    episode = episode or make_episode()
+    return EpisodeWriter(dataset, replace(episode.meta, index=NEXT), constants_of(episode.arrays), **kwargs)
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    steps=st.integers(0, 60),
+    size=st.integers(1, 12),
+    pieces=st.integers(1, 12),
+    seed=st.integers(0, 2**32 - 1),
+    text=st.text(alphabet=st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=9),
+    without=st.sets(st.sampled_from(["joints", "object", "depth"])),
+)
+def test_recorded_in_pieces_equals_written_at_once_to_the_byte(
+    tmp_path_factory, steps, size, pieces, seed, text, without
+):
+    rng = np.random.default_rng(seed)
+    dataset = Dataset.create_or_resume(tmp_path_factory.mktemp("w") / "d", "centering", 0, {})
+    arrays = {
+        path: array for path, array in episode_arrays(rng, steps, size).items() if not without & set(path.split("/"))
+    }
+    arrays |= {f"extra/{n}": rng.random((rows, 5)) for n, rows in (("tactile/left", steps), ("empty/none", 0))}
+    meta = replace(make_episode().meta, config={"note": text}, annotations=[{"name": text}])
+    with EpisodeWriter(dataset, replace(meta, index=NEXT), constants_of(arrays)) as writer:
+        append_all(writer, arrays, pieces, rng)
+        path = writer.seal()
+    assert path.read_bytes() == episode_bytes(Episode(meta, arrays))
+    assert list((dataset.path / ".inflight").iterdir()) == []
+
+
+def test_streams_longer_than_a_block_are_the_same_bytes(dataset):
+    """Blocks, chunks and journal records end at different rows; an hour of force is 1.8 million of them."""
+    arrays = episode_arrays(np.random.default_rng(0), steps=3, size=40)
+    rows = 130_001
+    arrays["streams/wrench/t_ns"] = np.arange(rows) * 2_000_000
+    arrays["streams/wrench/wrench"] = np.random.default_rng(0).normal(size=(rows, 6)).astype(np.float32)
+    arrays["extra/pressure/map"] = np.random.default_rng(0).random((700, 40, 60))
+    with start(dataset) as writer:
+        append_all(writer, arrays, pieces=7)
+        path = writer.seal()
+    assert path.read_bytes() == episode_bytes(Episode(make_episode().meta, arrays))
+
+
+def test_labels_success_and_annotations_may_come_at_the_end(dataset):
+    episode = make_episode()
+    late = {path: array for path, array in episode.arrays.items() if path.startswith("labels/")}
+    early = {path: array for path, array in constants_of(episode.arrays).items() if path not in late}
+    contact = {"name": "contact", "start_ns": 5, "stop_ns": 9}
+    with EpisodeWriter(dataset, replace(episode.meta, success=False), early, rates_hz=RATES) as writer:
+        append_all(writer, episode.arrays)
+        path = writer.seal(success=True, annotations=[contact], constants=late)
+    read = read_episode(path)
+    assert (read.meta.success, read.meta.annotations) == (True, [contact])
+    assert read.meta.config["rates_hz"] == RATES
+    np.testing.assert_array_equal(read.label_offset, episode.label_offset)
+
+
+def test_what_was_appended_may_be_reused_by_the_caller(dataset):
+    episode = make_episode()
+    buffer = {path: array.copy() for path, array in episode.arrays.items()}
+    with start(dataset) as writer:
+        append_all(writer, buffer)
+        for array in buffer.values():
+            array[...] = 0
+        path = writer.seal()
+    np.testing.assert_array_equal(read_episode(path).wrench, episode.wrench)
+
+
+def test_timestamps_are_kept_as_they_come(dataset):
+    arrays = episode_arrays(np.random.default_rng(0))
+    t_ns = arrays["streams/wrench/t_ns"]
+    t_ns[10:20] = t_ns[19:9:-1]
+    t_ns[30] = t_ns[29]
+    with start(dataset) as writer:
+        append_all(writer, arrays)
+        path = writer.seal()
+    np.testing.assert_array_equal(read_episode(path).wrench_t_ns, t_ns)
+
+
+def test_several_threads_may_append(dataset):
+    episode = make_episode(steps=40)
+    with start(dataset, episode, flush_s=0.0) as writer:
+
+        def feed(group, columns):
+            for row in range(len(next(iter(columns.values())))):
+                writer.append(group, **{name: array[row : row + 1] for name, array in columns.items()})
+
+        threads = [threading.Thread(target=feed, args=item) for item in groups_of(episode.arrays).items()]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        path = writer.seal()
+    assert path.read_bytes() == episode_bytes(episode)
+
+
+def wrench(rows=2, **changes):
+    columns = {"t_ns": np.arange(rows), "wrench": np.zeros((rows, 6), np.float32)} | changes
+    return "streams/wrench", {name: array for name, array in columns.items() if array is not None}
+
+
+def camera(rows=2, **changes):
+    columns = {
+        "t_ns": np.arange(rows),
+        "color": np.zeros((rows, 16, 16, 3), np.uint8),
+        "depth": np.zeros((rows, 16, 16), np.uint16),
+    } | changes
+    return "cameras/front", {name: array for name, array in columns.items() if array is not None}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (wrench(wrench=np.full((2, 6), np.nan, np.float32)), r"holds nan at index \(0, 0\)"),
+        (wrench(wrench=np.zeros((2, 6))), "dtype float64, expected float32"),
+        (wrench(wrench=np.zeros((2, 5), np.float32)), r"shape \(2, 5\), expected \(M, 6\)"),
+        (wrench(wrench=np.zeros((3, 6), np.float32)), "has M = 3, but streams/wrench/t_ns has M = 2"),
+        (wrench(t_ns=None), "streams/wrench/t_ns is missing"),
+        (wrench(tare=np.zeros(6)), "is a constant"),
+        (wrench(temperature=np.zeros(2)), "unknown stream"),
+        (camera(color=np.zeros((2, 17, 16, 3), np.uint8)), "has H = 16, but cameras/front/color has H = 17"),
+        (camera(color=None), "cameras/front/color is missing"),
+        (("cameras/wrist", camera()[1]), "cameras/wrist: constant cameras/wrist/intrinsics is missing"),
+        (("streams/joints", {"position": np.zeros((1, 9), np.float32)}), "streams/joints/t_ns is missing"),
+        (("extra/own", {"a": np.zeros(2), "b": np.zeros(3)}), "expected 2 rows as extra/own/a"),
+        (("extra/own", {"a": np.array(["text"])}), "numbers, booleans and byte strings"),
+        (("nowhere", {"a": np.zeros(2)}), "unknown stream"),
+        (("actions", {}), "no rows were given"),
+    ],
+)
+def test_wrong_rows_are_refused_and_leave_no_trace(dataset, wrong, message):
+    group, columns = wrong
+    episode = make_episode()
+    with start(dataset) as writer:
+        before = writer._journal.path.stat().st_size
+        with pytest.raises(FieldError, match=message):
+            writer.append(group, **columns)
+        writer.flush()
+        assert writer._journal.path.stat().st_size == before
+        append_all(writer, episode.arrays)
+        assert writer.seal().read_bytes() == episode_bytes(episode)
+
+
+@pytest.mark.parametrize(
+    ("then", "message"),
+    [
+        (camera(color=np.zeros((2, 16, 20, 3), np.uint8), depth=np.zeros((2, 16, 20), np.uint16)), "W = 20"),
+        (camera(depth=None), "but began with .*depth"),
+    ],
+)
+def test_a_camera_that_changes_within_an_episode_is_refused(dataset, then, message):
+    with start(dataset) as writer:
+        writer.append(camera()[0], **camera()[1])
+        with pytest.raises(FieldError, match=message):
+            writer.append(then[0], **then[1])
+        writer.discard()
+
+
+def record_one(dataset, arrays, **kwargs):
+    with EpisodeWriter(dataset, replace(make_episode().meta, index=NEXT), constants_of(arrays), **kwargs) as writer:
+        append_all(writer, arrays)
+        return writer.seal()
+
+
+def changed_pose(arrays):
+    arrays["cameras/front/T_base_camera"][0, 3] += 0.01
+    return arrays
+
+
+@pytest.mark.parametrize(
+    ("change", "rates", "message"),
+    [
+        (changed_pose, RATES, "cameras/front/T_base_camera is .*but the dataset was recorded with"),
+        (lambda arrays: arrays, RATES | {"streams/wrench": 1000}, "rates_hz/streams/wrench is 1000.*recorded with 500"),
+        (lambda _: episode_arrays(np.random.default_rng(0), size=20), RATES, r"cameras/front/color is .*20, 20, 3"),
+    ],
+)
+def test_a_changed_camera_or_rate_is_refused_on_resume(dataset, change, rates, message):
+    record_one(dataset, episode_arrays(np.random.default_rng(0)), rates_hz=RATES)
+    before = sorted(file.name for file in dataset.path.iterdir())
+    with pytest.raises(DatasetError, match=message):
+        record_one(dataset, change(episode_arrays(np.random.default_rng(0))), rates_hz=rates)
+    assert sorted(file.name for file in dataset.path.iterdir()) == before
+
+
+def test_what_is_said_to_vary_may_change(dataset):
+    record_one(dataset, episode_arrays(np.random.default_rng(0)), rates_hz=RATES)
+    moved = changed_pose(episode_arrays(np.random.default_rng(0)))
+    record_one(dataset, moved, rates_hz=RATES, varies=["cameras/front/T_base_camera"])
+    smaller = episode_arrays(np.random.default_rng(0), size=8)
+    record_one(dataset, smaller, rates_hz=RATES, varies=["cameras/front"])
+    assert dataset.indices == [0, 1, 2]
+
+
+def test_a_recording_that_cannot_be_right_never_starts(dataset, tmp_path):
+    episode = make_episode()
+    constants = constants_of(episode.arrays)
+    with pytest.raises(FormatError, match="no such folder"):
+        EpisodeWriter(tmp_path / "absent", episode.meta, constants)
+    with pytest.raises(DatasetError, match="is of task 'centering', not 'pushing'"):
+        EpisodeWriter(dataset, replace(episode.meta, task="pushing"), constants)
+    with pytest.raises(FieldError, match="cannot be stored as JSON"):
+        EpisodeWriter(dataset, replace(episode.meta, config={"gain": float("nan")}), constants)
+    with pytest.raises(FieldError, match="constant streams/wrench/tare is missing"):
+        EpisodeWriter(dataset, episode.meta, {k: v for k, v in constants.items() if not k.endswith("tare")})
+    with pytest.raises(FieldError, match="has rows, append it"):
+        EpisodeWriter(dataset, episode.meta, constants | {"actions/action": episode.action})
+    assert [file.name for file in dataset.path.iterdir()] == ["dataset.json"]
+
+
+def test_an_unwhole_episode_is_not_sealed_but_can_be_completed(dataset):
+    episode = make_episode()
+    with start(dataset) as writer:
+        append_all(writer, episode.arrays | {"actions/action": episode.action[:-1]})
+        with pytest.raises(FieldError, match="5 observations need 4 actions, found 3"):
+            writer.seal()
+        writer.append("actions", action=episode.action[-1:])
+        assert writer.seal().read_bytes() == episode_bytes(episode)
+        with pytest.raises(UsageError, match="has ended"):
+            writer.append("actions", action=episode.action[-1:])
+
+
+def test_indices_are_taken_in_turn_and_never_twice(dataset):
+    first, second = start(dataset), start(dataset)
+    assert (first.meta.index, second.meta.index) == (0, 1)
+    with pytest.raises(DatasetError, match="episode 1 is being written"):
+        EpisodeWriter(dataset, replace(make_episode().meta, index=1), constants_of(make_episode().arrays))
+    second.discard()
+    append_all(first, make_episode().arrays)
+    first.seal()
+    with pytest.raises(DatasetError, match="episode 0 exists already"):
+        EpisodeWriter(dataset, make_episode().meta, constants_of(make_episode().arrays))
+    third = start(dataset)
+    assert third.meta.index == 1
+    third.discard()
+    assert dataset.indices == [0]
+
+
+def test_a_discarded_episode_leaves_nothing(dataset):
+    with start(dataset) as writer:
+        append_all(writer, make_episode().arrays)
+        writer.discard()
+    assert list((dataset.path / ".inflight").iterdir()) == []
+    assert dataset.indices == []
+
+
+def test_an_exception_keeps_every_reading_for_repair(dataset):
+    episode = make_episode()
+
+    def record_until_the_arm_stops():
+        with start(dataset) as writer:
+            append_all(writer, episode.arrays)
+            raise RuntimeError("arm stopped")
+
+    with pytest.raises(RuntimeError, match="arm stopped"):
+        record_until_the_arm_stops()
+    (action,) = repair_dataset(dataset.path)
+    assert (action.done, action.path.name) == ("salvaged", "episode_000000.hdf5")
+    saved = read_episode(action.path)
+    assert not saved.meta.success
+    for path, array in episode.arrays.items():
+        np.testing.assert_array_equal(saved.arrays[path], array)
+
+
+def test_every_growing_field_can_be_appended():
+    """The writer knows no field by name: what is declared can be recorded."""
+    recorded = {path.replace("front", "{camera}") for path in episode_arrays(np.random.default_rng(0))}
+    assert {field.path for field in FIELDS if grows(field)} <= recorded
