@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 
-.PHONY: demo test env lint clean help
+.PHONY: demo test bench env lint clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -17,7 +17,17 @@ demo: env  ## collect 200 samples, train the classifier, write report and viewer
 test: env lint  ## ruff, mypy and the whole test suite
 	$(BIN)/python -m pytest -n 2
 
-lint: env
+bench: env data/centering  ## every benchmark; figures for docs/benchmarks.md
+	$(BIN)/python benchmarks/collect.py
+	$(BIN)/python benchmarks/render.py
+	$(BIN)/python benchmarks/train.py
+	$(BIN)/python benchmarks/record.py
+	$(BIN)/python benchmarks/store.py --data data/centering
+
+data/centering: | env
+	$(BIN)/svfl-collect centering --samples 200 --seed 0 --workers 2 --out $@
+
+lint: env  ## ruff and mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

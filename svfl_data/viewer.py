@@ -1,6 +1,8 @@
 """Showing an episode to a person: Rerun's viewer, or a file that it opens."""
 
 import os
+import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -27,6 +29,14 @@ def save(episode: Episode, path: Path) -> None:
         StorageError: If the disk refuses; a file that was there before is untouched.
     """
     write_atomically(path, recording_bytes(episode))
+
+
+def command_to_open(path: Path) -> str:
+    """The command that opens a recording, as it works from here, whether or not the environment is activated."""
+    program = Path(sys.executable).parent / "rerun"
+    if shutil.which("rerun") == str(program):
+        return shlex.join(["rerun", str(path)])
+    return shlex.join([os.path.relpath(program), str(path)])
 
 
 def show(episode: Episode) -> None:

@@ -5,17 +5,14 @@ anything else would make a rotated input look different from a rotated output. S
 samples alone and are buffers, so that a checkpoint carries them.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from svfl_data.statistics import statistics
 from svfl_data.symmetry import WRENCH_PARTS, Part
 
 IMAGE_PARTS = tuple(Part("invariant", (channel,)) for channel in range(4))
-CONSTANT = 1e-6
-"""Below this standard deviation, in SI units, a quantity counts as constant and is not scaled up."""
 
 
 class Normalization(nn.Module):
@@ -55,24 +52,3 @@ class Normalization(nn.Module):
     def wrench(self, wrench: Tensor) -> Tensor:
         """(B, T, 6) -> the same shape, dimensionless."""
         return (wrench - self.wrench_mean) / self.wrench_scale
-
-
-def statistics(values: np.ndarray, parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of invariants (zero for the rest) and root mean square of each part about it.
-
-    Args:
-        values: Shape (..., C).
-        parts: The kinds of the C components.
-
-    Returns:
-        Mean and scale, shape (C,), float64, in the units of the values.
-    """
-    rows = values.reshape(-1, values.shape[-1]).astype(np.float64)  # (..., C) -> (rows, C)
-    mean, scale = np.zeros(rows.shape[1]), np.ones(rows.shape[1])
-    for part in parts:
-        index = list(part.index)
-        if part.kind == "invariant":
-            mean[index] = rows[:, index].mean(axis=0)
-        spread = np.sqrt(np.mean((rows[:, index] - mean[index]) ** 2))
-        scale[index] = spread if spread > CONSTANT else 1.0
-    return mean, scale

@@ -36,6 +36,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise SvflError(f"the viewer is not installed ({error}); run: pip install 'svfl[view]'") from error
     if arguments.save:
         viewer.save(episode, arguments.save)
-        print(f"wrote {arguments.save}; open it with: rerun {arguments.save}")
+        print(f"viewer file {arguments.save}")
+        print(f"open it     {viewer.command_to_open(arguments.save)}")
     else:
         viewer.show(episode)
