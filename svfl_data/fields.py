@@ -29,7 +29,9 @@ class Field:
         dtype: NumPy dtype on disk and in memory.
         shape: Sizes; equal symbols (``"N+1"``, ``"M"``) must agree between all fields of an episode, or of a camera.
         unit: Unit of the stored numbers, ``-`` for none.
-        doc: What it is, with axes, reference point and clock.
+        doc: What it is.
+        axes: Axes in which vectors are expressed, ``-`` for none.
+        about: Point about which torques are taken or at which positions begin, ``-`` for none.
         components: Names along the last axis, if it has names.
         parts: How the last axis transforms under planar rotations and reflections; empty if it does not.
         image: Whether rows and columns are pixels, which move under rotations.
@@ -42,6 +44,8 @@ class Field:
     shape: tuple[Size, ...]
     unit: str
     doc: str
+    axes: str = "-"
+    about: str = "-"
     components: tuple[str, ...] = ()
     parts: tuple[Part, ...] = ()
     image: bool = False
@@ -59,28 +63,27 @@ FIELDS = (
     Field("observations/t_ns", "t_ns", "int64", ("N+1",), "ns", "Time of each observation, episode clock."),
     Field(
         "observations/proprio", "proprio", "float32", ("N+1", 5), "-, m, m, m, rad",
-        "Gripper opening (0 closed, 1 open), TCP position in base axes, yaw of the hand about base z "
+        "Gripper opening (0 closed, 1 open), TCP position, yaw of the hand about base z "
         "(0 when the fingers open along base y).",
-        components=("opening", "x", "y", "z", "theta"), parts=PROPRIO_PARTS,
+        axes="base", about="base origin", components=("opening", "x", "y", "z", "theta"), parts=PROPRIO_PARTS,
     ),
     Field(
         "actions/action", "action", "float32", ("N", 5), "-, m, m, m, rad",
-        "Commanded after observation t: gripper opening, then TCP displacement and yaw change in base axes.",
-        components=("opening", "dx", "dy", "dz", "dtheta"), parts=ACTION_PARTS,
+        "Commanded after observation t: gripper opening, then TCP displacement and yaw change.",
+        axes="base", components=("opening", "dx", "dy", "dz", "dtheta"), parts=ACTION_PARTS,
     ),
     Field(
         "streams/wrench/t_ns", "wrench_t_ns", "int64", ("M",), "ns", "Time of each wrench reading, episode clock.",
     ),
     Field(
         "streams/wrench/wrench", "wrench", "float32", ("M", 6), "N, N, N, N m, N m, N m",
-        "Raw load that the surroundings put on the hand (gravity of the hand included), base axes, torque about the "
-        "sensor origin, native rate.",
-        components=("fx", "fy", "fz", "mx", "my", "mz"), parts=WRENCH_PARTS,
+        "Raw load that the surroundings put on the hand (gravity of the hand included), native rate.",
+        axes="base", about="sensor origin", components=("fx", "fy", "fz", "mx", "my", "mz"), parts=WRENCH_PARTS,
     ),
     Field(
         "streams/wrench/tare", "tare", "float64", (6,), "N, N, N, N m, N m, N m",
         "Offset to subtract from `wrench`, read after the arm is home.",
-        components=("fx", "fy", "fz", "mx", "my", "mz"), parts=WRENCH_PARTS,
+        axes="base", about="sensor origin", components=("fx", "fy", "fz", "mx", "my", "mz"), parts=WRENCH_PARTS,
     ),
     Field(
         "streams/joints/t_ns", "joints_t_ns", "int64", ("L",), "ns", "Time of each joint reading, episode clock.",
@@ -96,12 +99,12 @@ FIELDS = (
     ),
     Field(
         "streams/object/pose", "object_pose", "float64", ("P", 7), "m, -",
-        "Pose of the task's object in base axes: position, then quat_xyzw (simulation or tracked).",
-        components=("x", "y", "z", "qx", "qy", "qz", "qw"), optional=True,
+        "Pose of the task's object: position, then quat_xyzw (simulation or tracked).",
+        axes="base", about="base origin", components=("x", "y", "z", "qx", "qy", "qz", "qw"), optional=True,
     ),
     Field(
         "streams/object/half_extents", "object_half", "float64", (3,), "m",
-        "Half the edges of the task's object, a box.", optional=True,
+        "Half the edges of the task's object, a box.", axes="object", optional=True,
     ),
     Field(
         "cameras/{camera}/t_ns", "t_ns", "int64", ("F",), "ns", "Time of each frame, episode clock.",
@@ -124,7 +127,8 @@ FIELDS = (
     ),
     Field(
         "cameras/{camera}/T_base_camera", "T_base_camera", "float64", (4, 4), "m",
-        "Pose of the camera in base; camera axes: x right, y down, z forward.",
+        "Pose of the camera; camera axes: x right, y down, z forward.",
+        axes="base", about="base origin",
     ),
     Field(
         "cameras/{camera}/image_axes", "image_axes", "float64", (2, 2), "-",
@@ -132,12 +136,13 @@ FIELDS = (
     ),
     Field(
         "workspace", "workspace", "float64", (3, 2), "m",
-        "Lower and upper bound of TCP x, y, z in base axes; its (x, y) centre is the centre of symmetry.",
+        "Lower and upper bound of TCP x, y, z; its (x, y) centre is the centre of symmetry.",
+        axes="base", about="base origin",
     ),
     Field(
         "labels/offset", "label_offset", "float64", (2,), "m",
-        "Block centre minus TCP, base axes: the displacement that would centre the hand over the block.",
-        components=("dx", "dy"), parts=OFFSET_PARTS, optional=True,
+        "Block centre minus TCP: the displacement that would centre the hand over the block.",
+        axes="base", about="TCP", components=("dx", "dy"), parts=OFFSET_PARTS, optional=True,
     ),
     Field(
         "labels/direction", "label_direction", "int64", (), "-",
@@ -234,13 +239,16 @@ def shape_words(field: Field) -> str:
 
 def markdown_table() -> str:
     """The table of all fields for ``data/README.md``."""
-    lines = ["| dataset | shape | dtype | unit | rotates | meaning |", "| --- | --- | --- | --- | --- | --- |"]
+    lines = [
+        "| dataset | shape | dtype | unit | axes | about | rotates | meaning |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
     for field in FIELDS:
         optional = " *Optional.*" if field.optional else ""
         names = f" Components: {', '.join(field.components)}." if field.components and not field.image else ""
         lines.append(
-            f"| `{field.path}` | {shape_words(field)} | {field.dtype} | {field.unit} | {field.rotates} "
-            f"| {field.doc}{names}{optional} |"
+            f"| `{field.path}` | {shape_words(field)} | {field.dtype} | {field.unit} | {field.axes} | {field.about} "
+            f"| {field.rotates} | {field.doc}{names}{optional} |"
         )
     return "\n".join(lines)
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from svfl_data.chunks import Extent, Placement, placement, pread
 from svfl_data.episode import Meta
-from svfl_data.errors import FieldError, FormatError, SvflError
+from svfl_data.errors import FormatError, SvflError
 from svfl_data.fields import EXTRA, check_arrays, field_at
 from svfl_data.seal import SEAL_MARK, SEAL_SIZE
-from svfl_data.store import FORMAT, FORMAT_VERSION, JSON_ATTRIBUTES, PLAIN_ATTRIBUTES
+from svfl_data.store import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, check_format, check_meaning
 
 HEADERS_KEPT = 512
 
@@ -50,7 +50,7 @@ def header(extent: Extent) -> Header:
     try:
         with h5py.File(_ExtentFile(extent, descriptor), "r") as file:
             attributes = dict(file.attrs)
-            _check_format(attributes, extent)
+            check_format(attributes, extent)
             placements = dict(_placements(h5py.h5g.open(file.id, b"/"), "", extent))
     except SvflError:
         raise
@@ -120,17 +120,6 @@ class _ExtentFile(io.RawIOBase):
         return len(view)
 
 
-def _check_format(attributes: dict[str, Any], extent: Extent) -> None:
-    if attributes.get("format") != FORMAT:
-        raise FormatError(
-            f"{extent}: an HDF5 file, but not an episode "
-            f"(attribute format is {attributes.get('format')!r}, not {FORMAT!r})"
-        )
-    version, ours = str(attributes.get("format_version")), FORMAT_VERSION.split(".")[0]
-    if version.split(".")[0] != ours:
-        raise FormatError(f"{extent}: format version {version}; this software reads {ours}.x")
-
-
 def _placements(group: h5py.h5g.GroupID, prefix: str, extent: Extent) -> Iterator[tuple[str, Placement]]:
     """Every array that is declared or the user's own; what else there is comes from a later minor version."""
     for name in group:
@@ -139,11 +128,5 @@ def _placements(group: h5py.h5g.GroupID, prefix: str, extent: Extent) -> Iterato
         if isinstance(item, h5py.h5g.GroupID):
             yield from _placements(item, path + "/", extent)
         elif isinstance(item, h5py.h5d.DatasetID) and (field_at(path) or path.startswith(EXTRA)):
-            _check_unit(path, item, extent)
+            check_meaning(path, h5py.Dataset(item).attrs, extent)
             yield path, placement(item)
-
-
-def _check_unit(path: str, item: h5py.h5d.DatasetID, extent: Extent) -> None:
-    field = field_at(path)
-    if field and (found := h5py.Dataset(item).attrs.get("unit")) != field.unit:
-        raise FieldError(f"{extent}: field {path} is in {found!r}, expected {field.unit!r}")

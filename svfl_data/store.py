@@ -37,6 +37,8 @@ STREAM_CHUNK = 1024  # rows per chunk of a stream
 CHUNK_BYTES = 2**20  # and no more than this, unless one row is larger
 BLOCK_BYTES = 2**20  # handed to HDF5 at once
 PLAIN_ATTRIBUTES = {"task": str, "index": int, "seed": int, "source": str, "success": bool}
+MEANING = ("unit", "axes", "about")
+"""Attributes of a dataset without which its numbers mean nothing; they must be as declared."""
 JSON_ATTRIBUTES = {"config": dict, "software": dict, "transforms": list, "annotations": list, "history": list}
 
 
@@ -126,7 +128,8 @@ def _write_array(file: h5py.File, path: str, array: Rows, target: BinaryIO | Sin
         dataset = file.create_dataset(path, data=array[:] if array.shape else np.asarray(array))
     field = field_at(path)
     if field:
-        dataset.attrs["unit"] = field.unit
+        for name in MEANING:
+            dataset.attrs[name] = getattr(field, name)
         dataset.attrs["doc"] = field.doc
         if field.components:
             dataset.attrs["components"] = ",".join(field.components)
@@ -225,7 +228,7 @@ def read_unsealed(path: Path) -> Episode:
 def _read_content(content: bytes, path: Path) -> Episode:
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
-            _check_format(file, path)
+            check_format(file.attrs, path)
             return Episode(_read_meta(file), _read_arrays(file, path), name=str(path))
     except SvflError:
         raise
@@ -234,13 +237,22 @@ def _read_content(content: bytes, path: Path) -> Episode:
         raise FormatError(f"{path}: sealed, but not a readable episode ({reason})") from error
 
 
-def _check_format(file: h5py.File, path: Path) -> None:
-    found = file.attrs.get("format")
+def check_format(attributes: Mapping[str, Any], where: object) -> None:
+    """Refuse files that are not episodes, or of another major version.
+
+    Args:
+        attributes: Those of the file.
+        where: What to name in the error, such as the file.
+
+    Raises:
+        FormatError: If the file is another one.
+    """
+    found = attributes.get("format")
     if found != FORMAT:
-        raise FormatError(f"{path}: an HDF5 file, but not an episode (attribute format is {found!r}, not {FORMAT!r})")
-    version = str(file.attrs.get("format_version"))
-    if version.split(".")[0] != FORMAT_VERSION.split(".")[0]:
-        raise FormatError(f"{path}: format version {version}; this software reads {FORMAT_VERSION.split('.')[0]}.x")
+        raise FormatError(f"{where}: an HDF5 file, but not an episode (attribute format is {found!r}, not {FORMAT!r})")
+    version, ours = str(attributes.get("format_version")), FORMAT_VERSION.split(".")[0]
+    if version.split(".")[0] != ours:
+        raise FormatError(f"{where}: format version {version}; this software reads {ours}.x")
 
 
 def _read_arrays(file: h5py.File, where: Path) -> dict[str, np.ndarray]:
@@ -249,17 +261,29 @@ def _read_arrays(file: h5py.File, where: Path) -> dict[str, np.ndarray]:
 
     def read(path: str, item: h5py.Group | h5py.Dataset) -> None:
         if isinstance(item, h5py.Dataset) and (field_at(path) or path.startswith(EXTRA)):
-            _check_unit(path, item, where)
+            check_meaning(path, item.attrs, where)
             arrays[path] = np.asarray(item[()])
 
     file.visititems(read)
     return arrays
 
 
-def _check_unit(path: str, item: h5py.Dataset, where: Path) -> None:
+def check_meaning(path: str, attributes: Mapping[str, Any], where: object) -> None:
+    """Refuse numbers of another unit, in other axes or about another point than declared.
+
+    Args:
+        path: Dataset path.
+        attributes: Those of the dataset in the file.
+        where: What to name in the error, such as the file.
+
+    Raises:
+        FieldError: If one differs from the field's declaration.
+    """
     field = field_at(path)
-    if field and (found := item.attrs.get("unit")) != field.unit:
-        raise FieldError(f"{where}: field {path} is in {found!r}, expected {field.unit!r}")
+    for name in MEANING if field else ():
+        found, expected = attributes.get(name), getattr(field, name)
+        if found != expected:
+            raise FieldError(f"{where}: field {path} has {name} {found!r}, expected {expected!r}")
 
 
 def _read_meta(file: h5py.File) -> Meta:

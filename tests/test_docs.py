@@ -4,9 +4,12 @@ import re
 import shlex
 from pathlib import Path
 
+import h5py
 import pytest
 
 from svfl_data.fields import markdown_table
+from svfl_data.store import write_episode
+from tests.builders import make_episode
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "Makefile", *sorted((ROOT / "docs").glob("*.md"))]
@@ -19,6 +22,14 @@ def test_the_table_of_fields_is_the_declaration():
     page = (ROOT / "data" / "README.md").read_text()
     table = page.split("-->\n")[1].split("<!-- end of fields")[0].strip()
     assert table == markdown_table()
+
+
+def test_the_table_of_attributes_is_what_is_written(tmp_path):
+    page = (ROOT / "data" / "README.md").read_text()
+    table = page.split("## Attributes of the file")[1].split("## ")[0]
+    write_episode(make_episode(), tmp_path / "e.hdf5")
+    with h5py.File(tmp_path / "e.hdf5") as file:
+        assert set(re.findall(r"^\| `(\w+)`", table, re.M)) == set(file.attrs)
 
 
 def test_there_are_commands_to_check():

@@ -14,9 +14,10 @@ from svfl_data.checks.motion import check_action, check_label, check_poses, chec
 from svfl_data.checks.timestamps import check_coverage, check_gaps, check_jitter, check_order
 from svfl_data.checks.wrench import check_saturation, check_stuck, check_tare
 from svfl_data.claims import INFLIGHT
+from svfl_data.damage import damaged_arrays
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode
-from svfl_data.errors import SvflError
+from svfl_data.errors import FormatError, SvflError
 from svfl_data.journal import SUFFIX
 from svfl_data.store import read_episode
 
@@ -40,7 +41,7 @@ def check_file(path: Path) -> list[Finding]:
     try:
         return check_episode(read_episode(path))
     except SvflError as problem:
-        return [unreadable(str(path), problem)]
+        return unreadable(str(path), problem)
 
 
 def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
@@ -53,7 +54,7 @@ def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
             name = str(dataset.extent(index))
             episode = dataset.read(index)
         except SvflError as problem:
-            yield [unreadable(name, problem)]
+            yield unreadable(name, problem)
             continue
         first = first or episode
         shared += [*_placed(dataset, index, episode), *_unlike(first, episode)]
@@ -88,11 +89,14 @@ def _unlike(first: Episode, episode: Episode) -> Iterator[Finding]:
             yield Finding(episode.name, path, None, "warning", words)
 
 
-def unreadable(name: str, problem: SvflError) -> Finding:
-    """What reading says about a file, as a finding with the field and index that it names."""
+def unreadable(name: str, problem: SvflError) -> list[Finding]:
+    """What reading says about a file, with the field and index that it names, and which arrays are damaged."""
     words = str(problem)
     field = re.search(r"field (\S+?)[ ']", words)
     index = re.search(r"at index \((\d+)", words)
-    return Finding(
+    first = Finding(
         name, field[1] if field else "", int(index[1]) if index else None, "error", words.removeprefix(f"{name}: ")
     )
+    broken = isinstance(problem, FormatError) and "seal" in words and Path(name).is_file()
+    damaged = damaged_arrays(Path(name)) if broken else []
+    return [first, *(Finding(name, path, None, "error", "damaged: cannot be read") for path in damaged)]

@@ -179,7 +179,12 @@ def test_the_same_errors_lazily_and_whole(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda file: file["workspace"].attrs.modify("unit", "mm"), "workspace is in 'mm', expected 'm'"),
+        (lambda file: file["workspace"].attrs.modify("unit", "mm"), "workspace has unit 'mm', expected 'm'"),
+        (
+            lambda file: file["streams/wrench/wrench"].attrs.modify("axes", "tool"),
+            "wrench has axes 'tool', expected 'base'",
+        ),
+        (lambda file: file["streams/wrench/tare"].attrs.__delitem__("about"), "tare has about None"),
         (lambda file: file.attrs.__delitem__("task"), "not a readable episode .*task"),
         (lambda file: file.attrs.create("index", "three"), "not a readable episode .*index is 'three'"),
         (lambda file: file.attrs.modify("config", "{"), "not a readable episode"),

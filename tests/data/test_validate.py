@@ -1,5 +1,8 @@
 """One law per check, both sides: clean episodes pass, a spoiled one is found and named with its place."""
 
+from pathlib import Path
+
+import h5py
 import numpy as np
 import pytest
 
@@ -398,3 +401,28 @@ def test_what_the_collectors_write_has_no_findings(noise):
 
     world = WorldConfig(noise=NoiseConfig() if noise == "realistic" else NoiseConfig.none())
     assert check_episode(CenteringCollector(seed=11, world=world)(0)) == []
+
+
+def flipped(path: Path, position: int) -> None:
+    content = bytearray(path.read_bytes())
+    content[position] ^= 1
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("array", ["streams/wrench/wrench", "cameras/front/depth", "observations/proprio"])
+def test_a_damaged_file_is_found_and_the_stream_named(tmp_path, array):
+    path = tmp_path / "e.hdf5"
+    write_episode(make_episode(), path)
+    with h5py.File(path) as file:
+        chunk = file[array].id.get_chunk_info(0)
+    flipped(path, chunk.byte_offset + chunk.size // 2)
+    seal, *streams = check_file(path)
+    assert "do not match its seal" in seal.words
+    assert [finding.field for finding in streams] == [array]
+
+
+def test_a_file_of_other_software_is_not_blamed_for_every_stream(tmp_path):
+    with h5py.File(tmp_path / "foreign.hdf5", "w") as file:
+        file["data/demo_0/actions"] = np.zeros((3, 7))
+    (finding,) = check_file(tmp_path / "foreign.hdf5")
+    assert "other software" in finding.words
