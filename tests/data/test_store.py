@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rerun.experimental import Hdf5Reader, IndexColumn
 
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FieldError, FormatError, StorageError
@@ -67,6 +68,21 @@ def test_plain_h5py_can_read_units_and_components(tmp_path):
         assert wrench.attrs["unit"] == "N, N, N, N m, N m, N m"
         assert wrench.attrs["components"] == "fx,fy,fz,mx,my,mz"
         assert wrench.fletcher32
+
+
+@pytest.mark.parametrize(
+    ("group", "constants", "rows"),
+    [
+        ("/streams/wrench", ["/tare"], 200),
+        ("/cameras/front", ["/depth_scale", "/intrinsics", "/T_base_camera", "/image_axes"], 5),
+    ],
+)
+def test_reruns_own_reader_can_read_every_clock(tmp_path, group, constants, rows):
+    """Another HDF5 implementation (Rerun's, in Rust) reads a sealed file, one group per clock."""
+    write_episode(make_episode(), tmp_path / "e.hdf5")
+    clock = IndexColumn.duration("/t_ns", input_unit="ns")
+    stream = Hdf5Reader(tmp_path / "e.hdf5").stream(root_group=group, ignore_datasets=constants, index_column=clock)
+    assert rows in [chunk.num_rows for chunk in stream.to_chunks()]
 
 
 def test_arrays_of_an_episode_cannot_be_changed():
