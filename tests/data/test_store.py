@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rerun.experimental import Hdf5Reader, IndexColumn
+from rerun.chunk import IndexColumn
+from rerun.experimental import Hdf5Reader
 
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FieldError, FormatError, StorageError
