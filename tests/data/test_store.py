@@ -41,11 +41,20 @@ def assert_equal(a: Episode, b: Episode) -> None:
     seed=st.integers(0, 2**32 - 1),
     text=st.text(alphabet=st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=20),
     dropped=st.sets(st.sampled_from(OPTIONAL)),
+    readings=st.integers(0, 3),
+    gaps=st.lists(st.integers(1, 10**12), min_size=3, max_size=3),
+    own=st.text(alphabet=st.characters(categories=["L", "N"]), min_size=1, max_size=10),
+    shape=st.lists(st.integers(0, 4), max_size=3),
 )
-def test_what_is_written_is_read(tmp_path_factory, steps, size, seed, text, dropped):
-    arrays = episode_arrays(np.random.default_rng(seed), steps=steps, size=size)
+def test_what_is_written_is_read(tmp_path_factory, steps, size, seed, text, dropped, readings, gaps, own, shape):
+    """Any sizes, rates and missing streams; streams without a reading; unicode in metadata and names."""
+    rng = np.random.default_rng(seed)
+    arrays = episode_arrays(rng, steps=steps, size=size)
     for name in dropped:
         del arrays[name]
+    arrays["streams/wrench/t_ns"] = np.cumsum(gaps)[:readings]
+    arrays["streams/wrench/wrench"] = arrays["streams/wrench/wrench"][:readings]
+    arrays[f"extra/{own}/reading"] = rng.normal(size=shape)
     episode = Episode(
         Meta("centering", 1, seed, "teleop", False, {"note": text, "list": [1, 2.5]}, annotations=[{"name": text}]),
         arrays,
