@@ -4,7 +4,6 @@ import sys
 import h5py
 import pytest
 
-from svfl_data.__main__ import main
 from svfl_data.dataset import Dataset
 from svfl_data.store import write_episode
 from tests.builders import make_episode
@@ -16,22 +15,6 @@ def dataset(tmp_path):
     for index in (2, 5):
         write_episode(make_episode(index), dataset.episode_path(index))
     return dataset
-
-
-@pytest.fixture
-def command(monkeypatch, capsys):
-    """Run ``svfl-data`` in this process; gives exit code, standard output and standard error."""
-    monkeypatch.setenv("CI", "1")  # the command sets it; taken back after the test
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["svfl-data", *map(str, words)])
-        try:
-            code = main()
-        except SystemExit as exit_:  # argparse
-            code = exit_.code
-        return code, *capsys.readouterr()
-
-    return run
 
 
 def one_line(text):

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from svfl_data.__main__ import VERBS, build_parser, main
+from svfl_data.__main__ import VERBS, build_parser
 from svfl_data.contact import ContactRule, contact_annotations
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode, Meta
@@ -20,21 +20,6 @@ NAMES = (
     "info", "view", "plot", "validate", "repair", "relabel", "filter", "merge", "split", "stats", "pack", "unpack",
     "card",
 )  # fmt: skip
-
-
-@pytest.fixture
-def command(monkeypatch, capsys):
-    """Run ``svfl-data`` in this process; gives exit code, standard output and standard error."""
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["svfl-data", *map(str, words)])
-        try:
-            code = main()
-        except SystemExit as exit_:  # argparse
-            code = exit_.code
-        return code, *capsys.readouterr()
-
-    return run
 
 
 def episode(index, task="centering", source="expert", success=True, seed=0, config=None, **kwargs):
