@@ -13,7 +13,9 @@ from collectors.simulation import CameraConfig, PandaConfig, World, WorldConfig
 
 def cost(full_meshes: bool, size: int, images: int) -> list[float]:
     """CPU milliseconds of each RGB-D image with the arm and a block in view."""
-    config = WorldConfig(camera=CameraConfig(height=size, width=size), panda=PandaConfig(full_meshes=full_meshes))
+    config = WorldConfig(
+        cameras={"front": CameraConfig(height=size, width=size)}, panda=PandaConfig(full_meshes=full_meshes)
+    )
     with World(config) as world:
         world.reset(seed=0)
         world.add_box((0.025, 0.025, 0.025), (0.55, 0.03, 0.025), yaw=0.4, mass=0.1, friction=0.5)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from collectors.dataset import software_versions
-from collectors.record import record
+from collectors.record import OBJECT, record
 from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, draw_scene, true_label
 from collectors.simulation.centering_expert import CollisionExpert
 from collectors.simulation.config import WorldConfig
@@ -67,7 +67,7 @@ class CenteringCollector:
         block = add_block(world, scene)
         world.tare()
         expert = CollisionExpert(scene, touchdown=2 * scene.block_half + FINGERTIP)
-        arrays = record(world, expert, MAX_STEPS, track=lambda: world.pose(block))
+        arrays = record(world, expert, MAX_STEPS, state=lambda: {OBJECT: world.pose(block)})
 
         label = true_label(world, block)
         touching = sum(world.finger_contacts(block))

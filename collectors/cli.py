@@ -70,7 +70,7 @@ def _centering(arguments: argparse.Namespace) -> None:
 
     camera = CameraConfig(height=arguments.image_size, width=arguments.image_size)
     noise = NoiseConfig() if arguments.noise == "realistic" else NoiseConfig.none()
-    world = WorldConfig(camera=camera, noise=noise)
+    world = WorldConfig(cameras={"front": camera}, noise=noise)
     collector = CenteringCollector(arguments.seed, CenteringConfig(border_deg=arguments.border), world)
     dataset = Dataset.create_or_resume(arguments.out, TASK, arguments.seed, collector.config())
     start = time.perf_counter()

@@ -9,20 +9,34 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
+class Frame:
+    """What one camera sees at one moment.
+
+    Attributes:
+        color: (H, W, 3) uint8 RGB.
+        depth: (H, W) uint16, in units of the camera's depth scale, 0 = nothing seen.
+    """
+
+    color: NDArray[np.uint8]
+    depth: NDArray[np.uint16]
+
+
+@dataclass(frozen=True)
 class Observation:
     """What is known at one step.
 
     Attributes:
         t_ns: Time of the latest reading, [ns] of the episode clock.
-        color: (H, W, 3) uint8 RGB.
-        depth: (H, W) uint16, in units of the camera's depth scale, 0 = nothing seen.
+        frames: What each camera sees, by name.
+        wrench: (64, 6) float32: the last readings, latest last, tared, [N] and [N m], base axes, about the sensor
+            origin.
         proprio: (5,) float32: gripper opening 0..1, TCP x, y, z [m], yaw theta [rad], in base.
         joints: (J,) float32: arm joints [rad], then fingers [m].
     """
 
     t_ns: int
-    color: NDArray[np.uint8]
-    depth: NDArray[np.uint16]
+    frames: dict[str, Frame]
+    wrench: NDArray[np.float32]
     proprio: NDArray[np.float32]
     joints: NDArray[np.float32]
 
@@ -54,8 +68,8 @@ class Rig(Protocol):
     tare_offset: NDArray[np.float32]
 
     @property
-    def camera(self) -> Calibration:
-        """Calibration of its camera."""
+    def cameras(self) -> dict[str, Calibration]:
+        """Calibration of its cameras, by name."""
 
     @property
     def workspace(self) -> NDArray[np.float64]:

@@ -4,9 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from collectors.contract import Calibration
+from collectors.contract import Calibration, Frame
 from collectors.simulation.bullet import pybullet
 
 Vector3 = tuple[float, float, float]
@@ -78,7 +77,7 @@ class Camera:
             left, left + config.width * size, bottom, bottom + config.height * size, config.near, config.far
         )
 
-    def render(self) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+    def render(self) -> Frame:
         """Take one picture.
 
         Returns:
@@ -102,4 +101,4 @@ class Camera:
         depth = c.far * c.near / (c.far - (c.far - c.near) * buffer)
         units = np.where(depth < 0.999 * c.far, np.round(depth / c.depth_scale), 0.0)
         colour = np.asarray(rgba, np.uint8).reshape(c.height, c.width, 4)[:, :, :3]
-        return np.ascontiguousarray(colour), units.astype(np.uint16)
+        return Frame(np.ascontiguousarray(colour), units.astype(np.uint16))

@@ -32,7 +32,7 @@ class WorldConfig:
         panda: The arm.
         admittance: The compliance of the hand.
         noise: The wrist sensor's noise.
-        camera: The camera.
+        cameras: The cameras, by name; the first one is what a policy sees.
     """
 
     physics_dt_ns: int = 2_000_000
@@ -51,4 +51,4 @@ class WorldConfig:
     panda: PandaConfig = field(default_factory=PandaConfig)
     admittance: AdmittanceConfig = field(default_factory=AdmittanceConfig)
     noise: NoiseConfig = field(default_factory=NoiseConfig)
-    camera: CameraConfig = field(default_factory=CameraConfig)
+    cameras: dict[str, CameraConfig] = field(default_factory=lambda: {"front": CameraConfig()})

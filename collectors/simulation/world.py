@@ -1,6 +1,8 @@
 """The simulated world: table, Panda, wrist sensor and camera behind one 20 Hz step."""
 
+import copy
 from collections.abc import Sequence
+from dataclasses import dataclass
 from types import TracebackType
 
 import numpy as np
@@ -8,16 +10,33 @@ from numpy.typing import ArrayLike, NDArray
 
 from collectors.contract import Calibration, Observation
 from collectors.simulation.admittance import Admittance
+from collectors.simulation.bodies import RED, Bodies, Box, Vector3
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.camera import Camera
-from collectors.simulation.config import Vector3, WorldConfig
+from collectors.simulation.config import WorldConfig
 from collectors.simulation.noise import SensorNoise
 from collectors.simulation.panda import LEFT_FINGER, RIGHT_FINGER, Panda
 from collectors.simulation.reference import Reference
 from collectors.simulation.wrist_sensor import FEEDBACK_MODE, wrench_from_reaction
 from svfl_data.errors import CollectError, UsageError
+from svfl_data.windows import WINDOW
 
 GRAVITY = np.array([0.0, 0.0, -9.81])  # [m/s^2]
+
+
+@dataclass(frozen=True)
+class _Home:
+    """A world at rest, as `World.reset` brings it back: what PyBullet keeps by a number, and what it does not.
+
+    Restoring PyBullet's state alone would not do: motor torques and our controllers are not in it.
+    """
+
+    state: int
+    bodies: int
+    panda: Panda
+    reference: Reference
+    admittance: Admittance
+    wrenches: NDArray[np.float64]
 
 
 class World:
@@ -45,7 +64,9 @@ class World:
         self.client: int = pybullet.connect(pybullet.DIRECT)
         if self.client < 0:
             raise CollectError("PyBullet opened no client: too many worlds are open in this process; close some")
-        self._camera = Camera(self.config.camera, self.client)
+        self._cameras = {name: Camera(camera, self.client) for name, camera in self.config.cameras.items()}
+        self._home: _Home | None = None
+        self.bodies = Bodies(self.client)
 
     def __enter__(self) -> "World":
         return self
@@ -62,9 +83,10 @@ class World:
             self.client = -1
 
     def reset(self, seed: int) -> None:
-        """Build the world from nothing: table, arm at home, gripper open, clock at 0, then a moment of rest.
+        """Empty table, arm at home, gripper open, clock at 0, then a moment of rest.
 
-        Nothing survives from before, so the same seed and actions give the same bytes in any process.
+        Built from nothing the first time and brought back from then on. Nothing survives from before, so the same seed
+        and actions give the same bytes in any process, whatever the world was used for before.
 
         Args:
             seed: Seed of the sensor noise, >= 0.
@@ -74,8 +96,22 @@ class World:
         """
         if seed < 0:
             raise UsageError(f"seed must be >= 0, got {seed}")
+        if self._home is None:
+            self._home = self._build()
+        home = self._home
+        for index in range(pybullet.getNumBodies(physicsClientId=self.client) - 1, home.bodies - 1, -1):
+            body = pybullet.getBodyUniqueId(index, physicsClientId=self.client)
+            pybullet.removeBody(body, physicsClientId=self.client)
+        pybullet.restoreState(stateId=home.state, physicsClientId=self.client)
+        self._panda, self._reference, self._admittance = copy.deepcopy((home.panda, home.reference, home.admittance))
+        self._target = np.array([*self.config.home, 0.0])
+        self._noise = SensorNoise(self.config.noise, self._dt, np.random.default_rng(np.random.SeedSequence(seed)))
+        self._wrenches = [self._noise(home.wrenches).astype(np.float32)]
+        self.tare_offset = np.zeros(6, np.float32)
+
+    def _build(self) -> "_Home":
+        """Build table and arm, rest, and remember the state of everything."""
         c = self.config
-        pybullet.resetSimulation(physicsClientId=self.client)
         pybullet.setGravity(*GRAVITY, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=self._dt,
@@ -88,12 +124,16 @@ class World:
         self._panda = Panda(c.panda, self.client, self._dt, np.array(c.home))
         self._reference = Reference(c.physics_steps, c.blend_steps)
         self._admittance = Admittance(c.admittance, self._dt)
-        self._noise = SensorNoise(c.noise, self._dt, np.random.default_rng(np.random.SeedSequence(seed)))
-        self._target = np.array([*c.home, 0.0])
-        self._wrenches: list[NDArray[np.float32]] = []
-        self.tare_offset = np.zeros(6, np.float32)
-        for _ in range(c.settle_steps):
-            self.step([1.0, 0.0, 0.0, 0.0, 0.0])
+        home, still = np.array([*c.home, 0.0]), np.zeros(4)
+        wrenches = [self._advance(home, still, 1.0) for _ in range(c.settle_steps * c.physics_steps)]
+        return _Home(
+            state=pybullet.saveState(physicsClientId=self.client),
+            bodies=pybullet.getNumBodies(physicsClientId=self.client),
+            panda=self._panda,
+            reference=self._reference,
+            admittance=self._admittance,
+            wrenches=np.array(wrenches),
+        )
 
     def add_box(
         self,
@@ -102,9 +142,9 @@ class World:
         yaw: float,
         mass: float,
         friction: float,
-        color: Vector3 = (0.8, 0.2, 0.2),
+        color: Vector3 = RED,
     ) -> int:
-        """Add a box.
+        """Add a box; `bodies` adds other shapes.
 
         Args:
             half_extents: Half edge lengths, [m].
@@ -117,14 +157,7 @@ class World:
         Returns:
             The body id, for `pose` and `finger_contacts`.
         """
-        shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half_extents, physicsClientId=self.client)
-        visual = pybullet.createVisualShape(
-            pybullet.GEOM_BOX, halfExtents=half_extents, rgbaColor=(*color, 1.0), physicsClientId=self.client
-        )
-        quat_xyzw = pybullet.getQuaternionFromEuler((0.0, 0.0, yaw))
-        body: int = pybullet.createMultiBody(mass, shape, visual, position, quat_xyzw, physicsClientId=self.client)
-        pybullet.changeDynamics(body, -1, lateralFriction=friction, physicsClientId=self.client)
-        return body
+        return self.bodies.add([Box(half_extents, color=color)], position, yaw, mass, friction)
 
     def tare(self) -> None:
         """Set `tare_offset` (6,) [N, N m] to the mean of the last `tare_readings` readings. Readings stay raw.
@@ -152,24 +185,28 @@ class World:
             raise UsageError(f"an action is 5 finite numbers (opening, dx, dy, dz, dtheta), got {action!r}")
         opening = float(np.clip(wanted[0], 0.0, 1.0))
         start = self._target
-        self._target = self._limit(start + np.clip(wanted[1:], -self._action_bound, self._action_bound))
+        self._target = self._limit(start + np.clip(wanted[1:], -self.action_bound, self.action_bound))
         moves = self._reference.moves(self._target - start)
         targets = start + np.cumsum(moves, axis=0) - moves
         wrenches = [self._advance(target, move, opening) for target, move in zip(targets, moves, strict=True)]
         self._wrenches.append(self._noise(np.array(wrenches)).astype(np.float32))
 
     @property
-    def _action_bound(self) -> NDArray[np.float64]:
+    def action_bound(self) -> NDArray[np.float64]:
+        """Largest |dx|, |dy|, |dz| [m] and |dtheta| [rad] of an action, (4,)."""
         c = self.config
         return np.array([c.max_move, c.max_move, c.max_move, c.max_turn])
 
+    def within(self, target: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Keep an (x, y, z, theta), (4,) [m] and [rad], inside the workspace."""
+        position = np.clip(target[:3], self._bounds[:, 0], self._bounds[:, 1])
+        return np.array([*position, np.clip(target[3], -self.config.max_yaw, self.config.max_yaw)])
+
     def _limit(self, target: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Keep a commanded (x, y, z, theta) inside the workspace and near the hand."""
+        """Keep a commanded (x, y, z, theta) near the hand and inside the workspace."""
         reach = self.config.admittance.max_deviation
         position = np.clip(target[:3], self._panda.position - reach, self._panda.position + reach)
-        position = np.clip(position, self._bounds[:, 0], self._bounds[:, 1])
-        theta = np.clip(target[3], -self.config.max_yaw, self.config.max_yaw)
-        return np.array([*position, theta])
+        return self.within(np.array([*position, target[3]]))
 
     def _advance(
         self, reference: NDArray[np.float64], move: NDArray[np.float64], opening: float
@@ -196,12 +233,31 @@ class World:
         admittance.step(wrench[:3] - panda.hand_mass * (GRAVITY - acceleration))
         return wrench
 
-    def observe(self) -> Observation:
-        """Render and read the state after the latest step."""
-        color, depth = self._camera.render()
+    def observe(self, render: bool = True) -> Observation:
+        """Render and read the state after the latest step.
+
+        Args:
+            render: Whether to take pictures; without, `frames` is empty and the step costs a third less.
+        """
         panda = self._panda
-        proprio = np.array([panda.opening, *panda.position, panda.theta], np.float32)
-        return Observation(int(self.wrench_t_ns[-1]), color, depth, proprio, panda.joints.astype(np.float32))
+        return Observation(
+            t_ns=int(self.wrench_t_ns[-1]),
+            frames={name: camera.render() for name, camera in self._cameras.items()} if render else {},
+            wrench=self._window(),
+            proprio=np.array([panda.opening, *panda.position, panda.theta], np.float32),
+            joints=panda.joints.astype(np.float32),
+        )
+
+    def _window(self) -> NDArray[np.float32]:
+        """The last 64 readings, tared, (64, 6)."""
+        chunks, readings = [], 0
+        for chunk in reversed(self._wrenches):
+            chunks.append(chunk)
+            readings += len(chunk)
+            if readings >= WINDOW:
+                break
+        window: NDArray[np.float32] = np.concatenate(chunks[::-1])[-WINDOW:] - self.tare_offset
+        return window
 
     @property
     def wrench(self) -> NDArray[np.float32]:
@@ -211,7 +267,7 @@ class World:
     @property
     def wrench_t_ns(self) -> NDArray[np.int64]:
         """Time of each reading since reset, (M,), [ns]; the first is one physics step after the reset."""
-        count = len(self._wrenches) * self.config.physics_steps
+        count = sum(map(len, self._wrenches))
         return np.arange(1, count + 1, dtype=np.int64) * self.config.physics_dt_ns
 
     @property
@@ -220,9 +276,14 @@ class World:
         return self._bounds
 
     @property
+    def cameras(self) -> dict[str, Calibration]:
+        """Intrinsics, pose, image axes and depth scale of each camera, by name."""
+        return {name: camera.calibration for name, camera in self._cameras.items()}
+
+    @property
     def camera(self) -> Calibration:
-        """Intrinsics, pose, image axes and depth scale."""
-        return self._camera.calibration
+        """Calibration of the first camera, whose picture a policy sees."""
+        return next(iter(self._cameras.values())).calibration
 
     @property
     def robot(self) -> int:
@@ -243,6 +304,15 @@ class World:
         """True pose of a body in base: position [m] and quat_xyzw, (7,)."""
         position, quat_xyzw = pybullet.getBasePositionAndOrientation(body, physicsClientId=self.client)
         return np.array([*position, *quat_xyzw])
+
+    def yaw(self, body: int) -> float:
+        """True yaw of an upright body in base, [rad], in (-pi, pi]."""
+        x, y, z, w = self.pose(body)[3:]
+        return float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+    def holds(self, body: int) -> bool:
+        """Whether both fingers press on the body now."""
+        return all(self.finger_contacts(body))
 
     def finger_contacts(self, body: int) -> tuple[bool, bool]:
         """Whether the left and the right finger press on the body now."""

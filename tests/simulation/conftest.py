@@ -9,7 +9,7 @@ from collectors.simulation import CameraConfig, NoiseConfig, World, WorldConfig
 
 @pytest.fixture
 def ideal() -> WorldConfig:
-    return WorldConfig(noise=NoiseConfig.none(), camera=CameraConfig(height=24, width=24))
+    return WorldConfig(noise=NoiseConfig.none(), cameras={"front": CameraConfig(height=24, width=24)})
 
 
 @pytest.fixture

@@ -30,11 +30,11 @@ TILTED = CameraConfig(up=(0.0, 1.0, 0.0))  # here an error of half a column show
 
 @pytest.mark.parametrize("camera", [CameraConfig(), SEEN_FROM_THE_SIDE, TILTED])
 def test_depth_and_calibration_put_the_table_and_a_box_where_they_are(ideal: WorldConfig, camera: CameraConfig):
-    with World(dataclasses.replace(ideal, camera=camera)) as world:
+    with World(dataclasses.replace(ideal, cameras={"front": camera})) as world:
         world.reset(seed=0)
-        bare = world.observe()
+        bare = world.observe().frames["front"]
         world.add_box((0.04, 0.04, 0.03), (0.65, 0.1, 0.03), 0.0, 0.0, 0.5, color=(0.0, 0.0, 1.0))
-        boxed = world.observe()
+        boxed = world.observe().frames["front"]
     table = np.ptp(bare.color.astype(int) - bare.color[-1, -1], axis=-1) == 0  # the table's one colour
     table &= (bare.color == bare.color[-1, -1]).all(axis=-1)
     points = points_in_base(world, bare.depth)
@@ -62,22 +62,24 @@ def test_the_workspace_centre_is_the_image_centre(world: World):
 
 
 def test_arrays_are_as_promised(ideal: WorldConfig):
-    with World(dataclasses.replace(ideal, camera=CameraConfig(height=20, width=30))) as world:
+    with World(dataclasses.replace(ideal, cameras={"front": CameraConfig(height=20, width=30)})) as world:
         world.reset(seed=0)
-        seen = world.observe()
+        seen = world.observe().frames["front"]
     assert (seen.color.shape, seen.color.dtype) == ((20, 30, 3), np.uint8)
     assert (seen.depth.shape, seen.depth.dtype) == ((20, 30), np.uint16)
 
 
 def test_what_is_too_far_has_no_depth(ideal: WorldConfig):
-    with World(dataclasses.replace(ideal, camera=CameraConfig(height=24, width=24, target=(3.0, 0.0, 2.0)))) as world:
+    with World(
+        dataclasses.replace(ideal, cameras={"front": CameraConfig(height=24, width=24, target=(3.0, 0.0, 2.0))})
+    ) as world:
         world.reset(seed=0)
-        assert (world.observe().depth == 0).all()
+        assert (world.observe().frames["front"].depth == 0).all()
 
 
 def test_the_floor_has_no_texture_to_navigate_by(ideal: WorldConfig):
     """Below the hand the picture is one colour: a checkerboard edge would break the planar symmetry."""
-    with World(dataclasses.replace(ideal, camera=CameraConfig())) as world:
+    with World(dataclasses.replace(ideal, cameras={"front": CameraConfig()})) as world:
         world.reset(seed=0)
-        color = world.observe().color
+        color = world.observe().frames["front"].color
     assert (color[40:] == color[40, 0]).all()

@@ -13,7 +13,7 @@ from collectors.simulation.servo import rotation_error
 from svfl_data.errors import UsageError
 from tests.simulation.conftest import hold, move
 
-SMALL = WorldConfig(camera=CameraConfig(height=24, width=24))  # with the default noise
+SMALL = WorldConfig(cameras={"front": CameraConfig(height=24, width=24)})  # with the default noise
 
 
 def act(world: World, tick: int) -> None:
@@ -30,7 +30,8 @@ def begin(world: World, seed: int) -> None:
 
 def digest(world: World) -> str:
     seen = world.observe()
-    arrays = (world.wrench_t_ns, world.wrench, world.tare_offset, seen.color, seen.depth, seen.proprio, seen.joints)
+    frame = seen.frames["front"]
+    arrays = (world.wrench_t_ns, world.wrench, world.tare_offset, frame.color, frame.depth, seen.proprio, seen.joints)
     return hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest()
 
 

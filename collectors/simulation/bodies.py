@@ -1,0 +1,142 @@
+"""Bodies made of primitive shapes, or loaded from URDF, in one PyBullet world."""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from collectors.simulation.bullet import pybullet
+
+Vector3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
+RED: Vector3 = (0.8, 0.2, 0.2)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box as part of a body.
+
+    Attributes:
+        half_extents: Half edge lengths, [m].
+        position: Centre in the body's frame, [m].
+        yaw: Rotation about z in the body's frame, [rad].
+        color: RGB, 0 to 1.
+    """
+
+    half_extents: Vector3
+    position: Vector3 = (0.0, 0.0, 0.0)
+    yaw: float = 0.0
+    color: Vector3 = RED
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """An upright cylinder as part of a body.
+
+    Attributes:
+        radius: [m].
+        height: [m].
+        position: Centre in the body's frame, [m].
+        color: RGB, 0 to 1.
+    """
+
+    radius: float
+    height: float
+    position: Vector3 = (0.0, 0.0, 0.0)
+    color: Vector3 = RED
+
+
+Part = Box | Cylinder
+
+
+def quat_from_yaw(yaw: float) -> Quaternion:
+    """Rotation by `yaw` [rad] about z, as quat_xyzw."""
+    return (0.0, 0.0, float(np.sin(0.5 * yaw)), float(np.cos(0.5 * yaw)))
+
+
+class Bodies:
+    """Puts bodies into one world."""
+
+    def __init__(self, client: int) -> None:
+        """Choose the world.
+
+        Args:
+            client: PyBullet client id.
+        """
+        self._client = client
+
+    def add(
+        self,
+        parts: Sequence[Part],
+        position: Vector3,
+        yaw: float = 0.0,
+        mass: float = 0.0,
+        friction: float = 0.5,
+        collide: bool = True,
+    ) -> int:
+        """Add a rigid body of one or several parts.
+
+        Args:
+            parts: Its shapes; the body's frame is also its centre of mass.
+            position: Origin of its frame in base, [m].
+            yaw: Rotation about z, [rad].
+            mass: Mass, [kg]; 0 fixes it in place.
+            friction: Coulomb friction; PyBullet multiplies it by the other body's.
+            collide: False for a mark that can only be seen.
+
+        Returns:
+            The body id.
+        """
+        client = self._client
+        visual = pybullet.createVisualShapeArray(**_arrays(parts, True), physicsClientId=client)
+        shape = pybullet.createCollisionShapeArray(**_arrays(parts, False), physicsClientId=client) if collide else -1
+        body: int = pybullet.createMultiBody(mass, shape, visual, position, quat_from_yaw(yaw), physicsClientId=client)
+        self.set_dynamics(body, lateralFriction=friction)
+        return body
+
+    def add_urdf(
+        self, urdf: Path | str, position: Vector3, quat_xyzw: Quaternion = UPRIGHT, fixed: bool = False,
+        scale: float = 1.0,
+    ) -> int:  # fmt: skip
+        """Add a body from URDF.
+
+        Args:
+            urdf: A file, or the text of one (mesh paths in a text must be absolute).
+            position: Centre of mass of its base link in base, [m].
+            quat_xyzw: Orientation of the frame of its inertia.
+            fixed: Whether its base link cannot move.
+            scale: Factor on all lengths.
+
+        Returns:
+            The body id; mass and friction are the URDF's until `set_dynamics`.
+        """
+        if isinstance(urdf, str) and urdf.lstrip().startswith("<"):
+            with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
+                file.write(urdf)
+                file.flush()
+                return self.add_urdf(Path(file.name), position, quat_xyzw, fixed, scale)
+        body: int = pybullet.loadURDF(
+            str(urdf), position, quat_xyzw, useFixedBase=fixed, globalScaling=scale, physicsClientId=self._client
+        )
+        return body
+
+    def set_dynamics(self, body: int, link: int = -1, **values: float) -> None:
+        """Set PyBullet's dynamics of a link by its own names, such as ``mass=0.1, lateralFriction=0.6``."""
+        pybullet.changeDynamics(body, link, **values, physicsClientId=self._client)
+
+
+def _arrays(parts: Sequence[Part], colored: bool) -> dict[str, list]:
+    """The parts as PyBullet's arguments for arrays of visual (with colours) or collision shapes."""
+    boxes = [isinstance(part, Box) for part in parts]
+    prefix = "visual" if colored else "collision"
+    return {
+        "shapeTypes": [pybullet.GEOM_BOX if box else pybullet.GEOM_CYLINDER for box in boxes],
+        "halfExtents": [part.half_extents if isinstance(part, Box) else (0.0, 0.0, 0.0) for part in parts],
+        "radii": [part.radius if isinstance(part, Cylinder) else 0.0 for part in parts],
+        "lengths": [part.height if isinstance(part, Cylinder) else 0.0 for part in parts],
+        f"{prefix}FramePositions": [part.position for part in parts],
+        f"{prefix}FrameOrientations": [quat_from_yaw(part.yaw if isinstance(part, Box) else 0.0) for part in parts],
+    } | ({"rgbaColors": [(*part.color, 1.0) for part in parts]} if colored else {})

@@ -1,0 +1,77 @@
+"""Block picking: lift a cube off the table."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from collectors.simulation.world import World
+from collectors.tasks.hand import Hand, Moves, nearest_turn
+from collectors.tasks.task import Task
+
+LIFTED = 0.1  # [m] above where it lay: the block then is where the reference benchmark's is at a hand height of 0.15 m
+MARGIN = 0.05  # [m] from the workspace's border, at least
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is drawn (ranges of the reference benchmark, which the paper uses).
+
+    Attributes:
+        xy: Centre of the block, [m].
+        yaw: Its yaw, [rad].
+        half: Half its edge, [m]: a 5 cm cube scaled by 0.75 to 1.25.
+        mass: 0.05 to 0.15 kg.
+        friction: Its Coulomb friction, 0.2 to 0.4; the fingers have 1, the table 0.5, contact has the product.
+    """
+
+    xy: tuple[float, float]
+    yaw: float
+    half: float
+    mass: float
+    friction: float
+
+
+class BlockPicking(Task):
+    """Grasp a cube of varying place, yaw, size, mass and friction, and lift it by 10 cm."""
+
+    scene: Scene
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, world: World) -> Scene:
+        """Anywhere on the workspace's table."""
+        x, y = rng.uniform(world.workspace[:2, 0] + MARGIN, world.workspace[:2, 1] - MARGIN)
+        return Scene(
+            xy=(float(x), float(y)),
+            yaw=float(rng.uniform(-np.pi / 4, np.pi / 4)),
+            half=float(0.025 * rng.uniform(0.75, 1.25)),
+            mass=float(rng.uniform(0.05, 0.15)),
+            friction=float(rng.uniform(0.2, 0.4)),
+        )
+
+    def __init__(self, world: World, scene: Scene) -> None:
+        """Put the block on the table."""
+        self.world, self.scene = world, scene
+        half = scene.half
+        self.body = world.add_box(
+            (half, half, half), (*scene.xy, half), scene.yaw, scene.mass, scene.friction, self.color
+        )
+
+    def success(self) -> bool:
+        """Both fingers press on the block, and it is 10 cm higher than on the table."""
+        return self.world.holds(self.body) and self.world.pose(self.body)[2] - self.scene.half > LIFTED
+
+    def expert(self, hand: Hand) -> Moves:
+        """Over the block, down, close, up; again if it slips."""
+        held = lambda: self.world.holds(self.body)  # noqa: E731 - read like a sentence below
+        while True:
+            x, y, z, *_ = self.world.pose(self.body)
+            theta = nearest_turn(self.world.yaw(self.body), np.pi / 2, near=self.world.target[3])
+            yield from hand.go(x, y, max(z + 0.10, 0.12), theta, loose=True)
+            yield from hand.go(x, y, z + self.scene.half + 0.02, theta)
+            yield from hand.go(z=max(z - 0.005, 0.012), speed=0.6, exact=True)
+            yield from hand.grip(0.0, steps=4, until=held)
+            yield from hand.rest(1)
+            if held():
+                yield from hand.go(z=z + LIFTED + 0.03, until=lambda: not held())
+                yield from hand.rest(2, until=lambda: not held())
+            yield from hand.grip(1.0, steps=3)

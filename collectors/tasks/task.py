@@ -1,0 +1,82 @@
+"""What a task is: a scene that is drawn, a world that is set up with it, a predicate that says when it is done."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from collectors.record import OBJECT
+from collectors.simulation.world import World
+from collectors.tasks.hand import Hand, Moves
+
+MAX_STEPS = 50
+"""Longest episode (Kohler et al., CoRL 2023, section 5.1)."""
+
+
+class Task(ABC):
+    """One scene of a task, set up in a world; a new object for every episode.
+
+    A subclass is a task. It draws its scene as numbers (a frozen dataclass), puts it into the world when it is made,
+    and reads success off the true state.
+
+    Attributes:
+        world: The world it is set up in.
+        scene: What was drawn.
+        body: Body id of the object that the task is about.
+    """
+
+    color: ClassVar[tuple[float, float, float]] = (0.0, 0.35, 0.75)
+    """RGB of the object that the task is about, where tasks do not draw it."""
+
+    world: World
+    scene: Any
+    body: int
+
+    @classmethod
+    @abstractmethod
+    def draw(cls, rng: np.random.Generator, world: World) -> Any:  # noqa: ANN401 - each task has its own scene
+        """Draw a scene; nothing is put into the world.
+
+        Args:
+            rng: Source of all randomness.
+            world: For its bounds.
+
+        Returns:
+            A frozen dataclass of numbers, base axes, SI units.
+        """
+
+    @abstractmethod
+    def __init__(self, world: World, scene: Any) -> None:  # noqa: ANN401
+        """Put a scene into a world that has just been reset."""
+
+    @abstractmethod
+    def success(self) -> bool:
+        """Whether the task is achieved, read off the true state."""
+
+    @abstractmethod
+    def expert(self, hand: Hand) -> Moves:
+        """The actions of a scripted expert who knows the true state, until the task is achieved or time is up."""
+
+    def state(self) -> Mapping[str, np.ndarray]:
+        """True values of the moment, for the record; `OBJECT` is the pose of the task's object."""
+        return {OBJECT: self.world.pose(self.body)}
+
+    @classmethod
+    def begin(cls, world: World, seed: np.random.SeedSequence) -> Self:
+        """Reset a world, draw a scene, set it up and tare; the same seed gives the same bytes from here on.
+
+        Args:
+            world: Any world; what it was used for before does not matter.
+            seed: Seed of scene and sensor noise; not spawned from.
+        """
+        scene_seed, noise_seed = seed.generate_state(2)
+        world.reset(seed=int(noise_seed))
+        task = cls(world, cls.draw(np.random.default_rng(int(scene_seed)), world))
+        world.tare()
+        return task
+
+    def drawn(self) -> dict[str, Any]:
+        """The scene as JSON values."""
+        return asdict(self.scene)
