@@ -66,12 +66,12 @@ class BlockPicking(Task):
         while True:
             x, y, z, *_ = self.world.pose(self.body)
             theta = nearest_turn(self.world.yaw(self.body), np.pi / 2, near=self.world.target[3])
-            yield from hand.go(x, y, max(z + 0.10, 0.12), theta, loose=True)
-            yield from hand.go(x, y, z + self.scene.half + 0.02, theta)
-            yield from hand.go(z=max(z - 0.005, 0.012), speed=0.6, exact=True)
+            top = z + self.scene.half
+            yield from hand.go(x, y, top + 0.05, theta, loose=True)
+            yield from hand.go(x, y, top + 0.015, theta)
+            yield from hand.go(z=max(z - 0.005, 0.012), exact=True)
             yield from hand.grip(0.0, steps=4, until=held)
             yield from hand.rest(1)
             if held():
                 yield from hand.go(z=z + LIFTED + 0.03, until=lambda: not held())
-                yield from hand.rest(2, until=lambda: not held())
-            yield from hand.grip(1.0, steps=3)
+            yield from hand.grip(1.0, steps=2)

@@ -55,11 +55,12 @@ def test_the_expert_succeeds_and_its_demonstrations_differ(world):
 def test_the_expert_tries_again_after_a_slip(world):
     """The block is taken out of the closed hand and put down elsewhere."""
     task = begin(BlockPicking, world, 2)
+    x, y = task.scene.xy
     taken = []
 
     def take(step):
         if not taken and world.holds(task.body):
-            place(world, task.body, (0.6, 0.05, task.scene.half))
+            place(world, task.body, (x - 0.05, y - 0.08, task.scene.half))
             taken.append(step)
 
     assert perform(task, disturb=take) is not None
