@@ -71,7 +71,6 @@ class BlockPicking(Task):
             yield from hand.go(x, y, top + 0.015, theta)
             yield from hand.go(z=max(z - 0.005, 0.012), exact=True)
             yield from hand.grip(0.0, steps=4, until=held)
-            yield from hand.rest(1)
             if held():
                 yield from hand.go(z=z + LIFTED + 0.03, until=lambda: not held())
             yield from hand.grip(1.0, steps=2)

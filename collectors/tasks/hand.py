@@ -16,7 +16,7 @@ RAMP = (
 )  # of full speed that is gained or lost per step: 3.3 m/s^2, which the hand's inertia shows as a few newtons
 JITTER = np.array([0.0015, 0.0015, 0.0015, 0.02])  # [m], [rad] of a step at noise 1, standard deviation
 LOOSE = np.array([0.008, 0.008, 0.010, 0.08])  # [m], [rad] of a loose waypoint at noise 1, standard deviation
-SLOWEST = 0.6  # of full speed, of the slowest episodes at noise 1
+SLOWEST = 0.75  # of full speed, of the slowest episodes at noise 1
 
 
 def never() -> bool:
