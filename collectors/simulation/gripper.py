@@ -2,9 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 
 @dataclass(frozen=True)
 class GripperConfig:
@@ -39,13 +36,17 @@ class Gripper:
         self._reach = config.speed * dt
         self._target = config.stroke
 
-    def force(self, opening: float, position: NDArray[np.float64], rate: NDArray[np.float64]) -> tuple[float, float]:
+    def force(
+        self, opening: float, left: float, right: float, left_rate: float, right_rate: float
+    ) -> tuple[float, float]:
         """Force on the left and right finger for the next physics step, positive opens.
 
         Args:
             opening: Wanted opening, 0 closed to 1 open; the fingers go there at their own speed.
-            position: Distance of the left and right finger from the middle, (2,), [m].
-            rate: Their speeds, (2,), [m/s].
+            left: Distance of the left finger from the middle, [m].
+            right: Distance of the right finger from the middle, [m].
+            left_rate: Speed of the left finger, [m/s].
+            right_rate: Speed of the right finger, [m/s].
 
         Returns:
             Force on the left and right finger, [N].
@@ -53,8 +54,6 @@ class Gripper:
         c = self._config
         wanted = opening * c.stroke - self._target
         self._target += min(max(wanted, -self._reach), self._reach)
-        left, right = position.tolist()
-        left_rate, right_rate = rate.tolist()
         motor = c.stiffness * (self._target - 0.5 * (left + right)) - 0.5 * c.damping * (left_rate + right_rate)
         motor = min(max(motor, -c.force), c.force)
         linkage = 0.5 * (c.stiffness * (right - left) + c.damping * (right_rate - left_rate))

@@ -3,6 +3,7 @@
 import math
 import re
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -20,6 +21,8 @@ SENSOR_JOINT = 8  # panda_hand_joint, fixed: the wrist sensor sits here
 LEFT_FINGER, RIGHT_FINGER = 9, 10
 TCP_LINK = 11  # panda_grasptarget, 0.105 m below the sensor
 MOVING = (*ARM, LEFT_FINGER, RIGHT_FINGER)
+SENSED = (*MOVING, SENSOR_JOINT)
+STILL = (0.0,) * len(MOVING)
 DISTAL = (SENSOR_JOINT, LEFT_FINGER, RIGHT_FINGER)  # the links that hang on the sensor
 
 
@@ -85,10 +88,13 @@ class Panda:
 
     The state after the latest physics step:
 
-    - `joints`, `rates` (9,): seven arm joints [rad], left and right finger [m], and their rates;
-    - `position` (3,) and `quat` (xyzw): pose of the TCP;
-    - `hand_velocity` (3,): velocity of the centre of mass of hand and fingers, [m/s];
-    - `reaction` (6,): raw joint reaction at the sensor, see `wrist_sensor`.
+    - `joints`, `rates`: seven arm joints [rad], left and right finger [m], and their rates;
+    - `position` and `quat` (xyzw): pose of the TCP;
+    - `hand_velocity`: velocity (x, y, z) of the centre of mass of hand and fingers, [m/s];
+    - `reaction`: raw joint reaction at the sensor, six numbers, see `wrist_sensor`.
+
+    It is kept as tuples, as PyBullet gives and takes it: converting to arrays 500 times a second costs more than what
+    is done with them.
     """
 
     def __init__(self, config: PandaConfig, client: int, dt: float, home: NDArray[np.float64]) -> None:
@@ -106,7 +112,7 @@ class Panda:
         self.body = self._load(config)
         self._measure_hand()
         self._place(home)
-        self._servo = Servo(config.servo, dt, self.joints[:7])
+        self._servo = Servo(config.servo, dt, np.array(self.joints[:7]))
         self._gripper = Gripper(config.gripper, dt)
 
     def _load(self, config: PandaConfig) -> int:
@@ -145,12 +151,13 @@ class Panda:
         self._com_above_tcp = 0.105 - float(np.dot(masses, depths)) / self.hand_mass
 
     def _place(self, position: NDArray[np.float64]) -> None:
-        self.joints = np.array([*POSTURE, self._stroke, self._stroke])
+        joints = np.array([*POSTURE, self._stroke, self._stroke])
         for _ in range(50):  # Newton; converged to rounding after about 10
-            for joint, value in zip(MOVING, self.joints, strict=True):
+            for joint, value in zip(MOVING, joints, strict=True):
                 pybullet.resetJointState(self.body, joint, value, physicsClientId=self._client)
             self.read(forward_kinematics=True)
-            self.joints[:7] += joint_motion(self._jacobian, self._error(position, 0.0), np.zeros(7), damping=1e-3)
+            error = self._error(*position.tolist(), 0.0)
+            joints[:7] += joint_motion(self._jacobian, error, np.zeros(7), damping=1e-3)
 
     def read(self, forward_kinematics: bool = False) -> None:
         """Read the state from the simulator.
@@ -158,22 +165,19 @@ class Panda:
         Args:
             forward_kinematics: Recompute the link poses; needed only after joints were set without a physics step.
         """
-        states = pybullet.getJointStates(self.body, (*MOVING, SENSOR_JOINT), physicsClientId=self._client)
-        joints = [state[0] for state in states[:9]]
-        self.joints = np.array(joints)
-        self.rates = np.array([state[1] for state in states[:9]])
-        self.reaction = np.array(states[9][2])
+        states = pybullet.getJointStates(self.body, SENSED, physicsClientId=self._client)
+        positions, rates, reactions, _ = zip(*states, strict=True)
+        self.joints, self.rates, self.reaction = positions[:9], rates[:9], reactions[9]
         link = pybullet.getLinkState(
             self.body, TCP_LINK, computeForwardKinematics=forward_kinematics, physicsClientId=self._client
         )
-        self.position, self.quat = np.array(link[4]), link[5]
-        still = [0.0] * 9
+        self.position, self.quat = link[4], link[5]
         linear, angular = pybullet.calculateJacobian(
-            self.body, TCP_LINK, (0.0, 0.0, 0.0), joints, still, still, physicsClientId=self._client
+            self.body, TCP_LINK, STILL[:3], self.joints, STILL, STILL, physicsClientId=self._client
         )
         self._jacobian = np.array(linear + angular)[:, :7]
-        vx, vy, vz, wx, wy, _ = self._jacobian @ self.rates[:7]
-        self.hand_velocity = np.array([vx + wy * self._com_above_tcp, vy - wx * self._com_above_tcp, vz])
+        vx, vy, vz, wx, wy, _ = (self._jacobian @ self.rates[:7]).tolist()
+        self.hand_velocity = (vx + wy * self._com_above_tcp, vy - wx * self._com_above_tcp, vz)
 
     @property
     def theta(self) -> float:
@@ -184,35 +188,31 @@ class Panda:
     @property
     def opening(self) -> float:
         """Gripper opening, 0 closed to 1 open."""
-        return float(self.joints[7] + self.joints[8]) / (2.0 * self._stroke)
+        return (self.joints[7] + self.joints[8]) / (2.0 * self._stroke)
 
-    def drive(self, position: NDArray[np.float64], theta: float, motion: NDArray[np.float64], opening: float) -> None:
+    def drive(self, pose: Sequence[float], motion: Sequence[float], opening: float) -> None:
         """Set the motor torques of the next physics step.
 
         The torques are those that give the wanted joint accelerations to the robot alone (inverse dynamics, gravity
         included); a load is felt as a disturbance.
 
         Args:
-            position: Where the TCP should be now, (3,), [m].
-            theta: Yaw the hand should have now, [rad].
+            pose: Where the TCP should be now, (x, y, z, theta), [m] and [rad].
             motion: How it should move in this step, (dx, dy, dz, dtheta), [m] and [rad].
             opening: Wanted gripper opening, 0 to 1.
         """
+        dx, dy, dz, dtheta = motion
         acceleration = self._servo.acceleration(
             self._jacobian,
-            np.array([*motion[:3], 0.0, 0.0, motion[3]]),
-            self._error(position, theta),
+            np.array((dx, dy, dz, 0.0, 0.0, dtheta)),
+            self._error(*pose),
             self.joints[:7],
             self.rates[:7],
         )
         torque = pybullet.calculateInverseDynamics(
-            self.body,
-            self.joints.tolist(),
-            self.rates.tolist(),
-            [*acceleration.tolist(), 0.0, 0.0],
-            physicsClientId=self._client,
+            self.body, self.joints, self.rates, [*acceleration, 0.0, 0.0], physicsClientId=self._client
         )
-        left, right = self._gripper.force(opening, self.joints[7:], self.rates[7:])
+        left, right = self._gripper.force(opening, *self.joints[7:], *self.rates[7:])
         pybullet.setJointMotorControlArray(
             self.body,
             MOVING,
@@ -221,6 +221,7 @@ class Panda:
             physicsClientId=self._client,
         )
 
-    def _error(self, position: NDArray[np.float64], theta: float) -> NDArray[np.float64]:
+    def _error(self, x: float, y: float, z: float, theta: float) -> NDArray[np.float64]:
         """Wanted minus present TCP pose, (6,), [m] and [rad]."""
-        return np.array([*(position - self.position), *rotation_error(theta, self.quat)])
+        at = self.position
+        return np.array((x - at[0], y - at[1], z - at[2], *rotation_error(theta, self.quat)))

@@ -1,13 +1,14 @@
 """From a pose and velocity of the tool centre point (TCP) to joint accelerations: the position-controlled arm."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 # Elbow-up posture in which Franka's own examples start; it decides which way the elbow points.
-POSTURE = np.array([0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4])
+POSTURE = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
 
 
 @dataclass(frozen=True)
@@ -84,35 +85,37 @@ class Servo:
         """
         self._config = config
         self._dt = dt
-        self._joints = joints.copy()
-        self._rate = np.zeros(7)
+        self._joints = joints.tolist()
+        self._rate = [0.0] * 7
 
     def acceleration(
         self,
         jacobian: NDArray[np.float64],
         motion: NDArray[np.float64],
         error: NDArray[np.float64],
-        joints: NDArray[np.float64],
-        rates: NDArray[np.float64],
-    ) -> NDArray[np.float64]:
+        joints: Sequence[float],
+        rates: Sequence[float],
+    ) -> list[float]:
         """Joint accelerations for the next physics step.
 
         Args:
             jacobian: Geometric Jacobian of the TCP, (6, 7), base axes.
             motion: Commanded motion of the TCP in this step, (6,), [m] and [rad], base axes.
             error: Commanded minus present pose of the TCP, (6,), [m] and [rad], base axes.
-            joints: Present joint angles, (7,), [rad].
-            rates: Present joint rates, (7,), [rad/s].
+            joints: Present joint angles, seven, [rad].
+            rates: Present joint rates, seven, [rad/s].
 
         Returns:
-            Joint accelerations, (7,), [rad/s^2].
+            Joint accelerations, seven, [rad/s^2].
         """
-        c = self._config
-        posture = (c.posture_rate * self._dt) * (POSTURE - joints)
-        step = joint_motion(jacobian, motion + c.correction * error, posture, c.ik_damping)
-        self._joints += step
-        rate = step / self._dt
-        feed_forward = (rate - self._rate) / self._dt
-        self._rate = rate
-        w = c.bandwidth
-        return feed_forward + 2.0 * c.damping_ratio * w * (rate - rates) + w * w * (self._joints - joints)
+        c, dt = self._config, self._dt
+        return_rate = c.posture_rate * dt
+        posture = np.array([return_rate * (p - q) for p, q in zip(POSTURE, joints, strict=True)])
+        steps = joint_motion(jacobian, motion + c.correction * error, posture, c.ik_damping).tolist()
+        self._joints = [joint + step for joint, step in zip(self._joints, steps, strict=True)]
+        before, self._rate = self._rate, [step / dt for step in steps]
+        damping, stiffness = 2.0 * c.damping_ratio * c.bandwidth, c.bandwidth * c.bandwidth
+        return [
+            (now - last) / dt + damping * (now - rate) + stiffness * (wanted - joint)
+            for now, last, rate, wanted, joint in zip(self._rate, before, rates, self._joints, joints, strict=True)
+        ]

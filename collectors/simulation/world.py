@@ -21,7 +21,7 @@ from collectors.simulation.wrist_sensor import FEEDBACK_MODE, wrench_from_reacti
 from svfl_data.errors import CollectError, UsageError
 from svfl_data.windows import WINDOW
 
-GRAVITY = np.array([0.0, 0.0, -9.81])  # [m/s^2]
+GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class World:
         self._panda = Panda(c.panda, self.client, self._dt, np.array(c.home))
         self._reference = Reference(c.physics_steps, c.blend_steps)
         self._admittance = Admittance(c.admittance, self._dt)
-        home, still = np.array([*c.home, 0.0]), np.zeros(4)
+        home, still = [*c.home, 0.0], [0.0] * 4
         wrenches = [self._advance(home, still, 1.0) for _ in range(c.settle_steps * c.physics_steps)]
         return _Home(
             state=pybullet.saveState(physicsClientId=self.client),
@@ -188,7 +188,8 @@ class World:
         self._target = self._limit(start + np.clip(wanted[1:], -self.action_bound, self.action_bound))
         moves = self._reference.moves(self._target - start)
         targets = start + np.cumsum(moves, axis=0) - moves
-        wrenches = [self._advance(target, move, opening) for target, move in zip(targets, moves, strict=True)]
+        ticks = zip(targets.tolist(), moves.tolist(), strict=True)
+        wrenches = [self._advance(target, move, opening) for target, move in ticks]
         self._wrenches.append(self._noise(np.array(wrenches)).astype(np.float32))
 
     @property
@@ -205,32 +206,35 @@ class World:
     def _limit(self, target: NDArray[np.float64]) -> NDArray[np.float64]:
         """Keep a commanded (x, y, z, theta) near the hand and inside the workspace."""
         reach = self.config.admittance.max_deviation
-        position = np.clip(target[:3], self._panda.position - reach, self._panda.position + reach)
+        at = np.array(self._panda.position)
+        position = np.clip(target[:3], at - reach, at + reach)
         return self.within(np.array([*position, target[3]]))
 
-    def _advance(
-        self, reference: NDArray[np.float64], move: NDArray[np.float64], opening: float
-    ) -> NDArray[np.float64]:
+    def _advance(self, reference: Sequence[float], move: Sequence[float], opening: float) -> tuple[float, ...]:
         """One physics step: command the arm, simulate, feel.
 
         Args:
             reference: Commanded (x, y, z, theta) now, [m] and [rad].
-            move: How far the command goes in this step, (4,), [m] and [rad].
+            move: How far the command goes in this step, (dx, dy, dz, dtheta), [m] and [rad].
             opening: Commanded gripper opening.
 
         Returns:
-            The physical wrench on the hand, (6,), [N] and [N m], base axes, about the sensor origin.
+            The physical wrench on the hand, six numbers, [N] and [N m], base axes, about the sensor origin.
         """
-        panda, admittance = self._panda, self._admittance
-        motion = move.copy()
-        motion[:3] += admittance.rate * self._dt
+        panda, admittance, dt = self._panda, self._admittance, self._dt
+        pose = [r + e for r, e in zip(reference, (*admittance.deviation, 0.0), strict=True)]
+        motion = [m + rate * dt for m, rate in zip(move, (*admittance.rate, 0.0), strict=True)]
         before = panda.hand_velocity
-        panda.drive(reference[:3] + admittance.deviation, reference[3], motion, opening)
+        panda.drive(pose, motion, opening)
         pybullet.stepSimulation(physicsClientId=self.client)
         panda.read()
         wrench = wrench_from_reaction(panda.reaction)
-        acceleration = (panda.hand_velocity - before) / self._dt
-        admittance.step(wrench[:3] - panda.hand_mass * (GRAVITY - acceleration))
+        # What of the force is neither the weight nor the inertia of the hand: F - m (g - a).
+        fx, fy, fz = (
+            felt - panda.hand_mass * (g - (now - last) / dt)
+            for felt, g, now, last in zip(wrench[:3], GRAVITY, panda.hand_velocity, before, strict=True)
+        )
+        admittance.step((fx, fy, fz))
         return wrench
 
     def observe(self, render: bool = True) -> Observation:
@@ -245,7 +249,7 @@ class World:
             frames={name: camera.render() for name, camera in self._cameras.items()} if render else {},
             wrench=self._window(),
             proprio=np.array([panda.opening, *panda.position, panda.theta], np.float32),
-            joints=panda.joints.astype(np.float32),
+            joints=np.array(panda.joints, np.float32),
         )
 
     def _window(self) -> NDArray[np.float32]:

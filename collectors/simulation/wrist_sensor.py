@@ -1,7 +1,6 @@
 """The six-axis force-torque sensor between flange and hand."""
 
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Sequence
 
 from collectors.simulation.bullet import pybullet
 
@@ -10,16 +9,16 @@ from collectors.simulation.bullet import pybullet
 FEEDBACK_MODE = pybullet.JOINT_FEEDBACK_IN_JOINT_FRAME | pybullet.JOINT_FEEDBACK_IN_WORLD_SPACE
 
 
-def wrench_from_reaction(reaction: NDArray[np.float64]) -> NDArray[np.float64]:
+def wrench_from_reaction(reaction: Sequence[float]) -> tuple[float, ...]:
     """Turn the joint reaction into what a sensor in that joint reads: the load on the hand.
 
     PyBullet gives the force of the parent (flange) on the child (hand). The sensor feels the opposite: everything that
     the surroundings, gravity and the hand's own inertia put on it, F_external + m g - m a.
 
     Args:
-        reaction: Force and torque of the flange on the hand, (..., 6), [N] and [N m].
+        reaction: Force and torque of the flange on the hand, six numbers, [N] and [N m].
 
     Returns:
-        Load on the hand, (..., 6), [N] and [N m], base axes, about the sensor origin (`panda_hand_joint`).
+        Load on the hand, six numbers, [N] and [N m], base axes, about the sensor origin (`panda_hand_joint`).
     """
-    return -reaction
+    return tuple([-part for part in reaction])

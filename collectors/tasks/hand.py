@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from collectors.simulation.world import World
 
@@ -106,6 +106,11 @@ class Hand:
             if not exact and steps > 1.0:
                 move = move + self.noise * JITTER * np.clip(self.rng.standard_normal(4), -2, 2)
             yield self._action(move)
+
+    def vary(self, values: ArrayLike, deviation: float) -> NDArray[np.float64]:
+        """Values with Gaussian noise of that standard deviation at noise 1, cut at two of them."""
+        values = np.asarray(values, np.float64)
+        return values + self.noise * deviation * np.clip(self.rng.standard_normal(values.shape), -2, 2)
 
     def grip(self, opening: float, steps: int = 4, until: Callable[[], bool] = never) -> Moves:
         """Open or close the gripper and wait for it.
