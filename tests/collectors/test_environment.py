@@ -1,0 +1,115 @@
+"""The tasks as gymnasium environments: gymnasium's own contract, and ours."""
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from collectors.environment import Environment, normalised
+from collectors.simulation import CameraConfig, WorldConfig
+from collectors.tasks import TASKS
+from collectors.tasks.task import MAX_STEPS
+from svfl_data.errors import UsageError
+
+SMALL = WorldConfig(cameras={"front": CameraConfig(height=24, width=24)})
+
+
+@pytest.mark.parametrize("class_name", TASKS.values())
+def test_every_task_passes_gymnasiums_check(class_name):
+    env = gymnasium.make(f"svfl/{class_name}-v0", world=SMALL, render_mode="rgb_array")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", category=UserWarning)
+        warnings.filterwarnings("ignore", message=r".*(infinity|-inf|inf).*")  # a wrench has no bounds
+        check_env(env.unwrapped)
+    env.close()
+
+
+@pytest.fixture
+def env():
+    env = Environment("block_picking", SMALL)
+    yield env
+    env.close()
+
+
+def test_spaces_are_the_papers(env):
+    assert env.observation_space["image"].shape == (4, 24, 24)
+    assert env.observation_space["wrench"].shape == (64, 6)
+    assert env.observation_space["proprio"].shape == (5,)
+    np.testing.assert_allclose(env.action_space.low, [0, -0.025, -0.025, -0.025, -np.pi / 16], rtol=1e-6)
+    np.testing.assert_allclose(env.action_space.high, [1, 0.025, 0.025, 0.025, np.pi / 16], rtol=1e-6)
+
+
+def test_the_expert_is_rewarded_once_at_the_end(env):
+    env.reset(seed=1)
+    rewards = []
+    for action in env.expert(seed=1):
+        _, reward, terminated, truncated, info = env.step(action)
+        rewards.append(reward)
+        assert info["success"] == terminated == (reward == 1.0)
+        if terminated or truncated:
+            break
+    assert rewards[-1] == 1.0
+    assert not any(rewards[:-1])
+    assert not truncated
+
+
+def test_an_idle_episode_is_truncated_after_50_steps(env):
+    env.reset(seed=1)
+    ends = [env.step(np.array([1, 0, 0, 0, 0], np.float32))[2:4] for _ in range(MAX_STEPS)]
+    assert ends == [(False, False)] * (MAX_STEPS - 1) + [(False, True)]
+
+
+def test_a_seed_is_a_scene(env):
+    first, _ = env.reset(seed=5)
+    second, _ = env.reset()
+    again, _ = env.reset(seed=5)
+    for name in first:
+        np.testing.assert_array_equal(first[name], again[name])
+    assert not np.array_equal(first["image"], second["image"])
+
+
+def test_the_wrench_window_is_the_latest_readings_tared(env):
+    env.reset(seed=2)
+    for _ in range(3):
+        observation, *_ = env.step(np.array([1, 0, 0, -0.02, 0], np.float32))
+    expected = env.world.wrench[-64:] - env.world.tare_offset
+    np.testing.assert_array_equal(observation["wrench"], expected)
+
+
+def test_the_view_from_above_is_centred_on_the_workspace():
+    """Seen from above, the block's pixels are at its place in image-aligned axes."""
+    env = Environment("block_picking", view="top")
+    observation, _ = env.reset(seed=3)
+    red, _, blue, depth = observation["image"]
+    rows, columns = np.nonzero((blue > 2 * red) & (depth > 0))
+    offset = env.image_axes @ (np.array(env.task.scene.xy) - env.world.workspace[:2].mean(axis=1))
+    metres = 0.4 / len(red)
+    seen = np.array([columns.mean() - (len(red) - 1) / 2, (len(red) - 1) / 2 - rows.mean()]) * metres
+    np.testing.assert_allclose(seen, offset, atol=0.015)
+    env.close()
+
+
+def test_normalised_actions_reach_the_bounds():
+    env = normalised(Environment("block_picking", SMALL))
+    env.reset(seed=0)
+    start = env.unwrapped.world.target
+    env.step(np.array([1, 1, -1, -1, 1], np.float32))
+    moved = env.unwrapped.world.target - start
+    np.testing.assert_allclose(moved, [0.025, -0.025, -0.025, np.pi / 16], atol=1e-6)
+    env.close()
+
+
+def test_mistakes_are_clear(env):
+    with pytest.raises(UsageError, match="step before reset"):
+        env.step(np.zeros(5, np.float32))
+    with pytest.raises(UsageError, match="expert before reset"):
+        env.expert()
+    env.reset(seed=0)
+    with pytest.raises(UsageError, match="5 finite numbers"):
+        env.step(np.array([1, np.nan, 0, 0, 0], np.float32))
+    with pytest.raises(UsageError, match=r"no task 'juggling'; the tasks are .*block_picking"):
+        Environment("juggling")
+    with pytest.raises(UsageError, match="no view 'below'; there are camera, top"):
+        Environment("block_picking", view="below")
