@@ -18,14 +18,16 @@ from tests.simulation.conftest import hold, move
 HALF = 0.025
 TOP = 2 * HALF + 0.0072  # TCP height at which a fingertip reaches the block's top
 ELEMENTS = [(90 * k, flip) for flip in (False, True) for k in range(4)][1:]
-# Of the largest force and torque of the episode, root mean square over its readings. What is left is friction: a sticking
-# finger keeps a sideways force of 1 to 2 N that depends on how the arm, in another posture, gave way while it came down.
+# Of the largest force and torque of the episode, root mean square over its readings. What is left is friction: a
+# sticking finger keeps a sideways force of 1 to 2 N that depends on how the arm, in another posture, gave way before.
 FORCE_TOLERANCE, TORQUE_TOLERANCE = 0.08, 0.16
 
 PRESS = [(1, 0, 0, -0.002, 0)] * 8 + [(1, 0, 0, 0, 0)] * 4
 PUSH = [(1, 0.006, 0.003, -0.001, 0.0)] * 4 + [(1, 0, 0, 0, 0.04)] * 4
 GRASP = [(0, 0, 0, 0, 0)] * 6 + [(0, 0, 0, 0.01, 0)] * 4 + [(0, 0.004, -0.008, 0, 0.05)] * 4
-SCENES = {  # offset of the block from the workspace centre, of the hand from the block [m], hand yaw and block yaw [rad]
+# Offset of the block from the workspace centre, of the hand from the block [m], yaw of hand and block [rad], TCP height
+# [m], and what is done from there.
+SCENES = {
     "one finger presses beside the middle": ((0.06, 0.03), (0.012, 0.040), 0.25, 0.1, TOP + 0.005, PRESS),
     "a finger presses, drags and twists": ((0.03, -0.07), (-0.008, 0.042), -0.3, -0.2, TOP + 0.005, PRESS + PUSH),
     "a grasped block is lifted and turned": ((-0.05, 0.06), (0.004, 0.003), 0.4, 0.4, 0.02, GRASP),
