@@ -1,45 +1,56 @@
-"""What collecting costs: environment steps per CPU second, and where the time goes.
+"""What collecting costs: environment steps per CPU second beside those of the bare engine, and where the time goes.
 
-    .venv/bin/python benchmarks/collect.py --samples 20
+    .venv/bin/python benchmarks/collect.py --episodes 20
 
-One process, CPU time. The parts are measured by clocking the functions that do them, in a second pass over the same
-samples, so that the clocks do not slow the rate that is reported.
+One process, CPU time; everything that `svfl-collect expert` does for an episode is in it: reset, scene, expert,
+control, 500 readings a second, RGB-D image, file. The bare engine does the same physics and nothing else: the motor torques of
+the same episodes are played back (the wrist feels the same to the bit, which is checked), joints and wrist are
+read in every physics step, one image is rendered in every environment step. The parts are measured by clocking the
+functions that do them, in a pass of its own, so that the clocks do not slow the rates that are reported.
 """
 
 import argparse
 import os
 import platform
+import resource
 import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from unittest.mock import patch
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from collectors.centering import CenteringCollector
+import numpy as np
+
+from collectors.expert import ExpertCollector
 from collectors.simulation import world as world_module
 from collectors.simulation.admittance import Admittance
 from collectors.simulation.camera import Camera
 from collectors.simulation.noise import SensorNoise
-from collectors.simulation.panda import Panda
+from collectors.simulation.panda import MOVING, SENSED, Panda
+from collectors.simulation.world import World
+from collectors.tasks import TASKS, task_class
+from collectors.tasks.task import Task
 from svfl_data import store
 from svfl_data.store import write_episode
 
+PYBULLET = world_module.pybullet
 PARTS = (
-    ("physics", world_module.pybullet, "stepSimulation"),
+    ("physics", PYBULLET, "stepSimulation"),
     ("control", Panda, "drive"),
     ("control", Panda, "read"),
     ("control", Admittance, "step"),
     ("sensor", world_module, "wrench_from_reaction"),
     ("sensor", SensorNoise, "__call__"),
     ("render", Camera, "render"),
-    ("write", store, "episode_bytes"),
-    ("write", store, "write_atomically"),
-    ("load arm", Panda, "__init__"),
+    ("record", store, "episode_bytes"),
+    ("record", store, "write_atomically"),
 )
+NAMES = ("physics", "control", "sensor", "render", "record", "other")
 
 
 @contextmanager
@@ -63,34 +74,118 @@ def clocks() -> Iterator[dict[str, float]]:
         yield spent
 
 
-def collect(samples: int, folder: Path) -> tuple[int, float]:
-    """Collect samples; returns environment steps (rejected attempts included) and CPU seconds."""
-    collector = CenteringCollector(seed=0)
+@dataclass
+class Take:
+    """What the motors did in one episode after its beginning, and what the wrist felt."""
+
+    seed: np.random.SeedSequence
+    torques: list[list[float]] = field(default_factory=list)
+    reactions: list[tuple[float, ...]] = field(default_factory=list)
+
+
+@contextmanager
+def taking(takes: list[Take]) -> Iterator[None]:
+    """Note the torques of every episode that is begun while the context lasts, from its beginning on."""
+    begin, send, feel = Task.begin.__func__, PYBULLET.setJointMotorControlArray, world_module.wrench_from_reaction
+    begun: list[Take] = []  # empty while an episode is being set up
+
+    def beginning(cls, world, seed):
+        begun.clear()
+        task = begin(cls, world, seed)
+        takes.append(Take(seed))
+        begun.append(takes[-1])
+        return task
+
+    def sending(body, joints, mode, **kwargs):
+        if begun and joints is MOVING:
+            begun[0].torques.append(kwargs["forces"])
+        return send(body, joints, mode, **kwargs)
+
+    def feeling(reaction):
+        if begun:
+            begun[0].reactions.append(reaction)
+        return feel(reaction)
+
+    with (
+        patch.object(Task, "begin", classmethod(beginning)),
+        patch.object(PYBULLET, "setJointMotorControlArray", sending),
+        patch.object(world_module, "wrench_from_reaction", feeling),
+    ):
+        yield
+
+
+def collect(collector: ExpertCollector, episodes: int, folder: Path) -> tuple[int, float]:
+    """Collect episodes; returns the environment steps of those kept, and CPU seconds."""
     steps = 0
     start = time.process_time()
-    for index in range(samples):
+    for index in range(episodes):
         episode = collector(index)
         write_episode(episode, folder / f"{index}.hdf5")
         steps += len(episode)
     return steps, time.process_time() - start
 
 
+def play_bare(name: str, takes: list[Take]) -> tuple[int, float]:
+    """Play the torques back in the bare engine; returns environment steps and CPU seconds without beginnings."""
+    steps, seconds = 0, 0.0
+    with World() as world:
+        per_step, client = world.config.physics_steps, world.client
+        camera = next(iter(world._cameras.values()))
+        for take in takes:
+            task_class(name).begin(world, take.seed)
+            reactions = []
+            start = time.process_time()
+            for count, torques in enumerate(take.torques, 1):
+                PYBULLET.setJointMotorControlArray(
+                    world.robot, MOVING, PYBULLET.TORQUE_CONTROL, forces=torques, physicsClientId=client
+                )
+                PYBULLET.stepSimulation(physicsClientId=client)
+                reactions.append(PYBULLET.getJointStates(world.robot, SENSED, physicsClientId=client)[-1][2])
+                if count % per_step == 0:
+                    camera.render()
+            seconds += time.process_time() - start
+            steps += len(take.torques) // per_step
+            assert reactions == take.reactions, f"{name}: the bare engine did not do the same physics"
+    return steps, seconds
+
+
+def reset_ms(name: str, rounds: int = 20) -> float:
+    """Median CPU milliseconds to begin an episode, [ms]: reset, scene, tare."""
+    spent = []
+    with World() as world:
+        for seed in range(rounds + 1):
+            start = time.process_time()
+            task_class(name).begin(world, np.random.SeedSequence([1, seed]))
+            spent.append(1000 * (time.process_time() - start))
+    return float(np.median(spent[1:]))  # the first one builds the world
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--samples", type=int, default=20)
-    samples = parser.parse_args().samples
-    with tempfile.TemporaryDirectory() as folder:
-        collect(1, Path(folder))  # warm caches
-        steps, seconds = collect(samples, Path(folder))
-        with clocks() as spent:
-            _, clocked_seconds = collect(samples, Path(folder))
-    print(f"{platform.processor() or platform.machine()}, {samples} samples, {steps} steps of kept episodes")
-    print(f"{steps / seconds:.0f} env steps per CPU second, {1000 * seconds / samples:.0f} ms CPU per sample")
-    spent["other"] = clocked_seconds - sum(spent.values())
-    print("\n| part | ms per env step | share |\n| --- | --- | --- |")
-    for part, cost in sorted(spent.items(), key=lambda item: -item[1]):
-        print(f"| {part} | {1000 * cost / steps:.2f} | {100 * cost / clocked_seconds:.0f} % |")
+    parser.add_argument("--task", choices=[*TASKS, "all"], default="all")
+    parser.add_argument("--episodes", type=int, default=20)
+    asked = parser.parse_args()
+    print(f"{platform.processor() or platform.machine()}, {asked.episodes} episodes a task, one process, CPU time\n")
+    print("| task | steps/s | bare engine | share | reset, ms |", *(f" {part}, ms |" for part in NAMES), sep="")
+    print("| --- " * (5 + len(NAMES)) + "|")
+    for name in TASKS if asked.task == "all" else [asked.task]:
+        with tempfile.TemporaryDirectory() as folder:
+            collector = ExpertCollector(seed=0, task=name)
+            collect(collector, 1, Path(folder))  # warm caches
+            steps, seconds = collect(collector, asked.episodes, Path(folder))
+            takes: list[Take] = []
+            with taking(takes):
+                collect(collector, asked.episodes, Path(folder))
+            bare_steps, bare_seconds = play_bare(name, takes)
+            with clocks() as spent:
+                _, clocked_seconds = collect(collector, asked.episodes, Path(folder))
+        spent["other"] = clocked_seconds - sum(spent.values())
+        rate, bare = steps / seconds, bare_steps / bare_seconds
+        parts = "".join(f" {1000 * spent[part] / steps:.2f} |" for part in NAMES)
+        share = f"{100 * rate / bare:.0f} %"
+        print(f"| {name} | {rate:.0f} | {bare:.0f} | {share} | {reset_ms(name):.1f} |{parts}", flush=True)
+    print(f"\npeak memory of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
 
 
 if __name__ == "__main__":

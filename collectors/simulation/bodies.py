@@ -105,8 +105,8 @@ class Bodies:
 
         Args:
             urdf: A file, or the text of one (mesh paths in a text must be absolute).
-            position: Centre of mass of its base link in base, [m].
-            quat_xyzw: Orientation of the frame of its inertia.
+            position: Origin of its base link in base, [m]; `World.pose` is that of its centre of mass.
+            quat_xyzw: Orientation of its base link.
             fixed: Whether its base link cannot move.
             scale: Factor on all lengths.
 

@@ -38,6 +38,15 @@ class CameraConfig:
     depth_scale: float = 1e-4
 
 
+CAMERAS = {
+    "front": CameraConfig(),
+    "top": CameraConfig(eye=(0.55, 0.0, 1.2), fov_deg=24.0),
+    "side_left": CameraConfig(eye=(0.55, 0.55, 0.6), up=(0.0, -1.0, 0.0)),
+    "side_right": CameraConfig(eye=(0.55, -0.55, 0.6), up=(0.0, 1.0, 0.0)),
+}
+"""Cameras by name, all looking at the workspace centre from 0.8 to 1.2 m; left and right are the robot's."""
+
+
 def calibration(config: CameraConfig) -> Calibration:
     """Derive intrinsics, pose and image axes from the configuration (pinhole model, square pixels)."""
     focal = 0.5 * config.height / math.tan(0.5 * math.radians(config.fov_deg))

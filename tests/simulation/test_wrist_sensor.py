@@ -84,3 +84,22 @@ def test_a_push_reads_its_force_and_its_moment_about_the_sensor(world: World, mo
 def test_unloaded_it_reads_the_weight_of_the_hand(world: World):
     hand_mass = 0.81 + 2 * 0.1  # panda.urdf
     np.testing.assert_allclose(world.wrench[-10:].mean(axis=0), [0, 0, -9.81 * hand_mass, 0, 0, 0], atol=5e-3)
+
+
+def test_a_bar_held_off_its_centre_reads_its_weight_and_moment(world: World):
+    """What a closed gripper holds is felt as well as what hangs on the hand: no torque gets lost between the pads."""
+    mass, offset = 0.2, 0.03
+    bar = world.add_box((0.08, 0.015, 0.015), (0.55 + offset, 0.0, 0.015), 0.0, mass, friction=1.0)
+    world.tare()
+    move(world, (0.55, 0.0, 0.02, 0.0))
+    hold(world, 8, opening=0.0)
+    assert world.holds(bar)
+    move(world, (0.55, 0.0, 0.15, 0.0), opening=0.0, stride=0.3)
+    hold(world, 40, opening=0.0)
+    assert world.holds(bar)
+    reading = world.wrench[-25:].mean(axis=0, dtype=np.float64) - world.tare_offset
+    force = np.array([0.0, 0.0, -9.81 * mass])
+    torque = np.cross(world.pose(bar)[:3] - sensor_origin(world), force)
+    assert np.linalg.norm(torque) > 0.01
+    np.testing.assert_allclose(reading[:3], force, atol=0.02 * np.linalg.norm(force))
+    np.testing.assert_allclose(reading[3:], torque, atol=0.02 * np.linalg.norm(torque))
