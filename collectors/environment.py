@@ -24,7 +24,7 @@ from collectors.tasks import TASKS, task_class
 from collectors.tasks.hand import Hand, Moves
 from collectors.tasks.task import MAX_STEPS, Task
 from svfl_data.errors import UsageError
-from svfl_data.topdown import topdown_frame
+from svfl_data.topdown import EYE_M, topdown_frame
 from svfl_data.windows import WINDOW
 
 View = Literal["camera", "top"]
@@ -56,6 +56,7 @@ class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
         task: str,
         world: WorldConfig | None = None,
         view: View = "camera",
+        eye: float = EYE_M,
         render_mode: str | None = None,
     ) -> None:
         """Open a world.
@@ -64,6 +65,8 @@ class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
             task: Name of the task.
             world: All numbers of the world.
             view: What ``image`` shows: the first camera's picture, or that reprojected to the view from above.
+            eye: Height from which "top" looks down, base z, [m]; what is higher is not drawn. 0.1 looks under the palm
+                of a hand that is low over an object.
             render_mode: None or "rgb_array": what `render` gives.
 
         Raises:
@@ -73,7 +76,7 @@ class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
             raise UsageError(f"no view {view!r}; there are camera, top")
         self._task_class = task_class(task)
         self.world = World(world)
-        self.view, self.render_mode = view, render_mode
+        self.view, self.eye, self.render_mode = view, eye, render_mode
         self.task: Task | None = None
         self._steps = 0
         self._seen: Observation | None = None
@@ -161,7 +164,7 @@ class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
         frame, calibration = next(iter(seen.frames.values())), self.world.camera
         color, depth = frame.color, frame.depth
         if self.view == "top":
-            color, depth = topdown_frame(frame, calibration, self.world.workspace, size=len(color))
+            color, depth = topdown_frame(frame, calibration, self.world.workspace, size=len(color), eye=self.eye)
         image = np.empty((4, *depth.shape), np.float32)
         image[:3] = color.transpose(2, 0, 1) / np.float32(255)
         image[3] = depth * np.float32(calibration.depth_scale)

@@ -4,11 +4,11 @@ import functools
 import sys
 
 from svfl_data.cli import Parser, run
-from svfl_data.verbs import card, info, merge, pack, plot, relabel, repair, split, stats, validate, view
+from svfl_data.verbs import card, info, merge, pack, plot, relabel, repair, split, stats, topdown, validate, view
 from svfl_data.verbs import filter as filter_
 
 PROGRAM = "svfl-data"
-VERBS = (info, view, plot, validate, repair, relabel, filter_, merge, split, stats, pack, card)
+VERBS = (info, view, plot, topdown, validate, repair, relabel, filter_, merge, split, stats, pack, card)
 
 
 def main() -> int:

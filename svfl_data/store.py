@@ -37,6 +37,8 @@ STREAM_CHUNK = 1024  # rows per chunk of a stream
 CHUNK_BYTES = 2**20  # and no more than this, unless one row is larger
 BLOCK_BYTES = 2**20  # handed to HDF5 at once
 PLAIN_ATTRIBUTES = {"task": str, "index": int, "seed": int, "source": str, "success": bool}
+TEXT = h5py.h5t.py_create(h5py.string_dtype(), logical=True)
+SCALAR = h5py.h5s.create(h5py.h5s.SCALAR)
 MEANING = ("unit", "axes", "about")
 """Attributes of a dataset without which its numbers mean nothing; they must be as declared."""
 JSON_ATTRIBUTES = {"config": dict, "software": dict, "transforms": list, "annotations": list, "history": list}
@@ -102,12 +104,12 @@ def _bytes(array: Rows) -> int:
 
 def _write_hdf5(target: BinaryIO | Sink, meta: Meta, arrays: Mapping[str, Rows]) -> None:
     with h5py.File(target, "w") as file:
-        file.attrs["format"] = FORMAT
-        file.attrs["format_version"] = FORMAT_VERSION
+        _write_text(file, "format", FORMAT)
+        _write_text(file, "format_version", FORMAT_VERSION)
         for key in PLAIN_ATTRIBUTES:
             file.attrs[key] = getattr(meta, key)
         for key in JSON_ATTRIBUTES:
-            file.attrs[key] = canonical_json(getattr(meta, key))
+            _write_text(file, key, canonical_json(getattr(meta, key)))
         for path in sorted(arrays):
             _write_array(file, path, arrays[path], target)
 
@@ -129,10 +131,16 @@ def _write_array(file: h5py.File, path: str, array: Rows, target: BinaryIO | Sin
     field = field_at(path)
     if field:
         for name in MEANING:
-            dataset.attrs[name] = getattr(field, name)
-        dataset.attrs["doc"] = field.doc
+            _write_text(dataset, name, getattr(field, name))
+        _write_text(dataset, "doc", field.doc)
         if field.components:
-            dataset.attrs["components"] = ",".join(field.components)
+            _write_text(dataset, "components", ",".join(field.components))
+
+
+def _write_text(owner: h5py.File | h5py.Dataset, name: str, text: str) -> None:
+    """What ``owner.attrs[name] = text`` does, in half the time: an episode has some ninety of them."""
+    attribute = h5py.h5a.create(owner.id, name.encode(), TEXT, SCALAR)
+    attribute.write(np.array(text, dtype=h5py.string_dtype()))
 
 
 def _chunk_rows(path: str, array: Rows) -> int:

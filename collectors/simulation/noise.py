@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,12 +82,19 @@ class SensorNoise:
         return np.where(step > 0, counts * step, readings)
 
     def _low_pass(self, wrench: NDArray[np.float64]) -> NDArray[np.float64]:
+        """First-order lag, all rows at once: y_n = k sum_i (1-k)^(n-i) u_i + (1-k)^(n+1) y_before."""
         if self._gain == 1.0:
             return wrench
-        out = np.empty_like(wrench)
         state = wrench[0] if self._filtered is None else self._filtered
-        for i, row in enumerate(wrench):
-            state = state + self._gain * (row - state)
-            out[i] = state
-        self._filtered = state
+        response, decay = _lag(self._gain, len(wrench))
+        out = response @ wrench + decay[:, None] * state
+        self._filtered = out[-1]
         return out
+
+
+@cache
+def _lag(gain: float, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Response of the lag to each of `count` inputs, (count, count), and to the state before them, (count,)."""
+    powers = (1.0 - gain) ** np.arange(count + 1)
+    ages = np.subtract.outer(np.arange(count), np.arange(count))
+    return gain * np.where(ages >= 0, powers[np.maximum(ages, 0)], 0.0), powers[1:]

@@ -18,7 +18,7 @@ from tests.builders import episode_arrays
 
 NAMES = (
     "info", "view", "plot", "validate", "repair", "relabel", "filter", "merge", "split", "stats", "pack", "unpack",
-    "card",
+    "card", "topdown",
 )  # fmt: skip
 
 
