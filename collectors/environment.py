@@ -45,7 +45,7 @@ class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
     (0.025 m, pi/16); one step is 50 ms. An action outside the bounds is clipped to them; one that is not five finite
     numbers raises `UsageError`.
 
-    ``info["success"]`` says whether the task is achieved now. Vectors are in base axes; `image_axes` takes them to those
+    ``info["success"]`` says whether the task is achieved now. Vectors are in base axes: `image_axes` takes them to
     those of the image (docs/simulation.md).
     """
 

@@ -156,12 +156,12 @@ class Panda:
 
     def _place(self, position: NDArray[np.float64]) -> None:
         joints = np.array([*POSTURE, self._stroke, self._stroke])
+        x, y, z = position.tolist()
         for _ in range(50):  # Newton; converged to rounding after about 10
             for joint, value in zip(MOVING, joints, strict=True):
                 pybullet.resetJointState(self.body, joint, value, physicsClientId=self._client)
             self.read(forward_kinematics=True)
-            error = self._error(*position.tolist(), 0.0)
-            joints[:7] += joint_motion(self._jacobian, error, np.zeros(7), damping=1e-3)
+            joints[:7] += joint_motion(self._jacobian, self._error(x, y, z, 0.0), np.zeros(7), damping=1e-3)
 
     def read(self, forward_kinematics: bool = False) -> None:
         """Read the state from the simulator.
