@@ -10,8 +10,21 @@ if TYPE_CHECKING:
 
 TASKS = {
     "block_picking": "BlockPicking",
+    "block_pushing": "BlockPushing",
+    "block_pulling": "BlockPulling",
+    "block_corner_pulling": "BlockCornerPulling",
+    "mug_picking": "MugPicking",
+    "household_picking": "HouseholdPicking",
+    "household_picking_test": "HouseholdPickingTest",
+    "peg_insertion": "PegInsertion",
+    "drawer_opening": "DrawerOpening",
+    "drawer_closing": "DrawerClosing",
+    "block_centering": "BlockCentering",
 }
 """Name of every task, which is also its file in this folder, and its class; gymnasium's id is ``svfl/<class>-v0``."""
+
+PAPER = tuple(task for task in TASKS if task not in ("household_picking_test", "block_centering"))
+"""The nine tasks of the paper: what ``--task all`` means."""
 
 
 def task_class(name: str) -> "type[Task]":

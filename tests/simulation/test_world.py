@@ -76,6 +76,21 @@ def test_nothing_survives_a_reset():
         assert digest(world) == episode(3)
 
 
+def test_a_renewed_world_is_the_same_world(monkeypatch):
+    """Now and then a reset starts from nothing, so that memory stays bounded; nobody notices."""
+    monkeypatch.setattr("collectors.simulation.world.RENEWED", 2)
+    digests, clients = [], []
+    with World(SMALL) as world:
+        for _ in range(5):
+            begin(world, 3)
+            for tick in range(20):
+                act(world, tick)
+            digests.append(digest(world))
+            clients.append(pybullet.isConnected(world.client))
+    assert set(digests) == {episode(3)}
+    assert all(clients)
+
+
 def test_the_stream_keeps_every_reading(world: World):
     settled = len(world.wrench)
     assert settled >= 64  # a whole window before the first action

@@ -1,0 +1,110 @@
+"""Block pushing: push a block across the table to a goal that is marked there."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from collectors.simulation.bodies import RED, Box
+from collectors.simulation.world import World
+from collectors.tasks.hand import Hand, Moves, nearest_turn
+from collectors.tasks.task import Task
+
+REACHED = 0.05  # [m] horizontally from block to goal, less than
+LYING = 0.005  # [m] that the block's centre may be higher than on the table
+APART = 0.2  # [m] from start to goal, at least
+MARGIN = 0.07  # [m] from the workspace's border, at least: there the hand finds room behind the block
+GOAL_COLOR = (0.1, 0.3, 0.9)
+CLEAR = 0.02  # [m] between the TCP of a travelling hand and what it might drag along
+LOW = 0.014  # [m] of the pushing TCP above the table: the tips are below the smallest block's middle and off the table
+BEHIND = 0.05  # [m] of the TCP behind the block's middle before a push: half its diagonal and half a finger, and 4 mm
+OPENING = 0.25  # of the pushing hand: two fingers 2 cm apart steer a block, and even the smallest cannot slip between
+ASIDE = 0.018  # [m] of the block's middle beside the hand's path, when pushing on would turn it away
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is drawn (ranges of the reference benchmark, which the paper uses).
+
+    Attributes:
+        xy: Centre of the block, [m].
+        yaw: Its yaw, [rad].
+        half: Half its edge, [m]: a 5 cm cube scaled by 0.75 to 1.
+        mass: 0.05 to 0.15 kg.
+        friction: Its Coulomb friction, 0.9 to 1; the fingers have 1, the table 0.5, contact has the product.
+        goal: Where to, [m]; at least 20 cm from `xy`.
+    """
+
+    xy: tuple[float, float]
+    yaw: float
+    half: float
+    mass: float
+    friction: float
+    goal: tuple[float, float]
+
+
+class BlockPushing(Task):
+    """Push a cube of varying place, yaw, size, mass and friction to within 5 cm of a mark."""
+
+    color = RED
+    scene: Scene
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, world: World) -> Scene:
+        """Start and goal anywhere with room for the hand, redrawn until far enough apart."""
+        low, high = world.workspace[:2, 0] + MARGIN, world.workspace[:2, 1] - MARGIN
+        start, goal = rng.uniform(low, high, (2, 2))
+        while math.dist(start, goal) < APART:
+            start, goal = rng.uniform(low, high, (2, 2))
+        return Scene(
+            xy=(float(start[0]), float(start[1])),
+            yaw=float(rng.uniform(-np.pi / 4, np.pi / 4)),
+            half=float(0.025 * rng.uniform(0.75, 1.0)),
+            mass=float(rng.uniform(0.05, 0.15)),
+            friction=float(rng.uniform(0.9, 1.0)),
+            goal=(float(goal[0]), float(goal[1])),
+        )
+
+    def __init__(self, world: World, scene: Scene) -> None:
+        """Put the block on the table, and a flat mark, as wide as what counts as reached, that nothing can touch."""
+        self.world, self.scene = world, scene
+        half = scene.half
+        self.body = world.add_box(
+            (half, half, half), (*scene.xy, half), scene.yaw, scene.mass, scene.friction, self.color
+        )
+        mark = Box((REACHED, REACHED, 0.0005), color=GOAL_COLOR)
+        world.bodies.add([mark], (*scene.goal, 0.0005), collide=False)
+
+    def success(self) -> bool:
+        """The block's centre is within 5 cm of the goal, horizontally, and it lies on the table."""
+        x, y, z, *_ = self.world.pose(self.body)
+        return math.dist((x, y), self.scene.goal) < REACHED and z < self.scene.half + LYING
+
+    def state(self) -> Mapping[str, np.ndarray]:
+        """The block's pose, and the goal, (3,) [m]."""
+        return {**super().state(), "goal": np.array([*self.scene.goal, 0.0])}
+
+    def expert(self, hand: Hand) -> Moves:
+        """Down behind the block, straight to the goal; again if the block slips aside."""
+        goal = np.array(self.scene.goal)
+        while True:
+            block = self.world.pose(self.body)[:2]
+            way = (goal - block) / np.linalg.norm(goal - block)
+            theta = nearest_turn(math.atan2(way[1], way[0]), np.pi)
+            start = block - BEHIND * way
+            top = 2 * self.scene.half
+            yield from hand.grip(OPENING, steps=0)
+            yield from hand.go(z=max(self.world.target[2], top + CLEAR))
+            x, y = hand.vary(start, 0.004)
+            yield from hand.go(x, y, top + CLEAR, theta)
+            x, y = start
+            yield from hand.go(x, y, LOW, exact=True)
+            yield from hand.go(*hand.vary(goal, 0.006), exact=True, until=partial(self._aside, start, way))
+
+    def _aside(self, start: np.ndarray, way: np.ndarray) -> bool:
+        """Whether the block is no longer in front of a hand that goes from `start` along `way`."""
+        block = self.world.pose(self.body)[:2]
+        aside = (block - start) @ (-way[1], way[0])
+        return bool(abs(aside) > ASIDE or (block - self.world.tcp[:2]) @ way < 0.0)

@@ -1,0 +1,31 @@
+"""Drawer opening: hook the handle and pull the drawer open."""
+
+from collectors.tasks.drawer import GAP, HANDLE_Z, DrawerTask
+from collectors.tasks.hand import Hand, Moves
+
+OPEN = 0.10  # [m] to be exceeded (reference benchmark)
+HOOK = 0.023  # [m] before the front: in the gap, 6 mm from touching the handle
+HOOK_Z = HANDLE_Z - 0.008  # [m]: the fingertips are 7 mm lower, the palm is 40 mm higher
+
+
+class DrawerOpening(DrawerTask):
+    """Open a closed drawer of varying place and direction by 10 cm."""
+
+    opened = 0.0
+
+    def success(self) -> bool:
+        """The drawer is open by more than 10 cm."""
+        return self.opening > OPEN
+
+    def expert(self, hand: Hand) -> Moves:
+        """Down into the gap behind the handle, pull; again if the handle is not caught or is lost."""
+        while True:
+            across = hand.noise * hand.rng.uniform(-0.02, 0.02)
+            yield from self.reach(hand, HOOK, across, HOOK_Z)
+            far = HOOK + OPEN + 0.03 - self.opening
+            yield from hand.go(*self.at(far, across), until=lambda: not self._hooked())
+
+    def _hooked(self) -> bool:
+        """Whether the fingers are behind the handle."""
+        along, across, up = self.hand_at()
+        return 0.0 < along < GAP and abs(across) < 0.05 and up < HOOK_Z + 0.012

@@ -1,0 +1,130 @@
+"""Household picking: lift an object of any shape out of a bin."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collectors.simulation.bodies import Box, quat_from_yaw
+from collectors.simulation.bullet import pybullet
+from collectors.simulation.world import World
+from collectors.tasks.hand import Hand, Moves, nearest_turn
+from collectors.tasks.household_objects import Lying, grasps, split
+from collectors.tasks.task import Task
+
+LIFTED = 0.1  # [m] above where it lay
+INNER = 0.18  # [m] half the bin's inner edge: 36 cm, inside the 40 cm workspace
+WALL = 0.005  # [m] half its walls' thickness
+RIM = 0.04  # [m] height of its walls: the palm of a hand that touches the floor is 5 cm above it
+FLOOR = 0.003  # [m] height of its floor
+CLEAR = 0.02  # [m] between the TCP of a travelling hand and what it might drag along
+SPREAD = (
+    0.11  # [m] of the object's centre from the bin's, in x and y: an open hand over it is clear of the walls
+)
+BIN_COLOR = (0.25, 0.27, 0.3)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is drawn.
+
+    Attributes:
+        name: Number of the object in random_urdfs.
+        xy: Its centre, [m].
+        yaw: Its yaw from how it lies in the table of objects, [rad].
+        mass: 0.1 to 0.2 kg (reference benchmark: 0.15).
+        friction: Its Coulomb friction, 0.5 to 0.7 (reference benchmark: 0.6).
+    """
+
+    name: str
+    xy: tuple[float, float]
+    yaw: float
+    mass: float
+    friction: float
+
+
+class HouseholdPicking(Task):
+    """Grasp an object of varying shape, place, yaw, mass and friction in a bin, and lift it by 10 cm."""
+
+    part: ClassVar[str] = "train"
+    """The objects it is drawn from: ``train`` or ``test``."""
+
+    scene: Scene
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, world: World) -> Scene:
+        """Any object of the part, anywhere in the bin that the hand can reach."""
+        chosen = split(cls.part)
+        x, y = world.workspace[:2].mean(axis=1) + rng.uniform(-SPREAD, SPREAD, 2)
+        return Scene(
+            name=chosen[rng.integers(len(chosen))].name,
+            xy=(float(x), float(y)),
+            yaw=float(rng.uniform(-np.pi, np.pi)),
+            mass=float(rng.uniform(0.1, 0.2)),
+            friction=float(rng.uniform(0.5, 0.7)),
+        )
+
+    def __init__(self, world: World, scene: Scene) -> None:
+        """Put the bin on the table and the object into it, as it lies."""
+        self.world, self.scene = world, scene
+        x, y = world.workspace[:2].mean(axis=1)
+        self.bin = world.bodies.add(_bin(), (float(x), float(y), 0.0))
+        lying = next(one for one in split(self.part) if one.name == scene.name)
+        self.body = self._lay(lying)
+        self.rest_height = float(world.pose(self.body)[2])
+
+    def _lay(self, lying: Lying) -> int:
+        world, scene = self.world, self.scene
+        _, quat = pybullet.multiplyTransforms((0, 0, 0), quat_from_yaw(scene.yaw), (0, 0, 0), lying.quat_xyzw)
+        body = world.bodies.add_urdf(lying.urdf, (*scene.xy, FLOOR + lying.height), quat)
+        world.bodies.set_dynamics(body, mass=scene.mass, lateralFriction=scene.friction)
+        return body
+
+    def success(self) -> bool:
+        """Both fingers press on the object, and its centre is 10 cm higher than where it lay."""
+        return self.world.holds(self.body) and self.world.pose(self.body)[2] - self.rest_height > LIFTED
+
+    def expert(self, hand: Hand) -> Moves:
+        """Over the best grasp, down, close, up; the next best if that slips, and anew if the object has moved."""
+        failures = 0
+        while True:
+            pose = self.world.pose(self.body)
+            found = grasps(self.scene.name, pose[:3], pose[3:], FLOOR)
+            if not found:  # it has tumbled and is too wide as it lies now
+                return
+            grasp = found[7 * failures % len(found)]  # neighbours in this order are nearly the same
+            theta = nearest_turn(grasp.theta, np.pi, near=self.world.target[3])
+            over = grasp.top + CLEAR
+            yield from hand.go(z=max(self.world.target[2], over))
+            yield from hand.go(*grasp.xyz[:2], over + 0.02, theta, loose=True)
+            yield from hand.go(*grasp.xyz[:2], over - 0.005, theta)
+            yield from hand.go(z=grasp.xyz[2], exact=True, until=partial(self._astray, pose))
+            if not self._astray(pose):
+                yield from hand.grip(0.0, steps=5, until=self._held)
+                yield from hand.go(z=grasp.xyz[2] + LIFTED + 0.04, until=lambda: not self._held())
+            yield from hand.grip(1.0, steps=1)
+            failures += 1
+
+    def _held(self) -> bool:
+        return self.world.holds(self.body)
+
+    def _astray(self, expected: NDArray[np.float64]) -> bool:
+        """Whether the object is no longer where the hand goes down for it."""
+        return bool(np.linalg.norm(self.world.pose(self.body)[:3] - expected[:3]) > 0.01)
+
+
+def _bin() -> list[Box]:
+    """Floor and four walls, about the middle of the floor's underside."""
+    outer, middle = INNER + 2 * WALL, INNER + WALL
+    walls = [
+        Box(half, (x * middle, y * middle, 0.5 * RIM), color=BIN_COLOR)
+        for x, y, half in (
+            (1, 0, (WALL, outer, 0.5 * RIM)),
+            (-1, 0, (WALL, outer, 0.5 * RIM)),
+            (0, 1, (INNER, WALL, 0.5 * RIM)),
+            (0, -1, (INNER, WALL, 0.5 * RIM)),
+        )
+    ]
+    return [Box((INNER, INNER, 0.5 * FLOOR), (0.0, 0.0, 0.5 * FLOOR), color=BIN_COLOR), *walls]
