@@ -8,6 +8,7 @@ import numpy as np
 
 from collectors.dataset import software_versions
 from collectors.record import OBJECT, record
+from collectors.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
 from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, draw_scene, true_label
 from collectors.simulation.centering_expert import CollisionExpert
 from collectors.simulation.config import WorldConfig
@@ -18,12 +19,11 @@ from svfl_data.errors import CollectError
 from svfl_data.symmetry import DIRECTIONS
 
 TASK = "centering"
-ATTEMPTS = 20  # per sample; a scene is rejected about once in a few dozen
 MAX_STEPS = 50  # longest episode of the paper
 
 
 @dataclass(frozen=True)
-class CenteringCollector:
+class CenteringCollector(Simulated):
     """Produces the episode of an index: the same bytes for the same seed, index and configuration, anywhere.
 
     Attributes:
@@ -47,25 +47,19 @@ class CenteringCollector:
             CollectError: If no attempt collides as meant.
         """
         rejected: list[str] = []
-        with World(self.world) as world:
-            for attempt in range(ATTEMPTS):
-                outcome = self._attempt(world, index, attempt, rejected)
-                if isinstance(outcome, Episode):
-                    return outcome
-                rejected.append(outcome)
+        for attempt in range(ATTEMPTS):
+            outcome = self._attempt(index, attempt, rejected)
+            if isinstance(outcome, Episode):
+                return outcome
+            rejected.append(outcome)
         raise CollectError(
             f"sample {index} (seed {self.seed}): none of {ATTEMPTS} attempts collided as meant: {', '.join(rejected)}"
         )
 
-    def _attempt(self, world: World, index: int, attempt: int, rejected: list[str]) -> Episode | str:
+    def _attempt(self, index: int, attempt: int, rejected: list[str]) -> Episode | str:
         """One attempt: the episode, or why it is rejected."""
-        randomness = np.random.SeedSequence([self.seed, index, attempt])
-        rng = np.random.default_rng(randomness)
-        wanted = balanced_direction(self.seed, index)
-        scene = draw_scene(rng, wanted, self.scene, world)
-        world.reset(seed=int(randomness.generate_state(1)[0]))
-        block = add_block(world, scene)
-        world.tare()
+        world = self.opened
+        scene, block = begin(world, self.scene, self.seed, index, attempt)
         expert = CollisionExpert(scene, touchdown=2 * scene.block_half + FINGERTIP)
         arrays = record(world, expert, MAX_STEPS, state=lambda: {OBJECT: world.pose(block)})
 
@@ -73,7 +67,7 @@ class CenteringCollector:
         touching = sum(world.finger_contacts(block))
         if touching != 1:
             return f"{touching} fingers touched"
-        if label.direction != wanted or label.border_deg < self.scene.border_deg:
+        if label.direction != balanced_direction(self.seed, index) or label.border_deg < self.scene.border_deg:
             return "the block was pushed across a class border"
         arrays |= {
             "streams/object/half_extents": np.full(3, scene.block_half),
@@ -81,7 +75,7 @@ class CenteringCollector:
             "labels/direction": np.array(label.direction),
         }
         config = self.config() | {"drawn": asdict(scene), "attempt": attempt, "rejected": rejected}
-        meta = Meta(TASK, index, self.seed, "expert", True, config, software_versions("svfl", "pybullet", "numpy"))
+        meta = Meta(TASK, index, self.seed, "expert", True, config, software_versions(*VERSIONS))
         return Episode(meta, arrays)
 
 
@@ -89,6 +83,27 @@ def balanced_direction(seed: int, index: int) -> int:
     """The class of a sample: every four consecutive samples hold each class once, in random order."""
     order = np.random.default_rng([seed, index // 4]).permutation(4)
     return int(order[index % 4])
+
+
+def begin(world: World, config: CenteringConfig, seed: int, index: int, attempt: int) -> tuple[Scene, int]:
+    """Draw the scene of an attempt and set it up, homed and tared.
+
+    Args:
+        world: Any world; what it was used for before does not matter.
+        config: How scenes are drawn.
+        seed: Of the dataset.
+        index: Of the sample.
+        attempt: Number of the attempt.
+
+    Returns:
+        The scene and the body id of its block.
+    """
+    randomness = attempt_seed(seed, index, attempt)
+    scene = draw_scene(np.random.default_rng(randomness), balanced_direction(seed, index), config, world)
+    world.reset(seed=int(randomness.generate_state(1)[0]))
+    block = add_block(world, scene)
+    world.tare()
+    return scene, block
 
 
 def add_block(world: World, scene: Scene) -> int:

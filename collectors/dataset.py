@@ -1,26 +1,12 @@
-"""From samples to a dataset: workers, resuming, progress, and an honest count of what was rejected."""
+"""From an index to a dataset: what is missing is collected, whichever engine runs the workers."""
 
-import multiprocessing
-import signal
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from contextlib import ExitStack
 from importlib.metadata import version
-from pathlib import Path
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
+from collectors.engines import processes
+from collectors.engines.worker import FAILURES, Collected, Collector, Engine, Worker
+from collectors.progress import CollectionProgress
 from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
-from svfl_data.errors import CollectError
-from svfl_data.store import write_episode
-
-Collector = Callable[[int], Episode]
-"""Produces the episode of an index; depends on nothing but the index and what it was made with."""
-
-_collect: Collector  # of this worker process
-_folder: Path
 
 
 def software_versions(*packages: str) -> dict[str, str]:
@@ -28,81 +14,45 @@ def software_versions(*packages: str) -> dict[str, str]:
     return {package: version(package) for package in packages}
 
 
-@dataclass(frozen=True)
-class Collected:
-    """What a worker reports of one finished episode."""
-
-    index: int
-    steps: int
-
-
-def collect_dataset(dataset: Dataset, samples: int, workers: int, collector: Collector) -> list[Collected]:
-    """Collect the episodes 0 .. samples-1 that a dataset does not have yet.
+def collect_dataset(
+    dataset: Dataset,
+    episodes: int,
+    workers: int,
+    collector: Collector,
+    engine: Engine = processes.run,
+    keep_failures: bool = False,
+    progress: CollectionProgress | None = None,
+) -> list[Collected]:
+    """Collect the episodes 0 .. episodes-1 that a dataset does not have yet.
 
     Args:
         dataset: Where to write; held for the duration.
-        samples: How many episodes it shall have.
-        workers: Processes to collect with; what is collected does not depend on it.
-        collector: Makes the episodes; sent to each worker process.
+        episodes: How many episodes it shall have.
+        workers: How many work at a time; what is collected does not depend on it.
+        collector: Makes the episodes; sent to each worker.
+        engine: Runs the workers.
+        keep_failures: Whether to write failed attempts into a dataset of their own, in the folder `FAILURES` inside.
+        progress: Where to show how it goes; by itself if not given.
 
     Returns:
         What was collected now, by completion.
 
     Raises:
-        CollectError: If a worker process dies.
+        CollectError: If workers keep dying.
         SvflError: Whatever a collector raises; episodes finished before are on disk.
     """
-    with dataset.writing():
+    info = dataset.info
+    worker = Worker(collector, dataset.path, info["task"], info["seed"], info["config"], keep_failures)
+    with ExitStack() as stack:
+        stack.enter_context(dataset.writing())
+        if keep_failures:
+            stack.enter_context(worker.dataset(FAILURES).writing())
+        shown = progress or stack.enter_context(CollectionProgress())
         have = set(dataset.indices)
-        missing = [index for index in range(samples) if index not in have]
+        missing = [index for index in range(episodes) if index not in have]
         done: list[Collected] = []
-        with _progress() as progress:
-            bar = progress.add_task(dataset.info["task"], total=samples, completed=samples - len(missing))
-            for finished in _run(missing, min(workers, len(missing)), collector, dataset.path):
-                done.append(finished)
-                progress.advance(bar)
+        shown.begin(info["task"], episodes, len(missing))
+        for finished in engine(missing, workers, worker) if missing else ():
+            done.append(finished)
+            shown.advance(finished)
         return done
-
-
-def _progress() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("samples"),
-        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
-    )  # fmt: skip
-
-
-def _run(indices: list[int], workers: int, collector: Collector, folder: Path) -> Iterator[Collected]:
-    if not indices:
-        return
-    # Fresh processes: a forked one would inherit the parent's threads and locks.
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _start_worker, (collector, folder))
-    waiting = iter(indices)
-    running: set[Future[Collected]] = set()
-    try:
-        while True:
-            # A short queue: what is not started yet is what Ctrl-C need not wait for.
-            while len(running) < 2 * workers and (index := next(waiting, None)) is not None:
-                running.add(pool.submit(_collect_one, index))
-            if not running:
-                return
-            finished, running = wait(running, return_when=FIRST_COMPLETED)
-            for future in finished:
-                yield future.result()
-    except BrokenProcessPool as error:
-        raise CollectError(
-            "a worker process died (killed, or out of memory); what was finished is on disk, the same command resumes"
-        ) from error
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _start_worker(collector: Collector, folder: Path) -> None:
-    global _collect, _folder
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle; a started episode is finished
-    _collect, _folder = collector, folder
-
-
-def _collect_one(index: int) -> Collected:
-    episode = _collect(index)
-    write_episode(episode, Dataset.open(_folder).episode_path(index))
-    return Collected(index, len(episode))

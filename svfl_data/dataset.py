@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from svfl_data.chunks import Extent
-from svfl_data.episode import Episode, canonical_json
+from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
 from svfl_data.reader import EpisodeReader
 from svfl_data.shards import MEMBER, member_extent, members, shard_files
@@ -68,7 +68,7 @@ class Dataset:
         info = {"format": FORMAT, "format_version": FORMAT_VERSION, "task": task, "seed": seed, "config": config}
         if (path / INFO).exists():
             found = cls.open(path)
-            _check_same(path, found.info, json.loads(canonical_json(info)))
+            _check_same(path, found.info, json.loads(json.dumps(info)))
             return found
         if path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise DatasetError(f"{path} holds other files and no {INFO}; name a new or empty folder")
@@ -163,7 +163,7 @@ class Dataset:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Hold the folder for one collector, and clear away what a killed one was writing.
+        """Hold the folder for one collector, and clear away what killed ones and killed workers were writing.
 
         Raises:
             DatasetError: If another process is collecting into the folder.
@@ -171,13 +171,19 @@ class Dataset:
         descriptor = os.open(self.path, os.O_RDONLY)  # the kernel drops the lock when the process dies
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            for leftover in self.path.glob(".*.part"):
-                leftover.unlink(missing_ok=True)
-            yield
+            self._clear()
+            try:
+                yield
+            finally:
+                self._clear()
         except BlockingIOError as error:
             raise DatasetError(f"{self.path}: another process is collecting into this dataset") from error
         finally:
             os.close(descriptor)
+
+    def _clear(self) -> None:
+        for leftover in self.path.glob(".*.part"):
+            leftover.unlink(missing_ok=True)
 
 
 def _check_same(path: Path, found: dict[str, Any], asked: dict[str, Any]) -> None:

@@ -13,6 +13,7 @@ Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
 RED: Vector3 = (0.8, 0.2, 0.2)
+MAX_PARTS = 16  # MAX_COMPOUND_COLLISION_SHAPES of PyBullet 3.2.7, which dies of more by a segmentation fault
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ class Bodies:
         """Add a rigid body of one or several parts.
 
         Args:
-            parts: Its shapes; the body's frame is also its centre of mass.
+            parts: Its shapes, at most `MAX_PARTS`; the body's frame is also its centre of mass.
             position: Origin of its frame in base, [m].
             yaw: Rotation about z, [rad].
             mass: Mass, [kg]; 0 fixes it in place.
@@ -90,6 +91,7 @@ class Bodies:
         Returns:
             The body id.
         """
+        assert len(parts) <= MAX_PARTS, f"{len(parts)} parts"
         client = self._client
         visual = pybullet.createVisualShapeArray(**_arrays(parts, True), physicsClientId=client)
         shape = pybullet.createCollisionShapeArray(**_arrays(parts, False), physicsClientId=client) if collide else -1

@@ -92,15 +92,23 @@ def test_another_dataset_is_refused(collected):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["juggling", "--out", "x"], "invalid choice: 'juggling' (choose from 'centering')"),
+        (
+            ["juggling", "--out", "x"],
+            "invalid choice: 'juggling' (choose from 'expert', 'centering', 'policy', 'replay')",
+        ),
         (["centering", "--samples", "0", "--out", "x"], "'0' is not an integer of at least 1"),
         (["centering", "--samples", "many", "--out", "x"], "'many' is not an integer"),
         (["centering", "--workers", "-1", "--out", "x"], "'-1' is not an integer of at least 1"),
         (["centering", "--seed", "-1", "--out", "x"], "'-1' is not an integer of at least 0"),
-        (["centering", "--border", "50", "--out", "x"], "not an angle between 0 and 40"),
-        (["centering", "--noise", "loud", "--out", "x"], "invalid choice: 'loud'"),
+        (["centering", "--border", "50", "--out", "x"], "not an angle in degrees between 0 and 40"),
+        (["centering", "--sensor-noise", "loud", "--out", "x"], "invalid choice: 'loud'"),
+        (
+            ["centering", "--cameras", "front,back", "--out", "x"],
+            "no camera 'back'; the cameras are front, top, side_left",
+        ),
+        (["centering", "--address", "here:1", "--out", "x"], "--address here:1 is for --engine ray"),
         (["centering"], "--out"),
-        ([], "TASK"),
+        ([], "VERB"),
     ],
 )
 def test_wrong_arguments_are_one_line_and_code_2(arguments, message):

@@ -1,0 +1,120 @@
+"""Workers on a Ray cluster, one CPU each.
+
+Every worker writes its files into the dataset's folder on its own machine. Where that is not the folder of whoever
+started the collection, for want of a shared file system, the files are fetched.
+"""
+
+import logging
+import os
+import socket
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from collectors.engines.worker import Collected, Deaths, Worker
+from svfl_data.errors import CollectError, SvflError
+from svfl_data.store import write_atomically
+
+
+@dataclass(frozen=True)
+class Ray:
+    """The engine; see `collectors.engines.worker.Engine`.
+
+    Attributes:
+        address: Of the cluster; without one, that of ``RAY_ADDRESS``, or one running on this machine, or a new one.
+        folder: Where workers write on their machines, if not where the dataset is.
+    """
+
+    address: str | None = None
+    folder: Path | None = None
+
+    def __call__(self, indices: Sequence[int], workers: int, worker: Worker) -> Iterator[Collected]:
+        """Collect with actors."""
+        ray = _connected(self.address)
+        here, there = worker.folder.resolve(), (self.folder or worker.folder).resolve()
+        # One CPU also means OMP_NUM_THREADS=1, which Ray sets. A lost actor is replaced here, not by Ray, to say so.
+        start = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(Actor).remote
+        waiting, deaths = deque(indices), Deaths()
+        actors = [start(replace(worker, folder=there)) for _ in range(min(workers, len(waiting)))]
+        running: dict[Any, tuple[Any, int]] = {}
+        idle = list(actors)
+        try:
+            while waiting or running:
+                while waiting and idle:
+                    actor, index = idle.pop(), waiting.popleft()
+                    running[actor.collect.remote(index)] = actor, index
+                while idle:  # frees its CPU, for which a replacement may be waiting
+                    ray.kill(idle.pop())
+                (reference, *_), _ = ray.wait(list(running))
+                actor, index = running.pop(reference)
+                try:
+                    collected: Collected = ray.get(reference)
+                    for file in collected.files:
+                        if not (here / file).exists():
+                            _write(worker, here / file, ray.get(actor.content.remote(file)))
+                except ray.exceptions.RayTaskError as error:
+                    raise _cause(error) from None
+                except ray.exceptions.RayError:
+                    deaths.count("a Ray worker", [index])
+                    waiting.appendleft(index)
+                    actors.remove(actor)
+                    actor = start(replace(worker, folder=there))
+                    actors.append(actor)
+                else:
+                    deaths.forget()
+                    yield collected
+                idle.append(actor)
+        finally:
+            for actor in actors:
+                ray.kill(actor)
+
+
+class Actor:
+    """A worker that also hands out what it has written."""
+
+    def __init__(self, worker: Worker) -> None:
+        """Take over a worker, which will open its world in this process."""
+        self._worker = worker
+
+    def collect(self, index: int) -> Collected:
+        """Make and write the episode of an index."""
+        return self._worker.collect(index)
+
+    def content(self, file: str) -> bytes:
+        """The bytes of a file that was written here."""
+        return (self._worker.folder / file).read_bytes()
+
+
+def _connected(address: str | None) -> Any:  # noqa: ANN401 - Ray's module
+    """Ray, connected to a cluster.
+
+    Raises:
+        CollectError: If Ray is not installed, or there is no such cluster.
+    """
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # otherwise Ray reports to its makers
+    try:
+        import ray
+    except ModuleNotFoundError as error:
+        raise CollectError("Ray is not installed here; run: pip install 'svfl[ray]'") from error
+    if not ray.is_initialized():
+        try:
+            if address and "://" not in address and ":" in address:
+                host, _, port = address.rpartition(":")
+                socket.create_connection((host, int(port)), timeout=10).close()  # Ray itself would try for minutes
+            ray.init(address, include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR)
+        except (OSError, ValueError, RuntimeError) as error:
+            where = f"at {address}" if address else "on this machine"
+            raise CollectError(f"no Ray cluster {where} ({str(error).splitlines()[0]})") from error
+    return ray
+
+
+def _cause(error: Any) -> Exception:  # noqa: ANN401 - Ray's RayTaskError
+    """What was raised in a worker, without Ray's wrapping and traceback if it is a mistake of the user's."""
+    return error.cause if isinstance(error.cause, SvflError) else error
+
+
+def _write(worker: Worker, path: Path, content: bytes) -> None:
+    worker.dataset("" if path.parent == worker.folder.resolve() else path.parent.name)  # begins the folder
+    write_atomically(path, content)

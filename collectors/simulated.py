@@ -1,0 +1,44 @@
+"""What collectors in simulation share: one world for all their episodes, and how an episode follows from its seed."""
+
+from dataclasses import fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from collectors.simulation.config import WorldConfig
+from collectors.simulation.world import World
+
+ATTEMPTS = 20
+"""Per episode, of an expert. Attempt number 20 is therefore one that no expert makes: a policy's scenes are its."""
+VERSIONS = ("svfl", "pybullet", "numpy")
+"""Packages that a simulated episode depends on."""
+
+
+class Simulated:
+    """A dataclass that opens its world when it first needs it, keeps it, and goes to other processes without it.
+
+    Attributes:
+        world: Physics, arm, sensors and cameras.
+    """
+
+    world: WorldConfig
+
+    @cached_property
+    def opened(self) -> World:
+        """The world of this process; a reset brings it back exactly, so that what was done in it does not matter."""
+        return World(self.world)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+
+
+def attempt_seed(seed: int, index: int, attempt: int) -> np.random.SeedSequence:
+    """Where all randomness of an attempt comes from.
+
+    Args:
+        seed: Of the dataset.
+        index: Of the episode.
+        attempt: Number of the attempt.
+    """
+    return np.random.SeedSequence([seed, index, attempt])

@@ -1,0 +1,1 @@
+"""The verbs of ``svfl-collect``, one module each: `add` puts it on the command line, `run` does it."""

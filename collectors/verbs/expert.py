@@ -1,0 +1,72 @@
+"""``svfl-collect expert``: demonstrations of a task, or of all of them."""
+
+import argparse
+
+from collectors.tasks import PAPER, TASKS
+from collectors.verbs.options import add_collection, add_world, between, engine, world
+from svfl_data.cli import Commands, positive
+
+ALL = "all"
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "expert",
+        help="demonstrations of a task by its scripted expert",
+        description="Record demonstrations in simulation. An attempt that fails is made again and never counted as a "
+        "demonstration. The same command resumes where it was stopped; a larger --episodes extends the dataset.",
+        example="svfl-collect expert --task block_picking --episodes 50 --workers 2 --seed 0 --out data/block_picking\n"
+        "svfl-collect expert --task all --episodes 50 --workers 2 --out data/tasks   # a folder for each task\n"
+        "svfl-collect expert --task block_picking --cameras front,top --image-size 128 --out data/two_views\n"
+        "svfl-collect expert --task block_picking --engine ray --address head:6379 --workers 64 --out data/large",
+    )
+    verb.add_argument(
+        "--task",
+        choices=[*TASKS, ALL],
+        required=True,
+        metavar="TASK",
+        help=f"{', '.join(TASKS)}; {ALL} is the paper's nine",
+    )
+    verb.add_argument("--episodes", type=positive, default=50, metavar="N", help="demonstrations (default 50)")
+    add_collection(verb)
+    verb.add_argument(
+        "--noise", type=between(0, 2, "a number"), default=1.0, metavar="X",
+        help="how much demonstrations differ, 0 to 2 (default 1)",
+    )  # fmt: skip
+    verb.add_argument(
+        "--keep-failures",
+        action="store_true",
+        help="write failed attempts into a dataset of their own, FOLDER/failures",
+    )
+    add_world(verb)
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Collect and say what there is.
+
+    Raises:
+        DatasetError: If a folder holds another dataset.
+    """
+    from collectors.dataset import collect_dataset
+    from collectors.expert import ExpertCollector, summary
+    from collectors.progress import CollectionProgress
+    from svfl_data.dataset import INFO, Dataset
+    from svfl_data.errors import DatasetError
+
+    if arguments.task == ALL and (arguments.out / INFO).exists():
+        raise DatasetError(f"{arguments.out} holds a dataset; --task all needs a folder for one dataset of each task")
+    tasks = {name: arguments.out / name for name in PAPER} if arguments.task == ALL else {arguments.task: arguments.out}
+    where, config, workers = engine(arguments), world(arguments), arguments.workers
+    collectors = {name: ExpertCollector(arguments.seed, name, arguments.noise, config) for name in tasks}
+    datasets = {
+        name: Dataset.create_or_resume(tasks[name], name, arguments.seed, collector.config())
+        for name, collector in collectors.items()
+    }
+    with CollectionProgress() as progress:
+        for name, collector in collectors.items():
+            collect_dataset(
+                datasets[name], arguments.episodes, workers, collector, where, arguments.keep_failures, progress
+            )
+    print(*map(summary, datasets.values()), sep="\n")

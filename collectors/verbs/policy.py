@@ -1,0 +1,40 @@
+"""``svfl-collect policy``: a trained policy at work, and how often it succeeds."""
+
+import argparse
+from pathlib import Path
+
+from collectors.tasks import TASKS
+from collectors.verbs.options import add_collection, add_world, engine, world
+from svfl_data.cli import Commands, positive
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "policy",
+        help="record a trained policy and count its successes",
+        description="Record a trained policy in scenes that no demonstration has. Every episode is kept and counts, "
+        "whether it succeeds or not. The policy sees the first camera, which must be as in training. A .pt2 file is "
+        "made with svfl_models.exported_policy.save; other packages can add kinds of files (collectors/policy.py).",
+        example="svfl-collect policy --task block_picking --checkpoint policy.pt2 --episodes 100 --out data/trained",
+    )
+    verb.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=", ".join(TASKS))
+    verb.add_argument("--checkpoint", type=Path, required=True, metavar="FILE", help="the trained policy")
+    verb.add_argument("--episodes", type=positive, default=50, metavar="N", help="episodes (default 50)")
+    add_collection(verb)
+    add_world(verb)
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Record and say how often it succeeded."""
+    from collectors.dataset import collect_dataset
+    from collectors.policy import PolicyCollector, summary
+    from svfl_data.dataset import Dataset
+
+    where = engine(arguments)
+    collector = PolicyCollector(arguments.seed, arguments.task, arguments.checkpoint, world(arguments))
+    _ = collector.policy  # what is wrong with it is said before a folder is begun
+    dataset = Dataset.create_or_resume(arguments.out, arguments.task, arguments.seed, collector.config())
+    collect_dataset(dataset, arguments.episodes, arguments.workers, collector, where)
+    print(summary(dataset))

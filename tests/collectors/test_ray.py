@@ -1,0 +1,85 @@
+"""The same data from a Ray cluster of two nodes, with and without a shared file system, and when a worker dies."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import ray
+from ray._private import ray_constants
+from ray.cluster_utils import Cluster
+
+from collectors.dataset import collect_dataset
+from collectors.engines.ray import Ray
+from collectors.expert import ExpertCollector
+from svfl_data.dataset import Dataset
+from svfl_data.errors import CollectError
+from tests.collectors.conftest import SMALL, Made, contents
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+    ray_constants.ENABLE_RAY_CLUSTER = False  # the only way to have it take 127.0.0.1 for this machine's address
+    node = {"num_cpus": 1, "include_dashboard": False, "node_ip_address": "127.0.0.1"}
+    running = Cluster(initialize_head=True, head_node_args=node)
+    running.add_node(num_cpus=1, node_ip_address="127.0.0.1")
+    yield Ray(running.address)
+    ray.shutdown()
+    running.shutdown()
+
+
+def test_ray_gives_the_same_bytes(cluster, picked, tmp_path):
+    collector = ExpertCollector(0, "block_picking", world=SMALL)
+    dataset = Dataset.create_or_resume(tmp_path / "ray", "block_picking", 0, collector.config())
+    done = collect_dataset(dataset, 3, 2, collector, cluster)
+    assert sorted(finished.index for finished in done) == [0, 1, 2]
+    assert contents(tmp_path / "ray") == contents(picked)
+
+
+def test_files_of_other_machines_are_fetched_and_stay_there(cluster, tmp_path):
+    dataset = Dataset.create_or_resume(tmp_path / "here", "made", 0, {})
+    collect_dataset(dataset, 4, 2, Made(), Ray(cluster.address, folder=tmp_path / "there"))
+    assert len(dataset) == 4
+    assert contents(tmp_path / "here") == contents(tmp_path / "there")
+
+
+def test_a_worker_that_dies_is_replaced(cluster, tmp_path, capfd):
+    dataset = Dataset.create_or_resume(tmp_path / "data", "made", 0, {})
+    collect_dataset(dataset, 4, 2, Made(dies_at=1, dies_once=tmp_path / "died"), cluster)
+    assert dataset.indices == [0, 1, 2, 3]
+    assert dataset.read(1).meta.index == 1
+    errors = capfd.readouterr().err
+    assert errors.count("a Ray worker died; episode 1 will be redone") == 1
+
+
+def test_workers_that_keep_dying_end_it(cluster, tmp_path, capfd):
+    dataset = Dataset.create_or_resume(tmp_path / "data", "made", 0, {})
+    with pytest.raises(CollectError, match=r"a Ray worker died 3 times in a row .* episode 1;"):
+        collect_dataset(dataset, 2, 1, Made(dies_at=1), cluster)
+    assert dataset.indices == [0]
+
+
+def test_a_collectors_error_arrives_in_one_line(cluster, tmp_path):
+    dataset = Dataset.create_or_resume(tmp_path / "data", "made", 0, {})
+    with pytest.raises(CollectError, match=r"^episode 0 cannot be made$"):
+        collect_dataset(dataset, 1, 1, Made(fails_at=0), cluster)
+
+
+def test_without_ray_it_says_what_to_install(tmp_path):
+    code = (
+        "import sys; sys.modules['ray'] = None; sys.argv[1:] = ['expert', '--task', 'block_picking', '--episodes', '1',"
+        f" '--engine', 'ray', '--out', {str(tmp_path / 'x')!r}]; from collectors.cli import main; sys.exit(main())"
+    )
+    root = Path(__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert done.stderr == "svfl-collect: Ray is not installed here; run: pip install 'svfl[ray]'\n"
+
+
+def test_no_cluster_is_one_clear_line(tmp_path):
+    dataset = Dataset.create_or_resume(tmp_path / "data", "made", 0, {})
+    ray.shutdown()
+    with pytest.raises(CollectError, match=r"no Ray cluster at 127.0.0.1:1"):
+        collect_dataset(dataset, 1, 1, Made(), Ray("127.0.0.1:1"))

@@ -1,0 +1,42 @@
+"""A new task is its file and a line: the one that the documentation adds works everywhere."""
+
+import re
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from collectors.environment import Environment
+from collectors.expert import ExpertCollector
+from collectors.simulation import CameraConfig, WorldConfig
+from collectors.tasks import TASKS, task_class
+
+PAGE = Path(__file__).parents[2] / "docs" / "adding-a-task.md"
+
+
+@pytest.fixture
+def documented(monkeypatch):
+    """The page's file and line, as if they had been added."""
+    page = PAGE.read_text()
+    code = re.search(r"```python\n(.*?)```", page, re.S)[1]
+    name, class_name = re.search(r'^    "(\w+)": "(\w+)",$', page, re.M).groups()
+    module = types.ModuleType(f"collectors.tasks.{name}")
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    exec(compile(code, str(PAGE), "exec"), module.__dict__)
+    monkeypatch.setitem(TASKS, name, class_name)
+    return name
+
+
+def test_the_documented_task_works_everywhere(documented):
+    world = WorldConfig(cameras={"front": CameraConfig(height=24, width=24)})
+    assert task_class(documented).__name__ == "ButtonPressing"
+    env = Environment(documented, world)
+    check_env(env, skip_render_check=True)
+    env.close()
+    episode = ExpertCollector(seed=0, task=documented, world=world)(3)
+    assert episode.meta.success
+    assert episode.meta.config["drawn"].keys() == {"xy"}
+    assert np.abs(episode.tared_wrench[-1, 2]) > 15.0
