@@ -19,6 +19,8 @@ test: env lint  ## ruff, mypy and the whole test suite
 
 bench: env data/centering  ## every benchmark; figures for docs/benchmarks.md
 	$(BIN)/python benchmarks/collect.py
+	$(BIN)/python benchmarks/workers.py
+	$(BIN)/python benchmarks/experts.py
 	$(BIN)/python benchmarks/render.py
 	$(BIN)/python benchmarks/train.py
 	$(BIN)/python benchmarks/record.py

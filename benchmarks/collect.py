@@ -3,9 +3,9 @@
     .venv/bin/python benchmarks/collect.py --episodes 20
 
 One process, CPU time; everything that `svfl-collect expert` does for an episode is in it: reset, scene, expert,
-control, 500 readings a second, RGB-D image, file. The bare engine does the same physics and nothing else: the motor torques of
-the same episodes are played back (the wrist feels the same to the bit, which is checked), joints and wrist are
-read in every physics step, one image is rendered in every environment step. The parts are measured by clocking the
+control, 500 readings a second, RGB-D image, file. The bare engine does the same physics and nothing else: the motor
+torques of the same episodes are played back (the wrist feels the same to the bit, which is checked), joints and wrist
+are read in every physics step, one image is rendered in every environment step. The parts are measured by clocking the
 functions that do them, in a pass of its own, so that the clocks do not slow the rates that are reported.
 """
 

@@ -22,7 +22,7 @@ from svfl_data.errors import CollectError, UsageError
 from svfl_data.windows import WINDOW
 
 RENEWED = 1000
-"""Resets after which the world is built from nothing again: PyBullet keeps the shapes of removed bodies, 0.1 MB each."""
+"""Resets after which the world is built anew: PyBullet keeps the shapes of removed bodies, up to 0.1 MB a reset."""
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
 
 

@@ -105,7 +105,7 @@ class Hand:
             move = left * (moving / steps)
             if not exact and steps > 1.0:
                 move = move + self.noise * JITTER * np.clip(self.rng.standard_normal(4), -2, 2)
-            yield self._action(move)
+            yield self._action(np.clip(move, -bound, bound))
 
     def vary(self, values: ArrayLike, deviation: float) -> NDArray[np.float64]:
         """Values with Gaussian noise of that standard deviation at noise 1, cut at two of them."""

@@ -20,9 +20,7 @@ WALL = 0.005  # [m] half its walls' thickness
 RIM = 0.04  # [m] height of its walls: the palm of a hand that touches the floor is 5 cm above it
 FLOOR = 0.003  # [m] height of its floor
 CLEAR = 0.02  # [m] between the TCP of a travelling hand and what it might drag along
-SPREAD = (
-    0.11  # [m] of the object's centre from the bin's, in x and y: an open hand over it is clear of the walls
-)
+SPREAD = 0.11  # [m] of the object's centre from the bin's, in x and y: an open hand over it is clear of the walls
 BIN_COLOR = (0.25, 0.27, 0.3)
 
 

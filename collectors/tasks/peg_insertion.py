@@ -44,7 +44,8 @@ class Scene:
 class PegInsertion(Task):
     """Put a peg of 36 mm, held by a square handle, 3 cm deep into a hole of 38 mm at a varying place.
 
-    The peg's frame is in its axis, between peg and handle. Its edges and the rim's are round, by Bullet's margin, so that it catches from 1.5 mm beside the middle.
+    The peg's frame is in its axis, between peg and handle. Its edges and the rim's are round, by Bullet's margin, so
+    that it catches from 1.5 mm beside the middle.
     """
 
     scene: Scene
@@ -79,7 +80,7 @@ class PegInsertion(Task):
         """Middle of the peg's lower end, from the middle of the hole's rim, (3,) [m], and the peg's tilt, [rad]."""
         pose = self.world.pose(self.body)
         axis = np.array(pybullet.getMatrixFromQuaternion(pose[3:])).reshape(3, 3)[:, 2]
-        rim = self.world.pose(self.block)[:3] + (0.0, 0.0, 0.5 * RIM)
+        rim = self.world.pose(self.block)[:3] + np.array([0.0, 0.0, 0.5 * RIM])
         return pose[:3] - LENGTH * axis - rim, float(np.arccos(np.clip(axis[2], -1.0, 1.0)))
 
     def success(self) -> bool:

@@ -11,6 +11,7 @@ import pytest
 from collectors.record import OBJECT
 from collectors.simulation import World
 from collectors.tasks import PAPER, TASKS, task_class
+from collectors.tasks.hand import Hand
 from collectors.tasks.task import Task
 from tests.tasks.conftest import begin, perform
 
@@ -53,6 +54,16 @@ def test_setting_the_hand_in_motion_takes_its_momentum(task, direction):
     momentum = mass * np.array(world._panda.hand_velocity)
     assert np.linalg.norm(momentum) > 0.2
     np.testing.assert_allclose(impulse, -momentum, atol=0.05 * np.linalg.norm(momentum))
+
+
+def test_the_expert_asks_for_what_an_action_can_be(task):
+    """However noisy; what is recorded is then what is carried out."""
+    limit = np.array([1.0, *task.world.action_bound]) * (1 + 1e-6)
+    moves = task.expert(Hand(task.world, np.random.default_rng(0), noise=2.0))
+    for action, _ in zip(moves, range(25), strict=False):
+        assert (np.abs(action) <= limit).all()
+        assert action[0] >= 0
+        task.world.step(action)
 
 
 def test_a_used_world_gives_the_bytes_of_a_fresh_one(task):
