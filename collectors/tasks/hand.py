@@ -14,7 +14,7 @@ Moves = Iterator[NDArray[np.float32]]
 RAMP = (
     1 / 3
 )  # of full speed that is gained or lost per step: 3.3 m/s^2, which the hand's inertia shows as a few newtons
-JITTER = np.array([0.0015, 0.0015, 0.0015, 0.02])  # [m], [rad] of a step at noise 1, standard deviation
+JITTER = np.array([0.0008, 0.0008, 0.0008, 0.012])  # [m], [rad] of a step at noise 1, standard deviation
 LOOSE = np.array([0.008, 0.008, 0.010, 0.08])  # [m], [rad] of a loose waypoint at noise 1, standard deviation
 SLOWEST = 0.75  # of full speed, of the slowest episodes at noise 1
 

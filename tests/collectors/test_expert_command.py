@@ -11,7 +11,7 @@ from collectors.expert import ExpertCollector
 from collectors.simulated import ATTEMPTS
 from collectors.simulation.camera import CAMERAS, CameraConfig
 from collectors.simulation.world import World
-from collectors.tasks import TASKS
+from collectors.tasks import PAPER
 from collectors.tasks.block_picking import BlockPicking
 from svfl_data.checks import check_episode
 from svfl_data.dataset import Dataset
@@ -94,8 +94,8 @@ def test_all_tasks_go_into_a_folder_each_and_are_resumed(tmp_path):
     arguments = ("expert", "--task", "all", "--image-size", 8, "--out", tmp_path, "--workers", 2)
     done = collect(*arguments, "--episodes", 1)
     assert done.returncode == 0, done.stderr
-    assert {folder.name for folder in tmp_path.iterdir()} == set(TASKS)
-    for name in TASKS:
+    assert {folder.name for folder in tmp_path.iterdir()} == set(PAPER)
+    for name in PAPER:
         assert Dataset.open(tmp_path / name).indices == [0]
         assert json.loads((tmp_path / name / "dataset.json").read_text())["task"] == name
     before = contents(tmp_path)

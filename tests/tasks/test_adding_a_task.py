@@ -30,6 +30,7 @@ def documented(monkeypatch):
     return name
 
 
+@pytest.mark.filterwarnings("ignore:.*Box observation space:UserWarning")  # a wrench has no bounds
 def test_the_documented_task_works_everywhere(documented):
     world = WorldConfig(cameras={"front": CameraConfig(height=24, width=24)})
     assert task_class(documented).__name__ == "ButtonPressing"
