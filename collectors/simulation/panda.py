@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.gripper import Gripper, GripperConfig
-from collectors.simulation.servo import POSTURE, Servo, ServoConfig, joint_motion, rotation_error
+from collectors.simulation.kinematics import POSTURE, hand_velocity, jacobian_array, joint_motion
+from collectors.simulation.servo import Servo, ServoConfig, rotation_error
 
 ARM = range(7)
 SENSOR_JOINT = 8  # panda_hand_joint, fixed: the wrist sensor sits here
@@ -161,7 +162,7 @@ class Panda:
             for joint, value in zip(MOVING, joints, strict=True):
                 pybullet.resetJointState(self.body, joint, value, physicsClientId=self._client)
             self.read(forward_kinematics=True)
-            joints[:7] += joint_motion(self._jacobian, self._error(x, y, z, 0.0), np.zeros(7), damping=1e-3)
+            joints[:7] += joint_motion(self._jacobian, np.array(self._error(x, y, z, 0.0)), np.zeros(7), 1e-3)
 
     def read(self, forward_kinematics: bool = False) -> None:
         """Read the state from the simulator.
@@ -179,9 +180,8 @@ class Panda:
         linear, angular = pybullet.calculateJacobian(
             self.body, TCP_LINK, STILL[:3], self.joints, STILL, STILL, physicsClientId=self._client
         )
-        self._jacobian = np.array(linear + angular)[:, :7]
-        vx, vy, vz, wx, wy, _ = (self._jacobian @ self.rates[:7]).tolist()
-        self.hand_velocity = (vx + wy * self._com_above_tcp, vy - wx * self._com_above_tcp, vz)
+        self._jacobian = jacobian_array(linear, angular)
+        self.hand_velocity = hand_velocity(self._jacobian, self.rates, self._com_above_tcp)
 
     @property
     def theta(self) -> float:
@@ -207,11 +207,7 @@ class Panda:
         """
         dx, dy, dz, dtheta = motion
         acceleration = self._servo.acceleration(
-            self._jacobian,
-            np.array((dx, dy, dz, 0.0, 0.0, dtheta)),
-            self._error(*pose),
-            self.joints[:7],
-            self.rates[:7],
+            self._jacobian, (dx, dy, dz, 0.0, 0.0, dtheta), self._error(*pose), self.joints, self.rates
         )
         torque = pybullet.calculateInverseDynamics(
             self.body, self.joints, self.rates, [*acceleration, 0.0, 0.0], physicsClientId=self._client
@@ -225,7 +221,7 @@ class Panda:
             physicsClientId=self._client,
         )
 
-    def _error(self, x: float, y: float, z: float, theta: float) -> NDArray[np.float64]:
-        """Wanted minus present TCP pose, (6,), [m] and [rad]."""
+    def _error(self, x: float, y: float, z: float, theta: float) -> tuple[float, float, float, float, float, float]:
+        """Wanted minus present TCP pose, six numbers, [m] and [rad]."""
         at = self.position
-        return np.array((x - at[0], y - at[1], z - at[2], *rotation_error(theta, self.quat)))
+        return (x - at[0], y - at[1], z - at[2], *rotation_error(theta, self.quat))

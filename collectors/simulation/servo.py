@@ -1,14 +1,12 @@
 """From a pose and velocity of the tool centre point (TCP) to joint accelerations: the position-controlled arm."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-# Elbow-up posture in which Franka's own examples start; it decides which way the elbow points.
-POSTURE = (0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4)
+from collectors.simulation.kinematics import servo_acceleration
 
 
 @dataclass(frozen=True)
@@ -43,30 +41,6 @@ def rotation_error(theta: float, quat: tuple[float, float, float, float]) -> tup
     return (sign * (w * c - s * z), sign * (w * s + c * z), sign * (s * x - c * y))
 
 
-def joint_motion(
-    jacobian: NDArray[np.float64], motion: NDArray[np.float64], posture: NDArray[np.float64], damping: float
-) -> NDArray[np.float64]:
-    """Differential inverse kinematics with a wish for the redundant joint.
-
-    dq = J# dx + (I - J# J) dq_posture with the damped pseudo-inverse J# = J^T (J J^T + damping^2 I)^-1.
-
-    Source: Siciliano, Sciavicco, Villani, Oriolo (2009), "Robotics: Modelling, Planning and Control", section 3.5.
-
-    Args:
-        jacobian: Geometric Jacobian of the TCP, (6, 7), linear rows first, base axes.
-        motion: Small motion of the TCP, (6,), [m] and [rad].
-        posture: Joint motion that is done as far as the hand does not notice, (7,), [rad].
-        damping: Keeps the step finite near singular postures, [m] and [rad].
-
-    Returns:
-        Joint motion, (7,), [rad].
-    """
-    gram = jacobian @ jacobian.T
-    gram.flat[::7] += damping * damping
-    step: NDArray[np.float64] = posture + jacobian.T @ np.linalg.solve(gram, motion - jacobian @ posture)
-    return step
-
-
 class Servo:
     """Joint commands that follow the TCP command, and the accelerations that follow the joint commands.
 
@@ -83,39 +57,33 @@ class Servo:
             dt: Control period, [s].
             joints: Present joint angles, (7,), [rad].
         """
-        self._config = config
+        c = config
+        self._gains = (c.bandwidth, c.damping_ratio, c.correction, c.ik_damping, c.posture_rate)
         self._dt = dt
-        self._joints = joints.tolist()
-        self._rate = [0.0] * 7
+        self._joints = joints.copy()
+        self._rates = np.zeros(7)
 
     def acceleration(
         self,
         jacobian: NDArray[np.float64],
-        motion: NDArray[np.float64],
-        error: NDArray[np.float64],
-        joints: Sequence[float],
-        rates: Sequence[float],
-    ) -> list[float]:
+        motion: tuple[float, float, float, float, float, float],
+        error: tuple[float, float, float, float, float, float],
+        joints: tuple[float, ...],
+        rates: tuple[float, ...],
+    ) -> tuple[float, ...]:
         """Joint accelerations for the next physics step.
 
         Args:
             jacobian: Geometric Jacobian of the TCP, (6, 7), base axes.
-            motion: Commanded motion of the TCP in this step, (6,), [m] and [rad], base axes.
-            error: Commanded minus present pose of the TCP, (6,), [m] and [rad], base axes.
-            joints: Present joint angles, seven, [rad].
-            rates: Present joint rates, seven, [rad/s].
+            motion: Commanded motion of the TCP in this step, six numbers, [m] and [rad], base axes.
+            error: Commanded minus present pose of the TCP, six numbers, [m] and [rad], base axes.
+            joints: Present joint angles, [rad], the arm's first.
+            rates: Present joint rates, [rad/s], the arm's first.
 
         Returns:
-            Joint accelerations, seven, [rad/s^2].
+            Accelerations of the arm's joints, seven, [rad/s^2].
         """
-        c, dt = self._config, self._dt
-        return_rate = c.posture_rate * dt
-        posture = np.array([return_rate * (p - q) for p, q in zip(POSTURE, joints, strict=True)])
-        steps = joint_motion(jacobian, motion + c.correction * error, posture, c.ik_damping).tolist()
-        self._joints = [joint + step for joint, step in zip(self._joints, steps, strict=True)]
-        before, self._rate = self._rate, [step / dt for step in steps]
-        damping, stiffness = 2.0 * c.damping_ratio * c.bandwidth, c.bandwidth * c.bandwidth
-        return [
-            (now - last) / dt + damping * (now - rate) + stiffness * (wanted - joint)
-            for now, last, rate, wanted, joint in zip(self._rate, before, rates, self._joints, joints, strict=True)
-        ]
+        found: tuple[float, ...] = servo_acceleration(
+            jacobian, motion, error, joints, rates, self._joints, self._rates, self._gains, self._dt
+        )
+        return found
