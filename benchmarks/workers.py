@@ -2,7 +2,8 @@
 
     .venv/bin/python benchmarks/workers.py --task block_picking --episodes 200
 
-Start-up of the processes is in the time. Runs alternate, so that other load on the machine meets both.
+Start-up of the processes is in the time of the whole command; the rate is that from the first file to the last. Runs
+alternate, so that other load on the machine meets both.
 """
 
 import argparse
@@ -19,8 +20,8 @@ from pathlib import Path
 import psutil
 
 
-def collect(task: str, episodes: int, workers: int, out: Path) -> tuple[float, float]:
-    """Collect by the command; returns wall seconds and the largest memory of a worker, [MiB]."""
+def collect(task: str, episodes: int, workers: int, out: Path) -> tuple[float, float, float]:
+    """Collect by the command; returns wall seconds, episodes per second and the largest memory of a worker, [MiB]."""
     command = [sys.executable, "-c", "from collectors.cli import main; raise SystemExit(main())"]
     command += ["expert", "--task", task, "--episodes", str(episodes), "--workers", str(workers), "--out", str(out)]
     start = time.perf_counter()
@@ -40,7 +41,8 @@ def collect(task: str, episodes: int, workers: int, out: Path) -> tuple[float, f
         raise SystemExit(f"{' '.join(command[3:])} failed")
     seconds = time.perf_counter() - start
     watcher.join()
-    return seconds, peak[0] / 2**20
+    written = [file.stat().st_mtime for file in out.glob("*.hdf5")]
+    return seconds, (len(written) - 1) / (max(written) - min(written)), peak[0] / 2**20
 
 
 def main() -> None:
@@ -50,18 +52,16 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--rounds", type=int, default=2)
     asked = parser.parse_args()
-    load = os.getloadavg()[0]
-    print(
-        f"{platform.processor() or platform.machine()}, {asked.task}, {asked.episodes} episodes, load {load:.1f} before"
-    )
-    print(
-        "| round | one worker, s | two workers, s | ratio | memory of a worker, MiB |\n| --- | --- | --- | --- | --- |"
-    )
+    machine = platform.processor() or platform.machine()
+    print(f"{machine}, {asked.task}, {asked.episodes} episodes, load {os.getloadavg()[0]:.1f} before\n")
+    print("| round | one worker, s | two workers, s | ratio | ratio of rates | memory of a worker, MiB |")
+    print("| --- " * 6 + "|")
     for number in range(asked.rounds):
         with tempfile.TemporaryDirectory() as folder:
-            one, memory = collect(asked.task, asked.episodes, 1, Path(folder) / "one")
-            two, memory_two = collect(asked.task, asked.episodes, 2, Path(folder) / "two")
-        print(f"| {number + 1} | {one:.1f} | {two:.1f} | {one / two:.2f} | {max(memory, memory_two):.0f} |", flush=True)
+            one, slow, memory = collect(asked.task, asked.episodes, 1, Path(folder) / "one")
+            two, fast, other = collect(asked.task, asked.episodes, 2, Path(folder) / "two")
+        ratios = f"{one / two:.2f} | {fast / slow:.2f}"
+        print(f"| {number + 1} | {one:.1f} | {two:.1f} | {ratios} | {max(memory, other):.0f} |", flush=True)
 
 
 if __name__ == "__main__":
