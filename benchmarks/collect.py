@@ -12,7 +12,6 @@ functions that do them, in a pass of its own, so that the clocks do not slow the
 import argparse
 import os
 import platform
-import resource
 import tempfile
 import time
 from collections import defaultdict
@@ -185,7 +184,6 @@ def main() -> None:
         parts = "".join(f" {1000 * spent[part] / steps:.2f} |" for part in NAMES)
         share = f"{100 * rate / bare:.0f} %"
         print(f"| {name} | {rate:.0f} | {bare:.0f} | {share} | {reset_ms(name):.1f} |{parts}", flush=True)
-    print(f"\npeak memory of this process: {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
 
 
 if __name__ == "__main__":
