@@ -25,8 +25,15 @@ def never() -> bool:
 
 
 def nearest_turn(theta: float, period: float, near: float = 0.0) -> float:
-    """The angle nearest to `near` that equals `theta` up to multiples of `period`, all in [rad]."""
-    return theta - period * round((theta - near) / period)
+    """The angle nearest to `near` that equals `theta` up to multiples of `period` and that the hand can turn to.
+
+    Args:
+        theta: Wanted yaw, [rad].
+        period: After which it looks the same, at most pi, [rad].
+        near: Present yaw, within +-pi/2, [rad].
+    """
+    turned = theta - period * round((theta - near) / period)
+    return turned if abs(turned) <= math.pi / 2 else turned - math.copysign(period, turned)
 
 
 class Hand:

@@ -1,0 +1,66 @@
+"""The movements that experts are made of."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from collectors.tasks.hand import Hand, nearest_turn
+
+QUARTER = math.pi / 2
+
+
+@given(st.floats(-10, 10), st.sampled_from([QUARTER, math.pi]), st.floats(-QUARTER, QUARTER))
+def test_a_turn_is_equivalent_and_within_reach(theta, period, near):
+    turned = nearest_turn(theta, period, near)
+    assert abs(turned) <= QUARTER + 1e-9
+    assert abs(math.remainder(turned - theta, period)) < 1e-9
+
+
+def goals():
+    return [(0.45, -0.1, 0.05, 0.6), (0.7, 0.15, 0.22, -1.2), (0.55, 0.0, 0.1, 0.0)]
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_a_free_hand_arrives_with_a_soft_start_and_stop(world, noise):
+    world.reset(seed=0)
+    hand = Hand(world, np.random.default_rng(3), noise)
+    for goal in goals():
+        moves = []
+        for action in hand.go(*goal):
+            world.step(action)
+            moves.append(np.abs(action[1:] / world.action_bound).max())
+        np.testing.assert_allclose(world.target, goal, atol=1e-4)
+        assert moves[0] < 0.65
+        assert moves[-1] < 0.65
+        assert np.abs(np.diff(moves)).max() < 0.65
+
+
+def test_a_blocked_hand_gives_up(world):
+    world.reset(seed=0)
+    hand = Hand(world, np.random.default_rng(0), 0.0)
+    world.add_box((0.1, 0.1, 0.05), (0.55, 0.0, 0.05), 0.0, 0.0, 0.5)
+    steps = 0
+    for action in hand.go(z=0.0):
+        world.step(action)
+        steps += 1
+    assert 10 < steps < 40
+    assert world.tcp[2] > 0.1
+
+
+def test_a_condition_ends_a_movement(world):
+    world.reset(seed=0)
+    hand = Hand(world, np.random.default_rng(0), 0.0)
+    for action in hand.go(z=0.05, until=lambda: world.tcp[2] < 0.15):
+        world.step(action)
+    assert 0.1 < world.tcp[2] < 0.15
+
+
+def test_what_is_outside_the_workspace_is_not_asked_for(world):
+    world.reset(seed=0)
+    hand = Hand(world, np.random.default_rng(0), 0.0)
+    for action in hand.go(x=2.0):
+        world.step(action)
+    assert abs(world.target[0] - world.workspace[0, 1]) < 1e-9
