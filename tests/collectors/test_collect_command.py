@@ -13,6 +13,7 @@ import pytest
 from svfl_data.dataset import Dataset
 
 ROOT = Path(__file__).parents[2]
+SAMPLES = 24  # a second's work for two workers: long enough to be stopped in the middle
 
 
 def command(*arguments: object) -> list[str]:
@@ -30,15 +31,15 @@ def contents(folder: Path) -> dict[str, bytes]:
 @pytest.fixture(scope="module")
 def collected(tmp_path_factory):
     folder = tmp_path_factory.mktemp("collected") / "centering"
-    done = collect("centering", "--samples", 6, "--workers", 1, "--out", folder)
+    done = collect("centering", "--samples", SAMPLES, "--workers", 1, "--out", folder)
     assert done.returncode == 0, done.stderr
-    assert f"{folder}: 6 samples" in done.stdout
+    assert f"{folder}: {SAMPLES} samples" in done.stdout
     assert "rejected attempts: " in done.stdout
     return folder
 
 
 def test_two_workers_give_the_same_bytes_as_one(collected, tmp_path):
-    done = collect("centering", "--samples", 6, "--workers", 2, "--out", tmp_path / "two")
+    done = collect("centering", "--samples", SAMPLES, "--workers", 2, "--out", tmp_path / "two")
     assert done.returncode == 0, done.stderr
     assert contents(tmp_path / "two") == contents(collected)
 
@@ -46,7 +47,7 @@ def test_two_workers_give_the_same_bytes_as_one(collected, tmp_path):
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)])
 def test_a_stopped_collector_is_resumed_by_the_same_command(collected, tmp_path, sent, code):
     folder = tmp_path / "stopped"
-    arguments = ("centering", "--samples", 6, "--workers", 2, "--out", folder)
+    arguments = ("centering", "--samples", SAMPLES, "--workers", 2, "--out", folder)
     running = subprocess.Popen(
         command(*arguments), cwd=ROOT, start_new_session=True, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
@@ -61,7 +62,7 @@ def test_a_stopped_collector_is_resumed_by_the_same_command(collected, tmp_path,
     assert {name: content for name, content in whole.items() if name.endswith("hdf5")}.items() <= contents(
         collected
     ).items()
-    assert len(Dataset.open(folder)) < 6
+    assert len(Dataset.open(folder)) < SAMPLES
     done = collect(*arguments)
     assert done.returncode == 0, done.stderr
     assert contents(folder) == contents(collected)
@@ -82,7 +83,7 @@ def test_a_full_disk_is_one_clear_line(tmp_path):
 
 def test_another_dataset_is_refused(collected):
     before = contents(collected)
-    done = collect("centering", "--samples", 6, "--seed", 1, "--out", collected)
+    done = collect("centering", "--samples", SAMPLES, "--seed", 1, "--out", collected)
     assert done.returncode == 1
     assert "holds another dataset: its seed is 0, asked for 1" in done.stderr
     assert done.stderr.count("\n") == 1
