@@ -251,7 +251,7 @@ class World:
         """Render and read the state after the latest step.
 
         Args:
-            render: Whether to take pictures; without, `frames` is empty and the step costs a third less.
+            render: Whether to take pictures; without, `frames` is empty and the step costs about half.
         """
         panda = self._panda
         return Observation(
