@@ -2,14 +2,20 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Camera, Episode
 from svfl_data.errors import DatasetError
+from svfl_data.progress import progress
 from svfl_data.symmetry import OFFSET_PARTS, WRENCH_PARTS, act
+from svfl_data.topdown import topdown
 from svfl_data.windows import WINDOW, latest, wrench_window
+
+View = Literal["camera", "top"]
+VIEWS: tuple[View, ...] = ("camera", "top")
 
 
 @dataclass(frozen=True)
@@ -40,12 +46,13 @@ class CenteringSamples:
         )
 
 
-def load_centering(path: Path | str, window: int = WINDOW) -> CenteringSamples:
+def load_centering(path: Path | str, window: int = WINDOW, view: View = "camera") -> CenteringSamples:
     """Load the samples of a block-centering dataset into memory.
 
     Args:
         path: Dataset folder.
         window: Readings per wrench window, T.
+        view: Images as the ``camera`` took them, or as seen from straight above (``top``, `svfl_data.topdown`).
 
     Returns:
         One sample per episode, from its final observation.
@@ -55,7 +62,8 @@ def load_centering(path: Path | str, window: int = WINDOW) -> CenteringSamples:
         DatasetError: If there are no episodes, labels are missing, or episodes have different image sizes.
     """
     dataset = Dataset.open(path)
-    samples = [_sample(episode, window) for episode in dataset]
+    episodes = progress(dataset, "reading samples", total=len(dataset))
+    samples = [_sample(episode, window, view) for episode in episodes]
     if not samples:
         raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
     sizes = sorted({sample["image"].shape for sample in samples})
@@ -64,13 +72,12 @@ def load_centering(path: Path | str, window: int = WINDOW) -> CenteringSamples:
     return CenteringSamples(**{name: np.stack([sample[name] for sample in samples]) for name in samples[0]})
 
 
-def _sample(episode: Episode, window: int) -> dict[str, np.ndarray]:
+def _sample(episode: Episode, window: int, view: View) -> dict[str, np.ndarray]:
     if not (episode.has("label_offset") and episode.has("label_direction")):
         raise DatasetError(f"{episode.name}: has no labels (labels/offset and labels/direction) to learn from")
     camera = _only_camera(episode)
-    frame = latest(camera.t_ns, episode.t_ns[-1])
-    color = camera.color[frame].astype(np.float32) / 255
-    image = np.concatenate([color, camera.depth_m[frame][..., None]], axis=-1)  # (H, W, 4)
+    color, depth_m = _pictures(episode, camera, view)
+    image = np.concatenate([color.astype(np.float32) / 255, depth_m[..., None]], axis=-1)  # (H, W, 4)
     wrench, _ = wrench_window(episode, length=window)
     return {
         "image": image.transpose(2, 0, 1),  # (H, W, 4) -> (4, H, W)
@@ -79,6 +86,15 @@ def _sample(episode: Episode, window: int) -> dict[str, np.ndarray]:
         "direction": np.asarray(episode.label_direction),
         "episode": np.asarray(episode.meta.index, dtype=np.int64),
     }
+
+
+def _pictures(episode: Episode, camera: Camera, view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Colour (H, W, 3) uint8 and depth (H, W) float32, [m], of the final observation."""
+    if view == "top":
+        above = topdown(episode, steps=len(episode.t_ns) - 1, size=camera.color.shape[1])
+        return above.color, above.depth * np.float32(above.view.depth_scale)
+    frame = latest(camera.t_ns, episode.t_ns[-1])
+    return camera.color[frame], camera.depth_m[frame]
 
 
 def _only_camera(episode: Episode) -> Camera:

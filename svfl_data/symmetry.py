@@ -58,6 +58,11 @@ def element(degrees: float, flip: bool = False) -> np.ndarray:
     return exact @ np.diag([1.0, -1.0 if flip else 1.0])
 
 
+def cyclic(order: int) -> list[np.ndarray]:
+    """The rotations of C_order, counter-clockwise, as matrices of shape (2, 2)."""
+    return [element(360.0 * k / order) for k in range(order)]
+
+
 def dihedral(order: int) -> list[np.ndarray]:
     """All 2 * order elements of D_order, rotations first, as matrices of shape (2, 2)."""
     return [element(360.0 * k / order, flip) for flip in (False, True) for k in range(order)]

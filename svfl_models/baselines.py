@@ -1,8 +1,12 @@
-"""The non-symmetric twin of `layers.SymmetricLayers`: the same encoders, built from plain layers."""
+"""The non-symmetric twin of `kits.SymmetricLayers`: the same networks, built from ordinary layers."""
+
+from collections.abc import Sequence
 
 from torch import Tensor, nn
 
 from svfl_data.symmetry import Part
+from svfl_models.groups import GROUPS
+from svfl_models.representations import components
 
 
 class PlainLayers:
@@ -12,23 +16,24 @@ class PlainLayers:
     at zero.
     """
 
+    group = GROUPS["none"]
     copies = 1
 
     def image(self, channels: int) -> int:
         """Image channels."""
         return channels
 
-    def vector(self, parts: tuple[Part, ...]) -> int:
+    def vector(self, parts: Sequence[Part]) -> int:
         """Physical components."""
-        return sum(len(part.index) for part in parts)
+        return components(parts)
 
     def hidden(self, width: int) -> int:
         """Hidden channels."""
         return width
 
-    def directions(self) -> int:
-        """Four scores."""
-        return 4
+    def joined(self, types: Sequence[int]) -> int:
+        """All channels together."""
+        return sum(types)
 
     def conv(self, source: int, target: int, kernel: int, padding: int) -> nn.Module:
         """Convolution (B, C, H, W) -> (B, C', H', W')."""
@@ -37,6 +42,10 @@ class PlainLayers:
     def linear(self, source: int, target: int) -> nn.Module:
         """Linear map of the last axis."""
         return _initialised(nn.Linear(source, target))
+
+    def scores(self, source: int) -> nn.Module:
+        """Linear map of the last axis to four scores."""
+        return self.linear(source, 4)
 
 
 def _initialised(layer: nn.Conv2d | nn.Linear) -> nn.Module:

@@ -1,27 +1,27 @@
-"""Block centering: from image and wrench window to the direction in which the hand must move."""
+"""Block centering: from image and wrench window to where the hand must move."""
 
+import torch
 from torch import Tensor, nn
 
+from svfl_data.centering import CenteringSamples
 from svfl_data.errors import TrainingError
-from svfl_models.baselines import PlainLayers
-from svfl_models.config import ENCODERS, MODELS
-from svfl_models.encoders import IMAGE_SIZE, ForceEncoder, Fusion, VisionEncoder
-from svfl_models.layers import Layers, SymmetricLayers
-from svfl_models.normalization import Normalization
+from svfl_models.config import ENCODERS, IMAGE_SIZES, TARGETS
+from svfl_models.groups import GROUPS, group_named
+from svfl_models.heads import OffsetHead
+from svfl_models.kits import Layers, kit
 from svfl_models.presets import PRESETS
-from svfl_models.representations import wrench_parts
-
-Batch = dict[str, Tensor]
-"""``image`` (B, 4, 64, 64): colour / 255, depth in [m]. ``wrench`` (B, T, 6), [N] and [N m]. Image-aligned axes."""
+from svfl_models.visual_force import Batch, VisualForceEncoder
 
 
 class CenteringClassifier(nn.Module):
-    """Encoders, fusion, and scores of the four directions.
+    """Encoders, fusion, and scores of the four directions, or the offset itself.
 
     Args:
         encoder: ``v`` (image), ``f`` (wrench window) or ``vf`` (both).
-        model: ``svfl`` (equivariant to D4) or ``cnn`` (its plain twin).
+        group: Symmetry group, one of `groups.GROUPS`; ``none`` builds the plain twin.
         preset: Sizes, one of `presets.PRESETS`.
+        target: ``direction`` (scores of four classes) or ``offset`` (where the block's centre is, in metres).
+        image_size: Height and width of the images, one of `config.IMAGE_SIZES`, [px].
         window: Readings T per wrench window.
         torque: ``axial``, or the paper's ``polar`` (see `representations.wrench_parts`).
 
@@ -32,44 +32,40 @@ class CenteringClassifier(nn.Module):
     def __init__(
         self,
         encoder: str = "vf",
-        model: str = "svfl",
+        group: str = "D4",
         preset: str = "default",
+        target: str = "direction",
+        image_size: int = 64,
         window: int = 64,
         torque: str = "axial",
     ) -> None:
         super().__init__()
         _check("encoder", encoder, ENCODERS)
-        _check("model", model, MODELS)
         _check("preset", preset, tuple(PRESETS))
-        self.window = window
-        self.normalization = Normalization()
-        layers: Layers = SymmetricLayers() if model == "svfl" else PlainLayers()
-        widths = PRESETS[preset][model]
-        self.vision = VisionEncoder(layers, widths.vision, widths.latent) if "v" in encoder else None
-        self.force = (
-            ForceEncoder(layers, wrench_parts(torque), window, widths.force, widths.heads, widths.latent)
-            if "f" in encoder
-            else None
-        )
-        self.fusion = Fusion(layers, len(encoder), widths.latent)
-        self.head = layers.linear(layers.hidden(widths.latent), layers.directions())
+        _check("target", target, TARGETS)
+        _check("image size", image_size, IMAGE_SIZES)
+        self.group, self.target = group_named(group), target
+        layers: Layers = kit(self.group)
+        widths = PRESETS[preset]["cnn" if self.group == GROUPS["none"] else "svfl"]
+        self.trunk = VisualForceEncoder(layers, widths, encoder, image_size, window, torque)
+        hidden = layers.hidden(widths.latent)
+        self.head = layers.scores(hidden) if target == "direction" else OffsetHead(layers, hidden)
 
-    def features(self, batch: Batch) -> Tensor:
-        """Fused hidden features (B, C), before the head."""
-        features = []
-        if self.vision is not None:
-            features.append(self.vision(self.normalization.image(_expect(batch, "image", (4, IMAGE_SIZE, IMAGE_SIZE)))))
-        if self.force is not None:
-            features.append(self.force(self.normalization.wrench(_expect(batch, "wrench", (self.window, 6)))))
-        return self.fusion(features)
+    def fit(self, samples: CenteringSamples) -> None:
+        """Take the statistics of training samples: scales of the inputs, and of offsets where they are the output."""
+        self.trunk.normalization.fit(image=samples.image, wrench=samples.wrench)
+        if isinstance(self.head, OffsetHead):
+            self.head.fit(torch.from_numpy(samples.offset))
 
     def forward(self, batch: Batch) -> Tensor:
-        """Scores of the directions (B, 4), order of `svfl_data.symmetry.DIRECTIONS`.
+        """Scores of the directions (B, 4), order of `svfl_data.symmetry.DIRECTIONS`; or offsets (B, 2), [m].
+
+        Both in image-aligned axes.
 
         Raises:
             TrainingError: If an input is missing or has a shape that the network was not built for.
         """
-        return self.head(self.features(batch))
+        return self.head(self.trunk(batch))
 
 
 def parameter_count(module: nn.Module) -> int:
@@ -77,15 +73,6 @@ def parameter_count(module: nn.Module) -> int:
     return sum(parameter.numel() for parameter in module.parameters() if parameter.requires_grad)
 
 
-def _expect(batch: Batch, name: str, shape: tuple[int, ...]) -> Tensor:
-    if name not in batch:
-        raise TrainingError(f"the batch has no {name!r}; it has {', '.join(sorted(batch))}")
-    if tuple(batch[name].shape[1:]) != shape:
-        found = tuple(batch[name].shape)
-        raise TrainingError(f"{name!r} has shape {found}; this network was built for (B, {', '.join(map(str, shape))})")
-    return batch[name]
-
-
-def _check(what: str, value: str, possible: tuple[str, ...]) -> None:
+def _check(what: str, value: object, possible: tuple[object, ...]) -> None:
     if value not in possible:
-        raise TrainingError(f"unknown {what} {value!r}; possible: {', '.join(possible)}")
+        raise TrainingError(f"unknown {what} {value!r}; possible: {', '.join(map(str, possible))}")

@@ -7,7 +7,7 @@ a 3-D group that asks for Wigner matrices gets a `NotImplementedError` that says
 nothing is replaced.
 
 The other packages that escnn declares (py3nj, pymanopt, autograd) it does without by itself; its warning about py3nj,
-which concerns SO(3) only, is silenced.
+which concerns SO(3) only, is silenced. Its tables are kept where `escnn_cache` says.
 """
 
 import importlib
@@ -16,6 +16,8 @@ import sys
 import warnings
 from types import ModuleType
 from typing import NoReturn
+
+from svfl_models.escnn_cache import kept_by_the_user
 
 MODULES = (
     "lie_learn",
@@ -53,9 +55,18 @@ def _no_wigner_matrices(*_: object, **__: object) -> NoReturn:
 if importlib.util.find_spec("escnn") is None:
     raise ImportError("escnn is not installed; run: pip install --no-deps escnn==1.0.11")
 stand_in_for_lie_learn()
-with warnings.catch_warnings():
+with warnings.catch_warnings(), kept_by_the_user():
     warnings.filterwarnings("ignore", message="`py3nj` package not found", category=UserWarning)
-    from escnn.gspaces import GSpace2D, flipRot2dOnR2
+    from escnn.group import Representation
+    from escnn.gspaces import GSpace2D, flipRot2dOnR2, rot2dOnR2
     from escnn.nn import FieldType, R2Conv
 
-__all__ = ["FieldType", "GSpace2D", "R2Conv", "flipRot2dOnR2", "stand_in_for_lie_learn"]
+__all__ = [
+    "FieldType",
+    "GSpace2D",
+    "R2Conv",
+    "Representation",
+    "flipRot2dOnR2",
+    "rot2dOnR2",
+    "stand_in_for_lie_learn",
+]

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 import svfl_models.planar_escnn  # noqa: F401 - before any test imports escnn itself
-from tests.models.synthetic import centering_samples
+from tests.models.synthetic import centering_samples, hand_states
 
 
 @pytest.fixture(autouse=True)
@@ -23,3 +23,10 @@ def batch(samples):
         "image": torch.from_numpy(samples.image[:8, :, 6:70, 6:70].copy()),
         "wrench": torch.from_numpy(samples.wrench[:8]),
     }
+
+
+@pytest.fixture(scope="session")
+def hands():
+    """Eight states of the hand and what it might do in them."""
+    proprio, action = hand_states(8, seed=0)
+    return {"proprio": torch.from_numpy(proprio), "action": torch.from_numpy(action)}

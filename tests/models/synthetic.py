@@ -52,3 +52,11 @@ def box(x: np.ndarray, y: np.ndarray, centre: np.ndarray, yaw: float, long: floa
     dx, dy = x - centre[0], y - centre[1]
     along, across = dx * np.cos(yaw) + dy * np.sin(yaw), dy * np.cos(yaw) - dx * np.sin(yaw)
     return (np.abs(along) < long) & (np.abs(across) < short)
+
+
+def hand_states(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Proprioception, (x, y) about the workspace centre, and actions within their bounds, both (count, 5)."""
+    rng = np.random.default_rng(seed)
+    proprio = rng.uniform([0, -0.2, -0.2, 0.0, -np.pi], [1, 0.2, 0.2, 0.25, np.pi], (count, 5))
+    action = rng.uniform([0.1, -0.02, -0.02, -0.02, -0.15], [0.9, 0.02, 0.02, 0.02, 0.15], (count, 5))
+    return proprio.astype(np.float32), action.astype(np.float32)

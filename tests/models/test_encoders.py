@@ -2,44 +2,123 @@ import pytest
 import torch
 from torch import nn
 
-from svfl_data.symmetry import WRENCH_PARTS, dihedral
-from svfl_models.baselines import PlainLayers
-from svfl_models.encoders import ForceEncoder, Fusion, SelfAttention, VisionEncoder, position_encoding
-from svfl_models.layers import SymmetricLayers
-from svfl_models.representations import wrench_parts
-from svfl_models.testing import act_on_hidden, assert_equivariant, equivariance_error
+from svfl_data.symmetry import PROPRIO_PARTS, WRENCH_PARTS, element
+from svfl_models.actions import act_on_batch, act_on_feature_map, act_on_hidden, act_on_image
+from svfl_models.config import IMAGE_SIZES
+from svfl_models.encoders import ForceEncoder, Fusion, ProprioEncoder, SelfAttention, VisionEncoder, position_encoding
+from svfl_models.groups import GROUPS
+from svfl_models.kits import kit
+from svfl_models.representations import stored, wrench_parts
+from svfl_models.testing import assert_equivariant, equivariance_error
+from tests.models.lifetime import SYMMETRIC, assert_equivariant_for_life, named, part_of
 
-WIDTHS = (1, 2, 3, 4, 5, 4)
-
-
-def force_encoder(order=4, torque="axial", window=64):
-    return ForceEncoder(SymmetricLayers(order), wrench_parts(torque), window, width=4, heads=2, latent=8)
-
-
-def forces(network, inputs):
-    return network(inputs["wrench"])
+D4 = GROUPS["D4"]
+every_group = pytest.mark.parametrize("group", SYMMETRIC, ids=named)
+twins = pytest.mark.parametrize("group", [D4, GROUPS["none"]], ids=named)
 
 
-def test_vision_features_are_equivariant(batch):
-    encoder = VisionEncoder(SymmetricLayers(), WIDTHS, latent=8)
-    assert_equivariant(encoder, batch, act_on_hidden(), function=lambda network, inputs: network(inputs["image"]))
+def vision_encoder(group=D4, size=64):
+    return VisionEncoder(kit(group), widths=(2, 2, 3, 4, 4, 4), latent=4, size=size)
 
 
-@pytest.mark.parametrize("order", [4, 8])
-def test_force_features_are_equivariant(batch, order):
-    """For force 45 degrees are as exact as 90: there are no pixels."""
-    wrench = {"wrench": batch["wrench"]}
-    assert_equivariant(force_encoder(order), wrench, act_on_hidden(order), elements=dihedral(order), function=forces)
+def force_encoder(group=D4, torque="axial", window=8):
+    return ForceEncoder(kit(group), wrench_parts(torque), window, width=4, heads=2, latent=3)
 
 
-def test_a_polar_torque_breaks_exactly_the_reflections(batch):
-    encoder = force_encoder(torque="polar")
-    wrench = {"wrench": batch["wrench"]}
-    errors = equivariance_error(lambda b: encoder(b["wrench"]), wrench, act_on_hidden())
-    assert max(errors[:4]) < 1e-5
-    assert min(errors[4:]) > 0.05
-    with pytest.raises(AssertionError, match="not equivariant"):
-        assert_equivariant(encoder, wrench, act_on_hidden(), function=forces)
+def proprio_encoder(group=D4):
+    return ProprioEncoder(kit(group), widths=(2, 3, 4), latent=3)
+
+
+def wrenches(window=8, count=4):
+    return {"wrench": torch.randn(count, window, 6)}
+
+
+def map_after(index):
+    """The maps that a vision encoder makes in one of its convolutions, before any pooling of it."""
+
+    def compute(network, batch):
+        seen = []
+        hook = network.convolutions[index].register_forward_hook(lambda module, inputs, output: seen.append(output))
+        network(batch["image"])
+        hook.remove()
+        return seen[0]
+
+    return compute
+
+
+@every_group
+@pytest.mark.parametrize("index", [0, 3, 5])
+def test_maps_of_the_vision_encoder_are_equivariant_before_pooling(group, index):
+    image = {"image": torch.randn(2, 4, 16, 16)}
+    assert_equivariant(vision_encoder(group, 16), image, group, act_on_feature_map(group), function=map_after(index))
+
+
+@every_group
+def test_vision_features_are_equivariant_for_life(group):
+    image = {"image": torch.randn(2, 4, 8, 8)}
+    assert_equivariant_for_life(lambda: vision_encoder(group, 8), image, group, act_on_hidden(group), part_of("image"))
+
+
+@pytest.mark.parametrize("size", IMAGE_SIZES)
+def test_vision_features_are_equivariant_at_every_image_size(size):
+    image = {"image": torch.randn(2, 4, size, size)}
+    assert_equivariant(vision_encoder(size=size), image, D4, act_on_hidden(D4), function=part_of("image"))
+
+
+@twins
+@pytest.mark.parametrize("size", IMAGE_SIZES)
+def test_vision_gives_one_vector_that_sees_every_part_of_the_image(group, size):
+    image = torch.randn(4, 4, size, size, requires_grad=True)
+    features = VisionEncoder(kit(group), (4,) * 6, latent=4, size=size)(image)
+    assert features.shape == (4, 4 * kit(group).copies)
+    features.sum().backward()
+    assert image.grad is not None
+    reached = image.grad.abs().sum((0, 1)).unflatten(0, (4, -1)).unflatten(2, (4, -1)).sum((1, 3))  # of sixteen patches
+    assert (reached > 0).all()
+
+
+@torch.no_grad()
+def test_at_45_degrees_convolutions_are_nearly_right_and_the_encoder_is_not():
+    """Smooth pictures, away from the edge: interpolation costs a convolution little; pooling then spoils it."""
+    group, turn = GROUPS["D8"], element(45)
+    place = torch.linspace(-1, 1, 64)
+    waves = [torch.sin(3 * place + k)[:, None] * torch.cos(2 * place - k) for k in range(8)]
+    image = {"image": torch.stack(waves).reshape(2, 4, 64, 64)}
+    encoder = vision_encoder(group)
+    before, after = (map_after(0)(encoder, b) for b in (image, act_on_batch(turn, image)))
+    right, wrong = (
+        float((after - action(turn, before))[..., 16:48, 16:48].norm() / before[..., 16:48, 16:48].norm())
+        for action in (act_on_feature_map(group), act_on_image)
+    )
+    assert right < 0.02
+    assert wrong > 10 * right
+    (whole,) = equivariance_error(lambda b: encoder(b["image"]), image, group, act_on_hidden(group), [turn])
+    assert 0.02 < whole < 1
+
+
+@every_group
+def test_force_features_are_equivariant_for_life(group):
+    """Also at 45 and 30 degrees: there are no pixels."""
+    assert_equivariant_for_life(
+        lambda: force_encoder(group), wrenches(), group, act_on_hidden(group), part_of("wrench")
+    )
+
+
+@pytest.mark.parametrize("window", [1, 7, 64, 128])
+def test_force_features_are_equivariant_for_any_window(window):
+    encoder = force_encoder(window=window)
+    assert_equivariant(encoder, wrenches(window), D4, act_on_hidden(D4), function=part_of("wrench"))
+
+
+@every_group
+def test_a_polar_torque_breaks_exactly_the_reflections(group):
+    encoder = force_encoder(group, "polar")
+    errors = equivariance_error(lambda batch: encoder(batch["wrench"]), wrenches(), group, act_on_hidden(group))
+    assert max(errors[: group.rotations]) < 1e-5
+    if group.mirrors:
+        assert min(errors[group.rotations :]) > 0.05
+        with pytest.raises(AssertionError, match="not equivariant"):
+            assert_equivariant(encoder, wrenches(), group, act_on_hidden(group), function=part_of("wrench"))
 
 
 class SlippedAttention(SelfAttention):
@@ -47,42 +126,38 @@ class SlippedAttention(SelfAttention):
 
     def forward(self, x):
         x = super().forward(x)
-        return x.unflatten(-1, (8, -1)).transpose(-1, -2).flatten(-2)
+        return x.unflatten(-1, (x.shape[-1] // 4, 4)).transpose(-1, -2).flatten(-2)
 
 
-def test_the_published_reshape_slip_is_caught(batch):
-    encoder = force_encoder()
-    wrench = {"wrench": batch["wrench"]}
-    assert_equivariant(encoder, wrench, act_on_hidden(), function=forces)
+@every_group
+def test_the_published_reshape_slip_is_caught(group):
+    encoder = force_encoder(group)
+    assert_equivariant(encoder, wrenches(), group, act_on_hidden(group), function=part_of("wrench"))
     encoder.attention.__class__ = SlippedAttention
-    errors = equivariance_error(lambda b: encoder(b["wrench"]), wrench, act_on_hidden())
+    errors = equivariance_error(lambda batch: encoder(batch["wrench"]), wrenches(), group, act_on_hidden(group))
     assert min(errors[1:]) > 0.1
     with pytest.raises(AssertionError, match="not equivariant"):
-        assert_equivariant(encoder, wrench, act_on_hidden(), function=forces)
+        assert_equivariant(encoder, wrenches(), group, act_on_hidden(group), function=part_of("wrench"))
 
 
-@pytest.mark.parametrize("kit", [SymmetricLayers(), PlainLayers()])
-def test_every_reading_reaches_the_output(kit):
-    encoder = ForceEncoder(kit, WRENCH_PARTS, window=64, width=8, heads=2, latent=6)
-    wrench = torch.randn(8, 64, 6, requires_grad=True)
+@twins
+@pytest.mark.parametrize("window", [1, 7, 64, 128])
+def test_every_reading_reaches_the_output(group, window):
+    encoder = ForceEncoder(kit(group), WRENCH_PARTS, window, width=8, heads=2, latent=6)
+    wrench = torch.randn(8, window, 6, requires_grad=True)
     encoder(wrench).square().sum().backward()
-    reached = wrench.grad.abs().sum(dim=(0, 2))
-    assert reached.shape == (64,)
+    assert wrench.grad is not None
+    reached = wrench.grad.abs().sum(dim=0)  # (T, 6)
+    assert reached.shape == (window, 6)
     assert (reached > 0).all()
 
 
-def test_the_order_of_the_readings_matters_to_attention(batch):
-    encoder = force_encoder()
-    embedded = torch.relu(encoder.embed(batch["wrench"] @ encoder.basis.T))
+def test_the_order_of_the_readings_matters_to_attention():
+    encoder = force_encoder(window=64)
+    embedded = torch.relu(encoder.embed(stored(WRENCH_PARTS, wrenches(64)["wrench"])))
     mixed = encoder.attention(embedded + encoder.position)
     turned = encoder.attention(embedded.flip(1) + encoder.position).flip(1)
     assert not torch.allclose(mixed, turned, atol=1e-3)
-
-
-@pytest.mark.parametrize("window", [1, 7, 128])
-def test_any_window_length(window):
-    wrench = {"wrench": torch.randn(2, window, 6)}
-    assert_equivariant(force_encoder(window=window), wrench, act_on_hidden(), function=forces)
 
 
 def test_position_codes_differ_between_readings_and_are_bounded():
@@ -91,19 +166,53 @@ def test_position_codes_differ_between_readings_and_are_bounded():
     assert code.abs().max() <= 1
 
 
-def test_fusion_is_equivariant():
-    class Both(nn.Module):
-        def __init__(self):
-            super().__init__()
-            self.force, self.fusion = force_encoder(), Fusion(SymmetricLayers(), 2, latent=8)
-
-        def forward(self, batch):
-            features = self.force(batch["wrench"])
-            return self.fusion([features, features.square()])
-
-    assert_equivariant(Both(), {"wrench": torch.randn(4, 64, 6)}, act_on_hidden())
+@every_group
+def test_proprio_features_are_equivariant_for_life(group, hands):
+    """A turned scene: (x, y) about the centre, the yaw by the angle."""
+    hands = {"proprio": hands["proprio"] * torch.tensor([1, 5, 5, 5, 1])}
+    assert_equivariant_for_life(lambda: proprio_encoder(group), hands, group, act_on_hidden(group), part_of("proprio"))
 
 
-def test_an_output_of_zero_proves_nothing(batch):
-    with pytest.raises(ValueError, match="the output is zero"):
-        equivariance_error(lambda b: torch.zeros(8, 8), {"wrench": batch["wrench"]}, act_on_hidden())
+@twins
+def test_a_hand_after_half_a_turn_is_the_same_hand(group, hands):
+    """Its two fingers are alike; after a quarter turn they are not where they were."""
+    encoder, proprio = proprio_encoder(group), hands["proprio"]
+    yaw = torch.tensor([0, 0, 0, 0, torch.pi])
+    torch.testing.assert_close(encoder(proprio + yaw), encoder(proprio), atol=1e-5, rtol=1e-5)
+    assert not torch.allclose(encoder(proprio + yaw / 2), encoder(proprio), atol=1e-2)
+
+
+def test_a_turned_scene_is_not_a_turned_hand(hands):
+    """Turning the hand alone, the scene left as it is, does not merely permute the features."""
+    encoder, proprio = proprio_encoder(), hands["proprio"] * torch.tensor([1, 5, 5, 5, 1])
+    quarter = element(90)
+    scene = act_on_batch(quarter, {"proprio": proprio})["proprio"]
+    hand = torch.cat([proprio[:, :4], scene[:, 4:]], dim=1)
+    moved = act_on_hidden(D4)(quarter, encoder(proprio))
+    torch.testing.assert_close(encoder(scene), moved, atol=1e-5, rtol=1e-5)
+    assert not torch.allclose(encoder(hand), moved, atol=1e-2)
+
+
+@twins
+def test_every_component_of_the_hand_reaches_the_output(group, hands):
+    proprio = hands["proprio"].clone().requires_grad_()
+    ProprioEncoder(kit(group), (8, 8, 8), latent=8)(proprio).square().sum().backward()
+    assert proprio.grad is not None
+    assert (proprio.grad.abs().sum(dim=0) > 0).all()
+    assert proprio.shape[-1] == sum(len(part.index) for part in PROPRIO_PARTS)
+
+
+class Fused(nn.Module):
+    def __init__(self, group):
+        super().__init__()
+        self.force, self.proprio = force_encoder(group), proprio_encoder(group)
+        self.fusion = Fusion(kit(group), encoders=2, latent=3)
+
+    def forward(self, batch):
+        return self.fusion([self.force(batch["wrench"]), self.proprio(batch["proprio"])])
+
+
+@every_group
+def test_fusion_is_equivariant_for_life(group, hands):
+    batch = wrenches() | {"proprio": hands["proprio"][:4]}
+    assert_equivariant_for_life(lambda: Fused(group), batch, group, act_on_hidden(group))

@@ -1,104 +1,95 @@
-import copy
-
 import pytest
 import torch
 from escnn.nn.init import _generalized_he_init_variances
 
-from svfl_data.symmetry import WRENCH_PARTS, dihedral
-from svfl_models.baselines import PlainLayers
-from svfl_models.layers import SymmetricConv, SymmetricLayers, SymmetricLinear, initial_deviations
-from svfl_models.representations import field_basis
-from svfl_models.testing import act_on_feature_map, act_on_hidden, assert_equivariant, equivariance_error
+from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS
+from svfl_models.actions import act_on_feature_map, act_on_hidden
+from svfl_models.groups import GROUPS
+from svfl_models.kits import SymmetricLayers, kit
+from svfl_models.layers import SymmetricConv, SymmetricLinear
+from svfl_models.planar_escnn import R2Conv
+from svfl_models.representations import stored
+from svfl_models.testing import assert_equivariant, equivariance_error
+from tests.models.lifetime import SYMMETRIC, assert_equivariant_for_life, named, part_of
 
-KIT = SymmetricLayers()
+KIT = SymmetricLayers(GROUPS["D4"])
+every_group = pytest.mark.parametrize("group", SYMMETRIC, ids=named)
 
 
 def conv():
     return SymmetricConv(KIT.hidden(2), KIT.hidden(3), 3, padding=1)
 
 
+def linear():
+    return SymmetricLinear(KIT.hidden(2), KIT.hidden(3))
+
+
+@every_group
 @pytest.mark.parametrize("padding", [0, 1])
-def test_convolution_is_equivariant_before_any_pooling(padding):
-    layer = SymmetricConv(KIT.hidden(2), KIT.hidden(3), 3, padding=padding)
-    assert max(map_errors(layer, torch.randn(2, 16, 8, 8))) < 1e-5
+def test_a_convolution_is_equivariant_before_any_pooling(group, padding):
+    layers = kit(group)
+    layer = torch.nn.Sequential(
+        layers.conv(layers.image(4), layers.hidden(2), 3, 1),
+        layers.conv(layers.hidden(2), layers.hidden(1), 3, padding),
+    )
+    image = {"image": torch.randn(2, 4, 6, 6)}
+    assert_equivariant(layer, image, group, act_on_feature_map(group), function=part_of("image"))
 
 
-def map_errors(layer, x):
-    with torch.no_grad():
-        y = layer(x)
-        return [
-            float((layer(act_on_feature_map(g, x)) - act_on_feature_map(g, y)).norm() / y.norm()) for g in dihedral(4)
-        ]
+@every_group
+@pytest.mark.parametrize(
+    ("name", "parts"), [("wrench", WRENCH_PARTS), ("proprio", PROPRIO_PARTS), ("action", ACTION_PARTS)]
+)
+def test_a_linear_map_of_physical_numbers_is_equivariant_for_life(group, name, parts):
+    layers = kit(group)
 
+    def compute(network, batch):
+        return network(stored(parts, batch[name]))
 
-def test_linear_map_of_readings_is_equivariant(batch):
-    layer = SymmetricLinear(KIT.vector(WRENCH_PARTS), KIT.hidden(3), 1, padding=0)
-
-    def stored(network, inputs):
-        return network(inputs["wrench"] @ field_basis(WRENCH_PARTS).to(inputs["wrench"]).T)
-
-    assert_equivariant(layer, {"wrench": batch["wrench"]}, act_on_hidden(), function=stored)
+    assert_equivariant_for_life(
+        lambda: layers.linear(layers.vector(parts), layers.hidden(3)),
+        {name: torch.randn(4, 2, 6 if name == "wrench" else 5)},
+        group,
+        act_on_hidden(group),
+        compute,
+    )
 
 
 def test_linear_is_the_one_by_one_convolution():
-    layer = SymmetricLinear(KIT.hidden(2), KIT.hidden(3), 1, padding=0)
-    x = torch.randn(5, 7, 16)
+    layer, x = linear(), torch.randn(5, 7, 16)
     as_image = SymmetricConv.forward(layer, x.movedim(-1, 1)[..., None])
     torch.testing.assert_close(layer(x), as_image[..., 0].movedim(1, -1))
 
 
-@pytest.mark.parametrize(("source", "target"), [("vector", "hidden"), ("hidden", "hidden"), ("hidden", "directions")])
-def test_initial_deviations_are_those_of_escnn(source, target):
-    types = {"vector": KIT.vector(WRENCH_PARTS), "hidden": KIT.hidden(3), "directions": KIT.directions()}
-    layer = SymmetricConv(types[source], types[target], 1, padding=0)
-    torch.testing.assert_close(initial_deviations(layer), _generalized_he_init_variances(layer.basisexpansion))
+@every_group
+def test_initial_weights_have_the_deviations_of_escnn(group, monkeypatch):
+    """With ones for random numbers the weights are their deviations; escnn has them in another order."""
+    layers = SymmetricLayers(group)
+    hidden = layers.hidden(2)
+    mixed = layers.joined([hidden, layers.vector(ACTION_PARTS), layers.image(3)])
+    monkeypatch.setattr(torch, "randn", torch.ones)
+    for source, target, side in (
+        (layers.vector(WRENCH_PARTS), hidden, 1),
+        (hidden, mixed, 1),
+        (mixed, hidden, 1),
+        (layers.image(4), hidden, 3),
+    ):
+        expected = _generalized_he_init_variances(R2Conv(source, target, side, initialize=False).basisexpansion)
+        ours = SymmetricConv(source, target, side, 0).weights.detach()
+        torch.testing.assert_close(ours.sort().values, expected.sort().values)
 
 
-def test_initial_deviations_of_three_by_three_kernels_are_those_of_escnn():
-    layer = SymmetricConv(KIT.image(4), KIT.hidden(3), 3, padding=1)
-    torch.testing.assert_close(initial_deviations(layer), _generalized_he_init_variances(layer.basisexpansion))
-
-
-@pytest.mark.parametrize("kit", [KIT, PlainLayers()])
-def test_initial_weights_keep_the_variance(kit):
-    linear = kit.linear(kit.hidden(64), kit.hidden(64))
-    assert linear(torch.randn(2000, 64 * kit.copies)).var().item() == pytest.approx(1, rel=0.15)
-
-
-def test_weights_changed_in_eval_mode_take_effect_at_once():
-    layer, x = conv().eval(), torch.randn(1, 16, 5, 5)
-    before = layer(x)
-    with torch.no_grad():
-        layer.weights.mul_(2)
-    torch.testing.assert_close(layer(x), 2 * before)
-    layer(x).sum().backward()
-    layer(x).sum().backward()  # escnn's own eval mode fails here: its cached filter has lost its graph
-
-
-def test_the_state_does_not_depend_on_modes_gone_through():
-    layer = conv()
-    keys = list(layer.state_dict())
-    assert keys == list(layer.train().state_dict()) == list(layer.eval().state_dict())
-    assert not any("filter" in key or "expanded" in key for key in keys)
-    fresh, x = conv().eval(), torch.randn(1, 16, 5, 5)
-    assert not torch.allclose(fresh(x), layer(x))
-    fresh.load_state_dict(layer.train().state_dict())
-    torch.testing.assert_close(fresh(x), layer(x))
-
-
-def test_layers_share_nothing():
-    first, second, x = conv(), conv(), torch.randn(1, 16, 5, 5)
-    copied = copy.deepcopy(second.eval())
-    first.double()
-    assert second(x).dtype == torch.float32
-    torch.testing.assert_close(copied(x), second(x))
+@pytest.mark.parametrize("group", GROUPS.values(), ids=named)
+def test_initial_weights_keep_the_variance(group):
+    layers = kit(group)
+    layer = layers.linear(layers.hidden(32), layers.hidden(32))
+    assert layer(torch.randn(1000, 32 * layers.copies)).var().item() == pytest.approx(1, rel=0.2)
 
 
 def test_a_plain_convolution_is_not_equivariant():
-    plain = PlainLayers().conv(16, 24, 3, 1)
-    assert max(map_errors(plain, torch.randn(2, 16, 8, 8))) > 0.1
-
-
-def test_a_function_that_lies_about_its_symmetry_is_caught(batch):
-    errors = equivariance_error(lambda b: b["wrench"][:, -1, :2].repeat(1, 4), batch, act_on_hidden())
-    assert max(errors) > 0.1
+    plain = kit(GROUPS["none"]).conv(16, 24, 3, 1)
+    errors = equivariance_error(
+        lambda batch: plain(batch["image"]), {"image": torch.randn(2, 16, 8, 8)}, act_on_output=act_on_feature_map()
+    )
+    assert errors[0] == 0
+    assert min(errors[1:]) > 0.1

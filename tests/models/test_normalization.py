@@ -1,9 +1,57 @@
 import numpy as np
+import pytest
 import torch
 
 from svfl_data.statistics import statistics
 from svfl_data.symmetry import WRENCH_PARTS, act, element
+from svfl_models.actions import act_on_batch
+from svfl_models.groups import GROUPS
 from svfl_models.normalization import Normalization
+
+
+def fitted(samples, hands):
+    normalization = Normalization()
+    normalization.fit(samples.image, samples.wrench, hands["proprio"].numpy())
+    return normalization
+
+
+def scaled(normalization, batch):
+    return {name: getattr(normalization, name)(values) for name, values in batch.items()}
+
+
+@pytest.fixture
+def physical(batch, hands):
+    return batch | {"proprio": hands["proprio"]}
+
+
+def test_scaling_a_turned_world_is_turning_a_scaled_one(samples, hands, physical):
+    normalization = fitted(samples, hands)
+    assert not torch.equal(normalization.proprio(physical["proprio"]), physical["proprio"])
+    for g in GROUPS["D4"].elements:
+        turned, expected = (
+            scaled(normalization, act_on_batch(g, physical)),
+            act_on_batch(g, scaled(normalization, physical)),
+        )
+        for name in physical:
+            torch.testing.assert_close(turned[name], expected[name], atol=1e-5, rtol=1e-5)
+
+
+def test_a_network_fitted_on_a_turned_world_is_the_same(samples, hands):
+    first, second = fitted(samples, hands), Normalization()
+    everything = {
+        "image": torch.from_numpy(samples.image),
+        "wrench": torch.from_numpy(samples.wrench),
+        "proprio": hands["proprio"],
+    }
+    for g in GROUPS["D4"].elements:
+        second.fit(**{name: values.numpy() for name, values in act_on_batch(g, everything).items()})
+        for name, values in first.state_dict().items():
+            torch.testing.assert_close(second.state_dict()[name], values, atol=1e-5, rtol=1e-5)
+
+
+def test_the_yaw_is_left_alone(samples, hands):
+    normalization = fitted(samples, hands)
+    assert torch.equal(normalization.proprio(hands["proprio"])[:, 4], hands["proprio"][:, 4])
 
 
 def test_vectors_share_a_scale_and_keep_their_zero():
@@ -39,9 +87,8 @@ def test_a_constant_channel_is_not_blown_up(samples):
     assert normalization.image(torch.full((1, 4, 8, 8), 0.25)).abs().max() < 1e-6
 
 
-def test_statistics_travel_with_the_weights(samples):
-    fitted, fresh = Normalization(), Normalization()
-    fitted.fit(samples.image, samples.wrench)
-    fresh.load_state_dict(fitted.state_dict())
-    wrench = torch.from_numpy(samples.wrench)
-    torch.testing.assert_close(fresh.wrench(wrench), fitted.wrench(wrench))
+def test_statistics_travel_with_the_weights(samples, hands, physical):
+    known, fresh = fitted(samples, hands), Normalization()
+    fresh.load_state_dict(known.state_dict())
+    for name, values in scaled(known, physical).items():
+        assert torch.equal(scaled(fresh, physical)[name], values)

@@ -1,0 +1,118 @@
+import pytest
+import torch
+from torch import nn
+
+from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, Part
+from svfl_models.actions import act_on_hidden, act_on_invariant, act_on_parts
+from svfl_models.groups import GROUPS
+from svfl_models.kits import kit
+from svfl_models.representations import stored
+from svfl_models.testing import assert_equivariant, equivariance_error
+
+D4, D8 = GROUPS["D4"], GROUPS["D8"]
+
+
+class Linear(nn.Module):
+    """A layer that takes proprioception for what `parts` say."""
+
+    def __init__(self, parts, group=D4):
+        super().__init__()
+        layers = kit(group)
+        self.parts = parts
+        self.map = layers.linear(layers.vector(parts), layers.hidden(3))
+
+    def forward(self, batch):
+        return self.map(stored(self.parts, batch["proprio"]))
+
+
+def caught(module, batch, group=D4, act_on_output=act_on_hidden(), **options):  # noqa: B008 - a constant
+    with pytest.raises(AssertionError, match="not equivariant"):
+        assert_equivariant(module, batch, group, act_on_output, **options)
+    return True
+
+
+def test_the_truth_passes(hands):
+    assert_equivariant(Linear(PROPRIO_PARTS), hands, act_on_output=act_on_hidden())
+    assert_equivariant(Linear(PROPRIO_PARTS, D8), hands, D8, act_on_hidden(D8))
+
+
+def test_a_yaw_fed_as_a_number_is_caught(hands):
+    lie = (*PROPRIO_PARTS[:3], Part("invariant", (4,)))
+    assert caught(Linear(lie), hands)
+    assert caught(Linear((*PROPRIO_PARTS[:3], Part("pseudoscalar", (4,)))), hands)
+
+
+def test_a_position_that_is_not_relative_to_the_centre_is_caught(hands):
+    """As in a base frame, whose origin is the robot's foot."""
+    network = Linear(PROPRIO_PARTS)
+    foot = torch.tensor([0, 0.45, 0.1, 0, 0])
+    assert caught(
+        network, hands, function=lambda network, b: network({"proprio": b["proprio"] + foot.to(b["proprio"])})
+    )
+
+
+def test_scales_of_their_own_for_x_and_y_are_caught(hands):
+    scale = torch.tensor([1, 1, 2.0, 1, 1])
+    assert caught(
+        Linear(PROPRIO_PARTS),
+        hands,
+        function=lambda network, b: network({"proprio": b["proprio"] * scale.to(b["proprio"])}),
+    )
+
+
+def test_a_wrong_claim_about_the_output_is_caught(hands):
+    assert caught(Linear(PROPRIO_PARTS), hands, act_on_output=act_on_invariant)
+    assert caught(Linear(PROPRIO_PARTS, D8), hands, D8, lambda matrix, x: act_on_hidden(D8)(matrix.T, x))
+
+
+def test_a_function_of_some_elements_only_is_caught_at_the_others(hands):
+    """|x| + |y| is a thing of quarter turns and flips."""
+    errors = equivariance_error(lambda b: b["proprio"][:, 1:3].abs().sum(1), hands, D8, act_on_invariant)
+    exact = [any((g == h).all() for h in D8.pixel_exact) for g in D8.elements]
+    assert all((error < 1e-6) == right for error, right in zip(errors, exact, strict=True))
+    assert_equivariant(
+        nn.Identity(),
+        hands,
+        D8,
+        act_on_invariant,
+        elements=D8.pixel_exact,
+        function=lambda _, b: b["proprio"][:, 1:3].abs().sum(1),
+    )
+
+
+class HonestInTraining(nn.Module):
+    def forward(self, batch):
+        action = batch["action"]
+        return action if self.training else action * torch.arange(1.0, 6).to(action)
+
+
+def test_a_lie_in_eval_mode_only_is_caught_and_named(hands):
+    with pytest.raises(AssertionError, match=r"R = \[\[.*float32, eval mode"):
+        assert_equivariant(HonestInTraining(), hands, act_on_output=act_on_parts(ACTION_PARTS))
+
+
+def test_the_network_is_not_changed(hands):
+    network = Linear(PROPRIO_PARTS).eval()
+    before = {name: values.clone() for name, values in network.state_dict().items()}
+    assert_equivariant(network, hands, act_on_output=act_on_hidden())
+    assert not network.training
+    for name, values in network.state_dict().items():
+        assert values.dtype == before[name].dtype
+        assert torch.equal(values, before[name])
+
+
+def test_an_output_of_zero_proves_nothing(hands):
+    with pytest.raises(ValueError, match="the output is zero"):
+        equivariance_error(lambda b: torch.zeros(8, 8), hands, act_on_output=act_on_hidden())
+
+
+def test_directions_are_asked_for_quarter_turns_and_flips_only(batch):
+    """Scores of four directions cannot turn by 45 degrees, whatever the input."""
+    network = kit(D8).scores(kit(D8).hidden(2))
+    force = kit(D8).linear(kit(D8).vector((Part("vector", (0, 1)),)), kit(D8).hidden(2))
+    assert_equivariant(
+        nn.Sequential(force, nn.ReLU(), network),
+        {"wrench": batch["wrench"]},
+        D8,
+        function=lambda net, b: net(b["wrench"][:, -1, :2]),
+    )
