@@ -3,9 +3,13 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from svfl_data.centering import View
+
 ENCODERS = ("v", "f", "vf")
 MODELS = ("svfl", "cnn")
+TARGETS = ("direction", "offset")
 TORQUES = ("axial", "polar")
+IMAGE_SIZES = (8, 16, 32, 64, 128)
 
 
 @dataclass(frozen=True)
@@ -15,36 +19,55 @@ class TrainingConfig:
     Attributes:
         data: Dataset folder.
         encoder: What the network looks at: ``v`` image, ``f`` wrench window, ``vf`` both.
-        model: ``svfl`` (equivariant to D4) or ``cnn`` (its plain twin).
+        group: Symmetry group, see `groups.GROUPS`; ``none`` is the plain twin (the paper's CNN).
         train_samples: Size of the training set, balanced over the classes.
         seed: Of the training set, the initial weights, the batches and the crops.
         preset: Sizes of the network, see `presets.PRESETS`.
+        target: What it learns: one of four ``direction`` classes, or the ``offset`` in metres.
         torque: ``axial``, or ``polar`` as the paper types it.
+        view: Images as the ``camera`` took them, or as seen from straight above (``top``, `svfl_data.topdown`).
+        image_size: Height and width of what the network sees, [px].
+        augment: Colours and places of training images change at random (`augmentation`); without, only the paper's
+            crops.
+        rotate: Turn and mirror every training sample at random: what a plain network can do instead.
+        noise: Noise to add to every reading, in multiples of the sensor's own (`sensor_noise.WHITE`).
         test_samples: Size of the test set, the same samples for every seed and training size.
         window: Readings per wrench window.
-        epochs: Most epochs to train.
-        patience: Stop after so many epochs without a better test accuracy.
+        epochs: Epochs to train; over them the learning rate falls to zero along a cosine.
+        patience: Stop after so many epochs without a better test accuracy, as the paper does; 0 never.
         batch_size: Samples per step.
-        learning_rate: Of Adam.
+        learning_rate: Of Adam, at the start.
     """
 
     data: str
     encoder: str = "vf"
-    model: str = "svfl"
+    group: str = "D4"
     train_samples: int = 100
     seed: int = 0
     preset: str = "default"
+    target: str = "direction"
     torque: str = "axial"
+    view: View = "camera"
+    image_size: int = 64
+    augment: bool = True
+    rotate: bool = False
+    noise: float = 0.0
     test_samples: int = 100
     window: int = 64
     epochs: int = 500
-    patience: int = 50
+    patience: int = 0
     batch_size: int = 64
     learning_rate: float = 1e-3
 
+    @property
+    def model(self) -> str:
+        """The paper's name of the kind of network."""
+        return "cnn" if self.group == "none" else "svfl"
+
     def network(self) -> dict[str, Any]:
         """Arguments of `classifier.CenteringClassifier`."""
-        return {name: getattr(self, name) for name in ("encoder", "model", "preset", "window", "torque")}
+        names = ("encoder", "group", "preset", "target", "image_size", "window", "torque")
+        return {name: getattr(self, name) for name in names}
 
     def plain(self) -> dict[str, Any]:
         """As a dictionary of plain values, for files."""

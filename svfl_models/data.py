@@ -1,4 +1,4 @@
-"""Batches for block centering: samples in memory, cropped 76 -> 64."""
+"""Batches for block centering: samples in memory, cropped as in the paper and scaled to the network's size."""
 
 from collections.abc import Sequence
 
@@ -6,15 +6,23 @@ import lightning.pytorch as pl
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional
 from torch.utils.data import BatchSampler, DataLoader, Dataset, RandomSampler, SequentialSampler
 
 from svfl_data.centering import CenteringSamples
 from svfl_data.errors import TrainingError
-from svfl_models.classifier import Batch
-from svfl_models.encoders import IMAGE_SIZE
+from svfl_models.actions import augment
+from svfl_models.augmentation import MARGIN, recoloured
+from svfl_models.config import TrainingConfig
+from svfl_models.groups import GROUPS
+from svfl_models.visual_force import Batch
 
 INPUTS = {"v": ("image",), "f": ("wrench",), "vf": ("image", "wrench")}
 """What each encoder looks at; the rest is left out of the batches."""
+LABELS = ("direction", "offset")
+CROP = 64 / 76
+"""Share of the image's side that a crop keeps (Kohler et al., CoRL 2023, appendix: 76 px cropped to 64)."""
+TEST_BATCH = 256
 
 
 class Crops(Dataset[Batch]):
@@ -22,13 +30,24 @@ class Crops(Dataset[Batch]):
 
     Args:
         samples: What to serve.
-        inputs: Fields to put into a batch, beside the ``direction``.
-        random: Crop at random (training) rather than at the centre (test); Kohler et al., CoRL 2023, appendix.
+        inputs: Fields to put into a batch, beside the labels.
+        size: Height and width of the images that the network sees, [px].
+        random: Crop at random (training) rather than at the centre (test).
+        augment: Change places and colours of the images (`augmentation`).
+        rotate: Turn and mirror every sample by a random element of D4.
     """
 
-    def __init__(self, samples: CenteringSamples, inputs: Sequence[str], random: bool) -> None:
-        self.tensors = {name: torch.from_numpy(getattr(samples, name)) for name in (*inputs, "direction")}
-        self.random = random
+    def __init__(
+        self,
+        samples: CenteringSamples,
+        inputs: Sequence[str],
+        size: int = 64,
+        random: bool = False,
+        augment: bool = False,
+        rotate: bool = False,
+    ) -> None:
+        self.tensors = {name: torch.from_numpy(getattr(samples, name)) for name in (*inputs, *LABELS)}
+        self.size, self.random, self.augment, self.rotate = size, random, augment, rotate
 
     def __len__(self) -> int:
         return len(self.tensors["direction"])
@@ -37,24 +56,56 @@ class Crops(Dataset[Batch]):
         """The samples of `index` as one batch."""
         batch = {name: tensor[index] for name, tensor in self.tensors.items()}
         if "image" in batch:
-            batch["image"] = random_crop(batch["image"]) if self.random else centre_crop(batch["image"])
-        return batch
+            batch["image"] = self._image(batch["image"])
+        return augment(batch, GROUPS["D4"]) if self.rotate else batch
+
+    def _image(self, image: Tensor) -> Tensor:
+        side = crop_side(image.shape[-1], self.size)
+        if not self.random:
+            return scaled(centre_crop(image, side), self.size)
+        if not self.augment:
+            return scaled(random_crop(image, side), self.size)
+        return recoloured(scaled(random_crop(image, side, beyond=round(MARGIN * image.shape[-1])), self.size))
 
 
-def centre_crop(image: Tensor, size: int = IMAGE_SIZE) -> Tensor:
-    """The middle of square images: (B, C, H, H) -> (B, C, size, size)."""
-    start = (image.shape[-1] - size) // 2
-    return image[..., start : start + size, start : start + size]
+def crop_side(side: int, size: int) -> int:
+    """Side of the crop from which a network of images of `size` pixels gets its image, [px].
+
+    Raises:
+        TrainingError: If the images are too small.
+    """
+    if side < size:
+        raise TrainingError(f"images are {side} x {side} pixels, smaller than the network's {size} x {size}")
+    return max(size, round(side * CROP))
 
 
-def random_crop(image: Tensor, size: int = IMAGE_SIZE) -> Tensor:
-    """A part of each square image at its own random place: (B, C, H, H) -> (B, C, size, size)."""
-    places = image.shape[-1] - size + 1
-    corner = torch.randint(places, (len(image), 2))
-    rows, columns = (corner[:, k, None] + torch.arange(size) for k in (0, 1))  # (B, size) each
+def centre_crop(image: Tensor, side: int) -> Tensor:
+    """The middle of square images: (B, C, H, H) -> (B, C, side, side)."""
+    start = (image.shape[-1] - side) // 2
+    return image[..., start : start + side, start : start + side]
+
+
+def random_crop(image: Tensor, side: int, beyond: int = 0) -> Tensor:
+    """A part of each square image at its own random place: (B, C, H, H) -> (B, C, side, side).
+
+    Args:
+        image: The images.
+        side: Height and width of the crops, [px].
+        beyond: How far crops may reach beyond the edges, which are continued outwards, [px].
+    """
+    height = image.shape[-1]
+    corner = torch.randint(-beyond, height - side + beyond + 1, (len(image), 2))
+    places = (corner[..., None] + torch.arange(side)).clamp(0, height - 1)  # (B, 2, side)
+    rows, columns = places[:, 0, :, None], places[:, 1, None]
     sample = torch.arange(len(image))[:, None, None]
-    pixels = image.movedim(1, -1)[sample, rows[:, :, None], columns[:, None, :]]  # (B, size, size, C)
-    return pixels.movedim(-1, 1)
+    return image.movedim(1, -1)[sample, rows, columns].movedim(-1, 1)  # (B, side, side, C) -> (B, C, side, side)
+
+
+def scaled(image: Tensor, size: int) -> Tensor:
+    """Square images at another size: bilinear, all pixels counting; (B, C, H, H) -> (B, C, size, size)."""
+    if image.shape[-1] == size:
+        return image
+    return functional.interpolate(image, (size, size), mode="bilinear", antialias=True)
 
 
 class CenteringData(pl.LightningDataModule):
@@ -63,20 +114,20 @@ class CenteringData(pl.LightningDataModule):
     Args:
         train: Samples to learn from.
         test: Samples to test on.
-        encoder: ``v``, ``f`` or ``vf``: what to put into the batches.
-        batch_size: Samples per batch.
+        config: Inputs, image size, augmentation and batch size.
 
     Raises:
-        TrainingError: If an input has NaN or infinity, or images are not square or smaller than the crop.
+        TrainingError: If an input has NaN or infinity, or images are not square or smaller than the network's.
     """
 
-    def __init__(self, train: CenteringSamples, test: CenteringSamples, encoder: str, batch_size: int = 64) -> None:
+    def __init__(self, train: CenteringSamples, test: CenteringSamples, config: TrainingConfig) -> None:
         super().__init__()
         for samples in (train, test):
-            check_samples(samples)
-        self.train_set = Crops(train, INPUTS[encoder], random=True)
-        self.test_set = Crops(test, INPUTS[encoder], random=False)
-        self.batch_size = batch_size
+            check_samples(samples, config)
+        inputs, size = INPUTS[config.encoder], config.image_size
+        self.train_set = Crops(train, inputs, size, True, config.augment, config.rotate)
+        self.test_set = Crops(test, inputs, size)
+        self.batch_size = config.batch_size
 
     def train_dataloader(self) -> DataLoader[Batch]:
         """Shuffled batches with random crops."""
@@ -86,20 +137,23 @@ class CenteringData(pl.LightningDataModule):
 
     def val_dataloader(self) -> DataLoader[Batch]:
         """The test samples; Lightning validates on them because the paper's stopping rule reads the test accuracy."""
-        return DataLoader(
-            self.test_set, sampler=BatchSampler(SequentialSampler(self.test_set), 256, False), batch_size=None
-        )
+        return in_order(self.test_set)
 
 
-def check_samples(samples: CenteringSamples) -> None:
+def in_order(samples: Crops) -> DataLoader[Batch]:
+    """Batches of all samples, in their order."""
+    return DataLoader(samples, sampler=BatchSampler(SequentialSampler(samples), TEST_BATCH, False), batch_size=None)
+
+
+def check_samples(samples: CenteringSamples, config: TrainingConfig) -> None:
     """Refuse samples that would poison the training, before its first step."""
-    for name in ("image", "wrench"):
+    for name in INPUTS[config.encoder]:
         bad = ~np.isfinite(getattr(samples, name)).reshape(len(samples), -1).all(axis=1)
         if bad.any():
             episode = int(samples.episode[bad][0])
             raise TrainingError(f"{name} of episode {episode} holds NaN or infinity ({int(bad.sum())} such samples)")
-    height, width = samples.image.shape[-2:]
-    if height != width or height < IMAGE_SIZE:
-        raise TrainingError(
-            f"images are {height} x {width} pixels; needed: square, at least {IMAGE_SIZE} x {IMAGE_SIZE}"
-        )
+    if "v" in config.encoder:
+        height, width = samples.image.shape[-2:]
+        if height != width:
+            raise TrainingError(f"images are {height} x {width} pixels; needed: square ones")
+        crop_side(height, config.image_size)

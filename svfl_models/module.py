@@ -4,35 +4,46 @@ from typing import Any
 
 import lightning.pytorch as pl
 import torch
+from lightning.pytorch.utilities.types import OptimizerLRScheduler
 from torch import Tensor
 from torch.nn import functional
 
 from svfl_data.errors import TrainingError
-from svfl_models.classifier import Batch, CenteringClassifier
+from svfl_models.classifier import CenteringClassifier
+from svfl_models.heads import OffsetHead
+from svfl_models.visual_force import Batch
+
+FORMAT = "svfl-centering"
+FORMAT_VERSION = "1.0"
 
 
 class CenteringModule(pl.LightningModule):
-    """Cross-entropy and Adam around a `CenteringClassifier` (Kohler et al., CoRL 2023, appendix: learning rate 1e-3).
+    """Loss and Adam around a `CenteringClassifier` (Kohler et al., CoRL 2023, appendix: cross-entropy, rate 1e-3).
 
-    A checkpoint holds the configuration and the normalisation with the weights:
-    ``CenteringModule.load_from_checkpoint(path).classifier`` is ready for use.
+    For offsets the loss is the squared error in units of the training offsets' root mean square. A checkpoint holds the
+    configuration and the normalisation with the weights; `checkpoint.load_centering` opens it.
 
     Args:
         network: Arguments of `CenteringClassifier`.
-        learning_rate: Of Adam.
+        learning_rate: Of Adam, at the start.
+        epochs: Over which the learning rate falls to zero along a cosine (Loshchilov & Hutter, ICLR 2017, one cycle).
         training: The rest of the training's configuration, plain values, kept for whoever opens the checkpoint.
     """
 
     def __init__(
-        self, network: dict[str, Any], learning_rate: float = 1e-3, training: dict[str, Any] | None = None
+        self,
+        network: dict[str, Any],
+        learning_rate: float = 1e-3,
+        epochs: int = 500,
+        training: dict[str, Any] | None = None,
     ) -> None:
         super().__init__()
         self.save_hyperparameters()
         self.classifier = CenteringClassifier(**network)
-        self.learning_rate = learning_rate
+        self.learning_rate, self.epochs = learning_rate, epochs
 
     def forward(self, batch: Batch) -> Tensor:
-        """Scores of the four directions, shape (B, 4)."""
+        """Scores of the four directions, shape (B, 4), or offsets, shape (B, 2), [m]."""
         return self.classifier(batch)
 
     def training_step(self, batch: Batch, batch_index: int) -> Tensor:
@@ -43,19 +54,40 @@ class CenteringModule(pl.LightningModule):
         """Loss and accuracy on the test samples."""
         self._loss(batch, "test")
 
-    def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Adam."""
-        return torch.optim.Adam(self.parameters(), lr=self.learning_rate)
+    def configure_optimizers(self) -> OptimizerLRScheduler:
+        """Adam, slower with every epoch."""
+        adam = torch.optim.Adam(self.parameters(), lr=self.learning_rate)
+        return [adam], [torch.optim.lr_scheduler.CosineAnnealingLR(adam, self.epochs)]
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Say what kind of file this is."""
+        checkpoint["svfl"] = {"format": FORMAT, "format_version": FORMAT_VERSION}
 
     def _loss(self, batch: Batch, stage: str) -> Tensor:
-        scores, direction = self(batch), batch["direction"]
-        loss = functional.cross_entropy(scores, direction)
+        output, direction = self(batch), batch["direction"]
+        head = self.classifier.head
+        if isinstance(head, OffsetHead):
+            loss = functional.mse_loss(output / head.scale, batch["offset"] / head.scale)
+        else:
+            loss = functional.cross_entropy(output, direction)
         if not torch.isfinite(loss):
+            for name, values in batch.items():
+                if not torch.isfinite(values).all():
+                    raise TrainingError(
+                        f"{name} in a {stage} batch of epoch {self.current_epoch} holds NaN or infinity"
+                    )
             raise TrainingError(
                 f"the {stage} loss became {loss.item()} in epoch {self.current_epoch}: the training diverged; "
                 f"try a smaller learning rate than {self.learning_rate}"
             )
-        correct = (scores.argmax(dim=1) == direction).float().mean()
+        correct = (directions(output) == direction).float().mean()
         of_epoch: dict[str, Any] = {"on_step": False, "on_epoch": True, "batch_size": len(direction)}
         self.log_dict({f"{stage}_loss": loss, f"{stage}_accuracy": correct}, **of_epoch)
         return loss
+
+
+def directions(output: Tensor) -> Tensor:
+    """Direction classes of scores (B, 4) or of offsets (B, 2), shape (B,)."""
+    if output.shape[-1] == 4:
+        return output.argmax(dim=-1)
+    return (torch.atan2(output[..., 1], output[..., 0]) / (torch.pi / 2)).round().long() % 4

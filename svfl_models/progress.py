@@ -16,7 +16,7 @@ History = list[dict[str, float]]
 
 
 class MetricsFile(pl.Callback):
-    """One row per epoch, on disk as soon as the epoch is over.
+    """One row per epoch, on disk as soon as the epoch is over; without test figures where nobody tested.
 
     Args:
         path: CSV file to write.
@@ -38,11 +38,17 @@ class MetricsFile(pl.Callback):
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Append a row."""
-        metrics = {name: float(value) for name, value in trainer.callback_metrics.items()}
+        every = trainer.check_val_every_n_epoch or 1
+        tested = trainer.current_epoch % every == every - 1
+        metrics = {
+            name: float(value)
+            for name, value in trainer.callback_metrics.items()
+            if tested or not name.startswith("test")  # else a figure of an earlier epoch
+        }
         row = metrics | {"epoch": trainer.current_epoch, "seconds": round(time.monotonic() - self.start, 2)}
         self.rows.append(row)
         with self.path.open("a", newline="") as file:
-            csv.writer(file).writerow([f"{row[name]:.6g}" for name in COLUMNS])
+            csv.writer(file).writerow([f"{row[name]:.6g}" if name in row else "" for name in COLUMNS])
 
 
 class ProgressLine(pl.Callback):
@@ -70,7 +76,8 @@ class ProgressLine(pl.Callback):
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Show the epoch's figures."""
-        loss, accuracy = (float(trainer.callback_metrics[name]) for name in ("train_loss", "test_accuracy"))
+        metrics = trainer.callback_metrics
+        loss, accuracy = float(metrics["train_loss"]), float(metrics.get("test_accuracy", 0))
         self.best = max(self.best, accuracy)
         words = f"loss {loss:.3f}, test accuracy {accuracy:.1%}, best {self.best:.1%}"
         epoch = trainer.current_epoch + 1

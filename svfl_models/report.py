@@ -25,8 +25,10 @@ class Result:
 
     Attributes:
         test_accuracy: Of the final weights, 0..1. Not chosen by its own value, hence the headline.
-        best_test_accuracy: Highest of all epochs, 0..1. The paper's stopping rule watches the test accuracy and may
-            report this one; it is a maximum over noisy measurements on the test samples, and so optimistic.
+        best_test_accuracy: Highest of all epochs, 0..1: a maximum over noisy measurements, and so optimistic.
+        fresh_accuracy: On the samples of another dataset, 0..1, if there was one.
+        offset_error_mm: Mean distance of predicted and true offset on the test samples, [mm]; None if the network
+            predicts directions.
         epochs: Epochs trained.
         seconds: Time of the training, without imports and loading.
         parameters: Learned numbers of the network.
@@ -36,6 +38,8 @@ class Result:
 
     test_accuracy: float
     best_test_accuracy: float
+    fresh_accuracy: float | None
+    offset_error_mm: float | None
     epochs: int
     seconds: float
     parameters: int
@@ -45,7 +49,8 @@ class Result:
 
 def cell_name(config: TrainingConfig) -> str:
     """Name of a run's cell in the paper's table, e.g. ``V+F SVFL, 100 training samples``."""
-    return f"{NAMES[config.encoder]} {NAMES[config.model]}, {config.train_samples} training samples"
+    group = "" if config.group in ("D4", "none") else f" ({config.group})"
+    return f"{NAMES[config.encoder]} {NAMES[config.model]}{group}, {config.train_samples} training samples"
 
 
 def write_report(out: Path, config: TrainingConfig, result: Result, history: History) -> None:
@@ -60,20 +65,22 @@ def write_report(out: Path, config: TrainingConfig, result: Result, history: His
 
 def page(config: TrainingConfig, result: Result) -> str:
     """The run in Markdown."""
+    paper = centering_words(config.encoder, config.model, config.train_samples)
     settings = "\n".join(f"| {name} | {value} |" for name, value in config.plain().items())
     return f"""# Block centering: {cell_name(config)}
 
-| | test accuracy |
+| | accuracy |
 | --- | --- |
-| **this run, final weights** | **{result.test_accuracy:.1%}** |
-| this run, best epoch | {result.best_test_accuracy:.1%} |
-| paper, same cell, simulation, 3 seeds | {centering_words(config.encoder, config.model, config.train_samples)} |
+| **{config.test_samples} test samples, final weights** | **{result.test_accuracy:.1%}** |
+| the same, best epoch | {result.best_test_accuracy:.1%} |
+{_fresh(result)}| paper, same cell, simulation, 3 seeds | {paper} |
 
-Training stops when the test accuracy has not improved for {config.patience} epochs, as in the paper, so the best
-epoch is chosen on the test samples and is optimistic; the headline is the accuracy of the weights that the training
-ended with. The paper's data are not published: its figure is of the same task, not of the same samples.
+{_stopping(config)} The best epoch is chosen on the test samples and is optimistic; the headline is the accuracy of
+the weights that the training ended with. The paper's data are not published: its figure is of the same task, not of
+the same samples.
 
 {result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training on {_classes(result)}.
+{_offsets(result)}
 
 ![learning curve]({run_folder.LEARNING_CURVE})
 ![confusion matrix]({run_folder.CONFUSION})
@@ -84,6 +91,25 @@ ended with. The paper's data are not published: its figure is of the same task, 
 """
 
 
+def _fresh(result: Result) -> str:
+    return "" if result.fresh_accuracy is None else f"| samples of another dataset | {result.fresh_accuracy:.1%} |\n"
+
+
+def _offsets(result: Result) -> str:
+    if result.offset_error_mm is None:
+        return ""
+    return f"Predicted offsets are {result.offset_error_mm:.1f} mm off on average; the direction is read off them.\n"
+
+
+def _stopping(config: TrainingConfig) -> str:
+    if not config.patience:
+        return f"The training lasted {config.epochs} epochs, whatever the test accuracy."
+    return (
+        f"The training stopped when the test accuracy had not improved for {config.patience} epochs, as in the paper, "
+        f"or at {config.epochs}."
+    )
+
+
 def _classes(result: Result) -> str:
     return ", ".join(f"{count} {name}" for name, count in zip(DIRECTIONS, result.train_samples, strict=True))
 
@@ -91,10 +117,11 @@ def _classes(result: Result) -> str:
 def plot_history(history: History, path: Path, title: str) -> None:
     """Loss and accuracy of training and test over the epochs, as PNG."""
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
-    epoch = [row["epoch"] + 1 for row in history]
     for stage, color in (("train", "tab:blue"), ("test", "tab:orange")):
-        axes[0].plot(epoch, [row[f"{stage}_loss"] for row in history], color=color, label=stage)
-        axes[1].plot(epoch, [100 * row[f"{stage}_accuracy"] for row in history], color=color, label=stage)
+        rows = [row for row in history if f"{stage}_loss" in row]
+        epoch = [row["epoch"] + 1 for row in rows]
+        axes[0].plot(epoch, [row[f"{stage}_loss"] for row in rows], color=color, label=stage)
+        axes[1].plot(epoch, [100 * row[f"{stage}_accuracy"] for row in rows], color=color, label=stage)
     axes[0].set(xlabel="epoch", ylabel="cross-entropy", yscale="log")
     axes[1].set(xlabel="epoch", ylabel="accuracy, %", ylim=(0, 102))
     axes[1].legend(loc="lower right")

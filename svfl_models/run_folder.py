@@ -9,11 +9,12 @@ from svfl_data.errors import StorageError, TrainingError
 CONFIG = "config.json"
 CHECKPOINT = "checkpoint.ckpt"
 METRICS = "metrics.csv"
+PREDICTIONS = "predictions.csv"
 LEARNING_CURVE = "learning_curve.png"
 CONFUSION = "confusion_matrix.png"
 REPORT = "report.md"
 RESULT = "result.json"
-OWN = (CHECKPOINT, METRICS, LEARNING_CURVE, CONFUSION, REPORT, RESULT)
+OWN = (CHECKPOINT, METRICS, PREDICTIONS, LEARNING_CURVE, CONFUSION, REPORT, RESULT)
 
 
 def claim(out: Path, config: dict[str, Any]) -> None:

@@ -13,8 +13,9 @@ from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError, StorageError, TrainingError
 from svfl_data.store import write_episode
 from svfl_models import run_folder, train
+from svfl_models.checkpoint import load_centering
 from svfl_models.config import TrainingConfig
-from svfl_models.module import CenteringModule
+from svfl_models.judge import judge
 from svfl_models.progress import COLUMNS, ProgressLine
 from svfl_models.testing import assert_equivariant
 from svfl_models.train import train_centering
@@ -43,8 +44,8 @@ def config(dataset):
 def test_a_run_leaves_everything_that_it_promises(config, tmp_path, batch):
     result = train_centering(config, tmp_path / "run")
     assert {file.name for file in (tmp_path / "run").iterdir()} == {
-        "config.json", "checkpoint.ckpt", "metrics.csv", "learning_curve.png", "confusion_matrix.png", "report.md",
-        "result.json",
+        "config.json", "checkpoint.ckpt", "metrics.csv", "predictions.csv", "learning_curve.png",
+        "confusion_matrix.png", "report.md", "result.json",
     }  # fmt: skip
     rows = list(csv.reader((tmp_path / "run" / "metrics.csv").open()))
     assert rows[0] == list(COLUMNS)
@@ -57,15 +58,15 @@ def test_a_run_leaves_everything_that_it_promises(config, tmp_path, batch):
     assert f"**{result.test_accuracy:.1%}**" in (tmp_path / "run" / "report.md").read_text()
     assert sum(result.train_samples) == 8
 
-    module = CenteringModule.load_from_checkpoint(tmp_path / "run" / "checkpoint.ckpt", weights_only=True)
+    module = load_centering(tmp_path / "run" / "checkpoint.ckpt")
     assert module.hparams["training"] == config.plain()
-    assert module.classifier.normalization.wrench_scale[2] > 1  # fitted, not the identity
+    assert module.classifier.trunk.normalization.wrench_scale[2] > 1  # fitted, not the identity
     assert_equivariant(module.classifier, {"wrench": batch["wrench"]})
 
 
 def test_force_is_learned_from_ten_samples(monkeypatch, tmp_path):
     samples = centering_samples(110, seed=1)
-    monkeypatch.setattr(train, "load_centering", lambda path, window: samples)
+    monkeypatch.setattr(train, "_load", lambda path, window, view: samples)
     config = TrainingConfig("drawn", encoder="f", train_samples=10, epochs=40)
     assert train_centering(config, tmp_path / "svfl").test_accuracy > 0.9
     assert train_centering(replace(config, torque="polar"), tmp_path / "polar").test_accuracy < 0.8
@@ -73,14 +74,26 @@ def test_force_is_learned_from_ten_samples(monkeypatch, tmp_path):
 
 def test_vision_and_force_learn_together(monkeypatch, tmp_path):
     samples = centering_samples(80, seed=1)
-    monkeypatch.setattr(train, "load_centering", lambda path, window: samples)
-    config = TrainingConfig("drawn", train_samples=40, test_samples=40, epochs=12)
-    result = train_centering(config, tmp_path / "run")
+    monkeypatch.setattr(train, "_load", lambda path, window, view: samples)
+    config = TrainingConfig("drawn", train_samples=40, test_samples=40, epochs=20)
+    result = train_centering(config, tmp_path / "run", fresh="drawn too")
     assert result.test_accuracy > 0.8
-    loaded = CenteringModule.load_from_checkpoint(tmp_path / "run" / "checkpoint.ckpt", weights_only=True)
-    data = train.CenteringData(samples, samples, "vf")
-    confident = train.predict(loaded, data) == samples.direction
-    assert confident.mean() > 0.8
+    assert result.fresh_accuracy > 0.8
+    again = judge(load_centering(tmp_path / "run" / "checkpoint.ckpt"), samples, config)
+    assert again.accuracy == result.fresh_accuracy
+    rows = list(csv.DictReader((tmp_path / "run" / "predictions.csv").open()))
+    assert [row["samples"] for row in rows] == ["test"] * 40 + ["fresh"] * 80
+    assert [int(row["predicted"]) for row in rows[40:]] == again.predicted.tolist()
+
+
+def test_offsets_are_learned_in_metres(monkeypatch, tmp_path):
+    samples = centering_samples(140, seed=1)
+    monkeypatch.setattr(train, "_load", lambda path, window, view: samples)
+    config = TrainingConfig("drawn", encoder="f", target="offset", train_samples=40, epochs=60)
+    result = train_centering(config, tmp_path / "run")
+    assert result.test_accuracy > 0.9
+    assert result.offset_error_mm < 15  # half their mean length; the drawn force hardly tells how long they are
+    assert "mm off on average" in (tmp_path / "run" / "report.md").read_text()
 
 
 def test_the_same_seed_gives_the_same_run(config, tmp_path):
@@ -94,7 +107,7 @@ def test_the_same_seed_gives_the_same_run(config, tmp_path):
     assert not torch.equal(third["classifier.head.weights"], weights[0]["classifier.head.weights"])
 
 
-def test_training_stops_when_the_test_accuracy_stands_still(config, tmp_path):
+def test_the_papers_rule_stops_when_the_test_accuracy_stands_still(config, tmp_path):
     assert train_centering(replace(config, epochs=50, patience=2, learning_rate=1e-12), tmp_path / "run").epochs == 3
 
 
@@ -170,7 +183,7 @@ def test_progress_is_quiet_where_nobody_watches(config, tmp_path, capsys):
 
 def test_progress_tells_a_terminal(config, tmp_path):
     console = Console(force_terminal=True, record=True, width=100)
-    train_centering(config, tmp_path / "run", console)
+    train_centering(config, tmp_path / "run", console=console)
     assert "test accuracy" in console.export_text()
 
 

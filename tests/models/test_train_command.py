@@ -10,9 +10,10 @@ from tests.builders import make_episode
 
 
 def command(*arguments):
-    with pytest.raises(SystemExit) as end:
-        cli.main(list(map(str, arguments)))
-    return end.value.code
+    try:
+        return cli.main(list(map(str, arguments)))
+    except SystemExit as end:  # argparse's own way
+        return end.code
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +52,10 @@ def test_a_whole_run(dataset, tmp_path, capsys):
         (["--preset", "big"], "argument --preset: invalid choice: 'big'"),
         (["--train-samples", "0"], "argument --train-samples: '0' is not an integer of at least 1"),
         (["--learning-rate", "-1"], "argument --learning-rate: '-1' is not a positive number"),
+        (["--group", "D5"], "argument --group: invalid choice: 'D5'"),
+        (["--image-size", "63"], "argument --image-size: invalid choice: 63"),
+        (["--model", "cnn", "--group", "D8"], "--model cnn and --group D8 contradict each other"),
+        (["--model", "svfl", "--group", "none"], "--model svfl and --group none contradict each other"),
     ],
 )
 def test_wrong_usage_is_one_line_and_exit_code_2(arguments, message, capsys):

@@ -1,0 +1,104 @@
+"""Accuracy against training time, for several widths and groups: where the default network comes from.
+
+    python benchmarks/sizes.py --data data/centering --fresh data/centering_fresh --out out/sizes
+
+Every network is trained for several numbers of epochs, with the whole learning-rate cycle each time, so that a short
+training is as good as a short training can be. Training seconds are those of one core; ratios count, not seconds. The
+same command goes on where it was stopped. Writes sizes.png and prints a Markdown table.
+"""
+
+import argparse
+import platform
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from svfl_models.config import TrainingConfig
+from svfl_models.experiments.figures import plt, save
+from svfl_models.experiments.folder import RUNS, claimed, describe
+from svfl_models.experiments.grid import Grid, run_name
+from svfl_models.experiments.page import markdown
+from svfl_models.experiments.results import Cell, Results
+
+NETWORKS = [  # preset, group, epochs
+    ("tiny", "D4", (50, 150, 500)),
+    ("default", "D4", (50, 150, 500)),
+    ("wide", "D4", (50, 150, 500)),
+    ("paper", "D4", (15, 50, 150)),
+    ("default", "C4", (50, 150, 500)),
+    ("default", "D8", (50, 150, 500)),
+    ("default", "none", (50, 150, 500)),
+]
+
+
+def configurations(data: Path, encoder: str, samples: int) -> list[TrainingConfig]:
+    """One per network and number of epochs, seed 0."""
+    base = TrainingConfig(str(data), encoder=encoder, train_samples=samples)
+    return [replace(base, preset=p, group=g, epochs=epochs) for p, g, several in NETWORKS for epochs in several]
+
+
+def draw(results: Results, path: Path) -> None:
+    """A line per network: fresh accuracy against training seconds."""
+    figure, axes = plt.subplots(figsize=(8, 4.6), layout="constrained")
+    for preset, group, _ in NETWORKS:
+        cells = results.find(preset=preset, group=group)
+        known = [(cell.seconds.mean, cell.fresh) for cell in cells if cell.seconds and cell.fresh]
+        if known:
+            seconds, accuracies = zip(*known, strict=True)
+            axes.errorbar(
+                seconds, [a.mean for a in accuracies], [a.error or 0 for a in accuracies],
+                fmt="o-" if group == "D4" else "s--", capsize=3, label=f"{preset}, {group}",
+            )  # fmt: skip
+    config = results.cells[0].config
+    title = f"{config.encoder.upper()}, {config.train_samples} training samples"
+    axes.set(xscale="log", xlabel="training time, s (one core)", ylabel="accuracy on fresh samples, %", title=title)
+    axes.grid(alpha=0.3)
+    axes.legend()
+    save(figure, path)
+
+
+def row(cell: Cell) -> list[object]:
+    """One network at one number of epochs."""
+    parameters, seconds = cell.mean("parameters"), cell.seconds
+    config = cell.config
+    return [
+        config.preset, config.group, f"{parameters.mean:,.0f}" if parameters else "-", config.epochs,
+        f"{seconds.mean:.0f}" if seconds else "-", cell.words(cell.test), cell.words(cell.fresh),
+    ]  # fmt: skip
+
+
+def main() -> None:
+    """Train, draw, print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=Path("data/centering"))
+    parser.add_argument("--fresh", type=Path, default=Path("data/centering_fresh"))
+    parser.add_argument("--encoder", default="vf")
+    parser.add_argument("--train-samples", type=int, default=25)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("out/sizes"))
+    options = parser.parse_args()
+    cells = configurations(options.data, options.encoder, options.train_samples)
+    runs = {
+        run_name(config, replace(cells[0], epochs=0, preset="")): config
+        for cell in cells
+        for config in (replace(cell, seed=seed) for seed in range(options.seeds))
+    }
+    base = replace(cells[0], group="D4", preset="default")
+    with claimed(options.out, describe("sizes", base, options.fresh)):
+        Grid(options.out, runs, options.fresh).run(options.workers, Console(stderr=True))
+        results = Results(runs, options.out / RUNS)
+        draw(results, options.out / "sizes.png")
+    print(f"{platform.processor() or platform.machine()}; {' '.join(cell_words(options))}\n")
+    header = ["preset", "group", "parameters", "epochs", "training, s", "fixed, %", "fresh, %"]
+    print(markdown(header, [row(cell) for cell in results.cells]))
+
+
+def cell_words(options: argparse.Namespace) -> list[str]:
+    """What was trained, in words."""
+    return [f"encoder {options.encoder},", f"{options.train_samples} training samples,", f"{options.seeds} seeds"]
+
+
+if __name__ == "__main__":
+    main()

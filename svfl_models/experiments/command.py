@@ -1,0 +1,134 @@
+"""An experiment from its options to its page: claim the folder, train what is missing, show what there is."""
+
+import argparse
+import importlib
+import os
+import shlex
+import shutil
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol, cast
+
+from rich.console import Console
+
+from svfl_data.errors import DatasetError, TrainingError
+from svfl_models.config import TrainingConfig
+from svfl_models.experiments import page
+from svfl_models.experiments.folder import RUNS, claimed, describe
+from svfl_models.experiments.grid import Grid, run_name
+from svfl_models.experiments.results import Results
+from svfl_models.train import storage_errors
+
+RECIPE = ("test_samples", "preset", "epochs", "patience", "learning_rate", "augment")
+"""Options that become part of every run's configuration."""
+SUMMARY = "summary.csv"
+TOLD = 3
+"""So many failed runs are named; of more, the number."""
+
+
+class Experiment(Protocol):
+    """What the module of an experiment defines."""
+
+    TITLE: str
+
+    def cells(self, base: TrainingConfig, train_samples: Sequence[int]) -> list[TrainingConfig]:
+        """The configurations, all with seed 0."""
+
+    def body(self, results: Results) -> str:
+        """The page between title and recipe, in Markdown."""
+
+    def draw(self, results: Results, folder: Path) -> list[Path]:
+        """Write the figures that the page shows."""
+
+
+def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
+    """Do an experiment, or what is left of it, and print its page.
+
+    Args:
+        arguments: Options of the verb, see `verbs.experiments`.
+        usual_samples: Sizes of the training set if none are asked for.
+
+    Raises:
+        TrainingError: If the folder holds something else, or at the end if runs failed.
+        SvflError: If the data cannot serve.
+        KeyboardInterrupt: If the user stopped it; finished runs are kept.
+    """
+    name = arguments.experiment
+    experiment = cast(Experiment, importlib.import_module(f"svfl_models.experiments.{name}"))
+    out = arguments.out or Path("out") / f"centering_{name}"
+    samples = sorted(set(arguments.train_samples or usual_samples))
+    base = TrainingConfig(str(arguments.data), **{option: getattr(arguments, option) for option in RECIPE})
+    runs = {
+        run_name(config, base): config
+        for cell in experiment.cells(base, samples)
+        for config in (replace(cell, seed=seed) for seed in range(arguments.seeds))
+    }
+    about = describe(f"centering-{name}", base, arguments.fresh)
+    _check_enough(about["data"]["episodes"], max(samples), base)
+    with claimed(out, about):
+        grid = Grid(out, runs, arguments.fresh)
+        try:
+            grid.run(arguments.workers or usable_cores(), Console(stderr=True))
+        finally:
+            results = Results(runs, out / RUNS)
+            with storage_errors(out):
+                results.write_runs(out / "runs.csv")
+                results.write_summary(out / SUMMARY)
+        with storage_errors(out):
+            words = f"# {experiment.TITLE}\n\n{experiment.body(results)}\n## How\n\n"
+            words += page.how(command_line(arguments, samples, usual_samples), results, about, arguments.seeds)
+            (out / f"{name}.md").write_text(words)
+            pictures = experiment.draw(results, out)
+        if arguments.docs:
+            with storage_errors(arguments.docs):
+                publish(name, out, pictures, arguments.docs)
+    print(words)
+    for file in (out / f"{name}.md", *pictures, out / SUMMARY, out / "runs.csv"):
+        print(file)
+    if grid.failed:
+        raise TrainingError(_told(grid.failed, len(runs)))
+
+
+def publish(name: str, out: Path, pictures: Sequence[Path], docs: Path) -> None:
+    """Copy page, figures and summary to where documentation keeps them, under names that stay."""
+    docs.mkdir(parents=True, exist_ok=True)
+    for file in (out / f"{name}.md", *pictures):
+        shutil.copyfile(file, docs / file.name)
+    shutil.copyfile(out / SUMMARY, docs / f"{name}.csv")
+
+
+def command_line(arguments: argparse.Namespace, samples: Sequence[int], usual_samples: Sequence[int]) -> str:
+    """The command that gives the same numbers: only the options on which they depend."""
+    words = ["svfl-train", f"centering-{arguments.experiment}", "--data", str(arguments.data)]
+    usual = TrainingConfig("")
+    words += ["--fresh", str(arguments.fresh)] if arguments.fresh else []
+    words += ["--seeds", str(arguments.seeds)]
+    if list(samples) != list(usual_samples):
+        words += ["--train-samples", *map(str, samples)]
+    for option in RECIPE:
+        if option == "augment":
+            words += [] if arguments.augment else ["--plain-images"]
+        elif getattr(arguments, option) != getattr(usual, option):
+            words += [f"--{option.replace('_', '-')}", str(getattr(arguments, option))]
+    return shlex.join(words)
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+def _check_enough(episodes: int, train: int, base: TrainingConfig) -> None:
+    """Refuse what every run of a column would refuse."""
+    if train + base.test_samples > episodes:
+        raise DatasetError(
+            f"{base.data} has {episodes} samples; {base.test_samples} for testing and {train} for training are "
+            f"{base.test_samples + train}; collect more, or ask for fewer with --train-samples"
+        )
+
+
+def _told(failed: dict[str, str], count: int) -> str:
+    named = "; ".join(f"{name}: {why}" for name, why in list(failed.items())[:TOLD])
+    more = f"; and {len(failed) - TOLD} more" if len(failed) > TOLD else ""
+    return f"{len(failed)} of {count} runs failed ({named}{more}); the same command tries them again"

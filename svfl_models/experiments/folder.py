@@ -1,0 +1,118 @@
+"""The folder of an experiment: held by one process, claimed for one recipe and one state of the datasets."""
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from svfl_data.dataset import Dataset
+from svfl_data.errors import StorageError, TrainingError
+from svfl_data.statistics import fingerprint
+from svfl_data.store import write_atomically
+from svfl_models import run_folder
+from svfl_models.config import TrainingConfig
+
+ABOUT = "experiment.json"
+RUNS = "runs"
+
+
+def content(path: Path | str | None) -> dict[str, Any] | None:
+    """What a dataset is at the moment: its path, number of episodes and a hash of their content.
+
+    Raises:
+        SvflError: If it cannot be read.
+    """
+    if path is None:
+        return None
+    dataset = Dataset.open(path)
+    indices = dataset.indices
+    return {"path": str(path), "episodes": len(indices), "sha256": fingerprint(dataset, indices)}
+
+
+def describe(name: str, base: TrainingConfig, fresh: Path | None) -> dict[str, Any]:
+    """What all runs of an experiment have in common: name, recipe and the datasets' content, plain values.
+
+    Args:
+        name: Of the experiment.
+        base: Configuration from which the runs deviate.
+        fresh: Dataset that every network is tested on besides.
+
+    Raises:
+        SvflError: If a dataset cannot be read.
+    """
+    return {"experiment": name, "recipe": base.plain(), "data": content(base.data), "fresh": content(fresh)}
+
+
+@contextmanager
+def claimed(out: Path, about: dict[str, Any]) -> Iterator[None]:
+    """Hold a folder for one experiment, new or begun before, as long as the context lasts.
+
+    Args:
+        out: The folder; it need not exist.
+        about: See `describe`.
+
+    Raises:
+        TrainingError: If it holds anything else, or another process works in it.
+        StorageError: If it cannot be created.
+    """
+    _check(out, about)
+    try:
+        (out / RUNS).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"{out}: {error.strerror or error}") from error
+    descriptor = os.open(out, os.O_RDONLY)  # the kernel drops the lock when the process dies
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        write_atomically(out / ABOUT, (json.dumps(about, indent=2) + "\n").encode())
+        yield
+    except BlockingIOError as error:
+        raise TrainingError(f"{out}: another process is working on this experiment") from error
+    finally:
+        os.close(descriptor)
+
+
+def _check(out: Path, about: dict[str, Any]) -> None:
+    file = out / ABOUT
+    if not file.exists():
+        if out.exists() and (not out.is_dir() or any(out.iterdir())):
+            raise TrainingError(f"{out} holds other files and no {ABOUT}; choose another --out")
+        return
+    try:
+        found = json.loads(file.read_text())
+        changes = _changes(found, about)
+    except (OSError, ValueError, AttributeError) as error:
+        raise TrainingError(f"{file} does not describe an experiment ({error}); choose another --out") from error
+    if changes:
+        raise TrainingError(f"{out} holds runs with {'; '.join(changes)}; choose another --out or delete it")
+
+
+def _changes(found: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """What differs, in words."""
+    if found.get("experiment") != now["experiment"]:
+        return [f"experiment {found.get('experiment')!r}, now {now['experiment']!r}"]
+    old, new = found.get("recipe", {}), now["recipe"]
+    names = [*new, *(name for name in old if name not in new)]
+    differ = [name for name in names if old.get(name) != new.get(name)]
+    changes = [f"{name} = {old.get(name)!r}, now {new.get(name)!r}" for name in differ]
+    for option in ("data", "fresh"):
+        before, after = found.get(option) or {}, now[option] or {}
+        if before.get("path") != after.get("path"):
+            if option not in differ:
+                changes.append(f"{option} = {before.get('path')!r}, now {after.get('path')!r}")
+        elif before != after:
+            changes.append(
+                f"an earlier content of {after['path']} ({before.get('episodes')} episodes, now {after['episodes']})"
+            )
+    return changes
+
+
+def finished(folder: Path) -> dict[str, Any] | None:
+    """The numbers that a finished run left, see `report.write_report`; None if it has not finished."""
+    try:
+        found = json.loads((folder / run_folder.RESULT).read_text())
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) and {"config", "result"} <= found.keys() else None

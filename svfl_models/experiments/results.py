@@ -1,0 +1,177 @@
+"""What finished runs have in common: cells of equal configuration, with mean and standard error over the seeds."""
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from svfl_models.config import TrainingConfig
+from svfl_models.experiments.folder import finished
+
+NOTHING = "-"
+VARIED = ("encoder", "group", "train_samples", "torque", "view", "image_size", "augment", "rotate", "noise")
+"""What an experiment may vary; the rest of a configuration is the recipe."""
+SETTINGS = (*VARIED, "preset")
+RESULTS = ("test_accuracy", "best_test_accuracy", "fresh_accuracy", "epochs", "seconds", "parameters")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One training run.
+
+    Attributes:
+        name: Within its experiment.
+        config: What was trained.
+        folder: Where it is.
+        result: Its numbers, see `report.Result`; None if it has not finished.
+    """
+
+    name: str
+    config: TrainingConfig
+    folder: Path
+    result: dict[str, Any] | None
+
+
+@dataclass(frozen=True)
+class Mean:
+    """Mean of a few measurements.
+
+    Attributes:
+        mean: Arithmetic mean.
+        error: Standard error of it: sample standard deviation / sqrt(count); None with a single measurement.
+        count: Measurements.
+    """
+
+    mean: float
+    error: float | None
+    count: int
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> "Mean | None":
+        """Of measurements; None if there are none."""
+        if not values:
+            return None
+        count = len(values)
+        mean = math.fsum(values) / count
+        if count == 1:
+            return cls(mean, None, 1)
+        variance = math.fsum((value - mean) ** 2 for value in values) / (count - 1)
+        return cls(mean, math.sqrt(variance / count), count)
+
+    def __str__(self) -> str:
+        return f"{self.mean:.1f}" + (f" +- {self.error:.1f}" if self.error is not None else "")
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Runs that differ in nothing but the seed.
+
+    Attributes:
+        config: Their configuration, with seed 0.
+        runs: Finished or not.
+    """
+
+    config: TrainingConfig
+    runs: tuple[Run, ...]
+
+    def mean(self, name: str, factor: float = 1.0) -> Mean | None:
+        """Of a number of the finished runs, times a factor; None where no run has it."""
+        values = [run.result[name] for run in self.runs if run.result]
+        return Mean.of([factor * value for value in values if value is not None])
+
+    @property
+    def test(self) -> Mean | None:
+        """Accuracy on the fixed test samples, [%]."""
+        return self.mean("test_accuracy", 100)
+
+    @property
+    def fresh(self) -> Mean | None:
+        """Accuracy on the fresh dataset, [%]."""
+        return self.mean("fresh_accuracy", 100)
+
+    @property
+    def seconds(self) -> Mean | None:
+        """Time of a training, [s]."""
+        return self.mean("seconds")
+
+    def words(self, mean: Mean | None) -> str:
+        """A mean of this cell for a table; says so if runs are missing."""
+        if mean is None:
+            return NOTHING
+        return str(mean) if mean.count == len(self.runs) else f"{mean} ({mean.count} of {len(self.runs)} seeds)"
+
+
+class Results:
+    """The runs of an experiment, looked up by configuration.
+
+    Args:
+        configs: Of the runs, by name.
+        folder: That holds a folder for each of them.
+    """
+
+    def __init__(self, configs: Mapping[str, TrainingConfig], folder: Path) -> None:
+        self.runs: list[Run] = []
+        for name, config in configs.items():
+            found = finished(folder / name)
+            self.runs.append(Run(name, config, folder / name, found["result"] if found else None))
+        together: dict[TrainingConfig, list[Run]] = {}
+        for run in self.runs:
+            together.setdefault(replace(run.config, seed=0), []).append(run)
+        self._cells = {config: Cell(config, tuple(runs)) for config, runs in together.items()}
+
+    @property
+    def cells(self) -> list[Cell]:
+        """All cells, in the order of the runs."""
+        return list(self._cells.values())
+
+    def find(self, **settings: object) -> list[Cell]:
+        """The cells whose configuration has these values, such as ``encoder="f"``."""
+        return [
+            cell for cell in self.cells if all(getattr(cell.config, name) == value for name, value in settings.items())
+        ]
+
+    def values(self, setting: str) -> list[Any]:
+        """The values that a setting takes, in the order of the runs."""
+        return list(dict.fromkeys(getattr(cell.config, setting) for cell in self.cells))
+
+    @property
+    def tested_fresh(self) -> bool:
+        """Whether any run was tested on a fresh dataset."""
+        return any(cell.fresh for cell in self.cells)
+
+    def seconds(self) -> float:
+        """Training time of all finished runs together, [s]."""
+        return math.fsum(run.result["seconds"] for run in self.runs if run.result)
+
+    def write_runs(self, path: Path) -> None:
+        """One row per run, as CSV; accuracies 0..1; empty where a run has not finished."""
+        with path.open("w", newline="") as file:
+            rows = csv.writer(file)
+            rows.writerow(["run", *SETTINGS, "seed", *RESULTS])
+            for run in self.runs:
+                numbers = [run.result.get(name, "") for name in RESULTS] if run.result else [""] * len(RESULTS)
+                rows.writerow([run.name, *_settings(run.config), run.config.seed, *numbers])
+
+    def write_summary(self, path: Path) -> None:
+        """One row per cell, as CSV; accuracies in per cent, mean and standard error over the seeds."""
+        with path.open("w", newline="") as file:
+            rows = csv.writer(file)
+            names = ("test", "test_error", "fresh", "fresh_error", "seconds", "parameters")
+            rows.writerow([*SETTINGS, "seeds", *names])
+            for cell in self.cells:
+                numbers = [*_pair(cell.test), *_pair(cell.fresh), _pair(cell.seconds)[0]]
+                parameters = cell.mean("parameters")
+                seeds = cell.test.count if cell.test else 0
+                rows.writerow([*_settings(cell.config), seeds, *numbers, round(parameters.mean) if parameters else ""])
+
+
+def _settings(config: TrainingConfig) -> list[object]:
+    return [getattr(config, name) for name in SETTINGS]
+
+
+def _pair(mean: Mean | None) -> tuple[str, str]:
+    if mean is None:
+        return "", ""
+    return f"{mean.mean:.2f}", "" if mean.error is None else f"{mean.error:.2f}"

@@ -1,0 +1,114 @@
+"""The paper's table: input and network against the number of training samples."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from svfl_models.config import ENCODERS, TrainingConfig
+from svfl_models.experiments import mistakes
+from svfl_models.experiments.figures import MODEL_COLOURS, few_ticks, legend, line, panels, save
+from svfl_models.experiments.page import MODELS, accuracy_words, markdown, tests
+from svfl_models.experiments.results import Cell, Mean, Results
+from svfl_models.paper import centering_figure
+from svfl_models.report import NAMES
+
+TITLE = "Block centering: input and symmetry against training samples"
+
+
+def cells(base: TrainingConfig, train_samples: Sequence[int]) -> list[TrainingConfig]:
+    """The configurations, all with seed 0."""
+    return [
+        replace(base, encoder=encoder, group=group, train_samples=count)
+        for encoder in ENCODERS
+        for group in MODELS.values()
+        for count in train_samples
+    ]
+
+
+def body(results: Results) -> str:
+    """The table with the paper's figures, and where the errors are."""
+    counts = results.values("train_samples")
+    rows = []
+    for encoder in ENCODERS:
+        for model, group in MODELS.items():
+            found = results.find(encoder=encoder, group=group)
+            name = [NAMES[encoder], NAMES[model]]
+            for test in tests(results):
+                rows.append([*name, f"ours, {test}", *(_ours(cell, test) for cell in found)])
+                name = ["", ""]
+            rows.append(["", "", "paper", *(_paper(cell) for cell in found)])
+    return f"""\
+V is the image, F the last {results.cells[0].config.window} wrench readings. SVFL is symmetric under D4, CNN is its
+plain twin with as many parameters. The paper is Kohler et al., CoRL 2023, block centering in simulation, 3 seeds, 100
+test samples; its data are not published, so its figures are of the same task, not of the same samples.
+
+{markdown(["input", "network", "accuracy, %", *(f"{count} samples" for count in counts)], rows)}
+
+{_verdict(results)}
+
+![accuracy against training samples](table.png)
+
+{mistakes.section(hardest(results), "table_errors.png")}"""
+
+
+def draw(results: Results, folder: Path) -> list[Path]:
+    """The figures."""
+    counts = results.values("train_samples")
+    figure, axes = panels(1, 3, 3.7)
+    for panel, encoder in zip(axes, ENCODERS, strict=True):
+        for model, group in MODELS.items():
+            found = results.find(encoder=encoder, group=group)
+            published = [_published(cell) for cell in found]
+            style = {"color": MODEL_COLOURS[model], "markersize": 4}
+            line(panel, counts, [cell.test for cell in found], fmt="o-", label=f"ours, {NAMES[model]}", **style)
+            line(panel, counts, published, fmt="s--", alpha=0.5, label=f"paper, {NAMES[model]}", **style)
+        panel.axhline(25, color="grey", linewidth=0.8, linestyle=":")
+        panel.set(title=NAMES[encoder], xlabel="training samples", xscale="log", ylim=(20, 102))
+        few_ticks(panel, counts)
+    axes[0].set_ylabel("accuracy on the fixed samples, %")
+    axes[0].text(counts[-1], 26, "chance", color="grey", ha="right", fontsize=8)
+    legend(axes[1], "lower right")
+    return [save(figure, folder / "table.png"), mistakes.draw(hardest(results), folder / "table_errors.png")]
+
+
+def hardest(results: Results) -> list[Cell]:
+    """The symmetric networks with the most training samples: what they get wrong, more samples would not mend."""
+    return results.find(group=MODELS["svfl"], train_samples=max(results.values("train_samples")))
+
+
+def reaches(cell: Cell, ours: Mean | None) -> bool | None:
+    """Whether an accuracy is at or above the paper's, to the digit that it prints; None if either is missing."""
+    published = _published(cell)
+    return None if ours is None or published is None else round(ours.mean, 1) >= published.mean
+
+
+def _published(cell: Cell) -> Mean | None:
+    figure = centering_figure(cell.config.encoder, cell.config.model, cell.config.train_samples)
+    return Mean(*figure, count=3) if figure else None
+
+
+def _paper(cell: Cell) -> str:
+    return str(_published(cell) or "-")
+
+
+def _ours(cell: Cell, test: str) -> str:
+    words = accuracy_words(cell, test)
+    good = reaches(cell, cell.test if test == "fixed" else cell.fresh)
+    return f"**{words}**" if good and cell.config.model == "svfl" else words
+
+
+def _verdict(results: Results) -> str:
+    """How many of the SVFL cells reach the paper's, in words."""
+    symmetric = results.find(group=MODELS["svfl"])
+    sentences = []
+    for test in tests(results):
+        judged = [(cell, reaches(cell, cell.test if test == "fixed" else cell.fresh)) for cell in symmetric]
+        known = [good for _, good in judged if good is not None]
+        if not known:
+            return "The paper has no such cells."
+        below = [f"{NAMES[cell.config.encoder]} {cell.config.train_samples}" for cell, good in judged if good is False]
+        sentences.append(
+            f"On the {test} samples {sum(known)} of {len(known)} SVFL cells are at or above the paper's"
+            + (f" (below: {', '.join(below)})." if below else ".")
+        )
+    return f"Bold: SVFL at or above the paper's SVFL. {' '.join(sentences)}"

@@ -1,0 +1,81 @@
+"""Trainings that take no time and leave what real ones leave, for tests of experiments."""
+
+import csv
+import json
+import os
+import sys
+import time
+
+import numpy as np
+
+from svfl_data.errors import DatasetError, TrainingError
+from svfl_data.symmetry import border_distance, nearest_direction
+from svfl_models import run_folder
+from svfl_models.config import TrainingConfig
+
+SAMPLES = {"test": 100, "fresh": 400}
+COLUMNS = ("samples", "episode", "direction", "predicted", "border_deg", "offset_x", "offset_y", "guess_x", "guess_y")
+
+
+def train(config, out, fresh):
+    """A network that errs near the border, the less the more samples it has."""
+    out.mkdir(parents=True)
+    rng = np.random.default_rng([config.seed, config.train_samples])
+    blur = (0.3 if config.model == "svfl" else 0.5) * (0.5 if "f" in config.encoder else 1) + 2 / config.train_samples
+    blur += 2 / config.image_size + 0.02 * config.noise
+    names = ("test", "fresh") if fresh else ("test",)
+    accuracy, rows = {}, []
+    for name in names:
+        angle, length = rng.uniform(-np.pi, np.pi, SAMPLES[name]), rng.uniform(0.015, 0.055, SAMPLES[name])
+        offset = length[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        truth = nearest_direction(offset)
+        angle = angle + rng.normal(0, blur, len(angle))
+        predicted = nearest_direction(np.stack([np.cos(angle), np.sin(angle)], axis=-1))
+        border = np.rad2deg(border_distance(offset))
+        accuracy[name] = float((truth == predicted).mean())
+        rows += [(name, i, truth[i], predicted[i], f"{border[i]:.2f}", *offset[i], "", "") for i in range(len(truth))]
+    with (out / run_folder.PREDICTIONS).open("w", newline="") as file:
+        csv.writer(file).writerows([COLUMNS, *rows])
+    result = {
+        "test_accuracy": accuracy["test"], "best_test_accuracy": accuracy["test"],
+        "fresh_accuracy": accuracy.get("fresh"), "epochs": config.epochs, "parameters": 1234,
+        "seconds": config.train_samples * (5.0 if "v" in config.encoder else 1.0) * (1 + 0.1 * config.seed),
+    }  # fmt: skip
+    (out / run_folder.RESULT).write_text(json.dumps({"config": config.plain(), "result": result}))
+
+
+def train_with_accidents(config, out, fresh):
+    """Seed 1 diverges, seed 2 kills its process, seed 3 meets our own mistake."""
+    if config.seed == 1:
+        raise TrainingError("the train loss became nan")
+    if config.seed == 2:
+        os._exit(9)
+    if config.seed == 3:
+        raise ZeroDivisionError("two lines\nof message")
+    train(config, out, fresh)
+
+
+def train_in_vain(config, out, fresh):
+    """Every run diverges."""
+    raise TrainingError("the train loss became nan")
+
+
+def train_without_data(config, out, fresh):
+    """What befalls one run would befall all."""
+    raise DatasetError("the dataset has no labels")
+
+
+def train_seed_0_only(config: TrainingConfig, out, fresh):
+    """The other seeds take longer than any test waits."""
+    if config.seed:
+        out.mkdir(parents=True)
+        (out / "checkpoint.ckpt").write_text("half a training")
+        time.sleep(600)
+    train(config, out, fresh)
+
+
+def train_and_tell(config, out, fresh):
+    """Leaves a note about what the process sees, and lasts long enough for every worker to get one."""
+    train(config, out, fresh)
+    (out / "device").write_text(f"{os.environ['CUDA_VISIBLE_DEVICES']} torch: {'torch' in sys.modules}")
+    time.sleep(1)

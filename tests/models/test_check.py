@@ -1,0 +1,167 @@
+"""The check passes what is symmetric, fails what is not, and says which."""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from svfl_data.centering import load_centering
+from svfl_data.dataset import Dataset
+from svfl_data.errors import TrainingError
+from svfl_data.store import write_episode
+from svfl_data.symmetry import nearest_direction
+from svfl_models import cli
+from svfl_models.check import EXACT, PRECISIONS, check, expect_symmetric
+from svfl_models.fit_check import expect_fit
+from svfl_models.groups import GROUPS
+from svfl_models.verbs import check as verb
+from tests.builders import make_episode
+from tests.models.trained import untrained, write
+
+
+def checked(samples, precision="32", elements=None, **choices):
+    module, config = untrained(samples, **{"image_size": 16} | choices)
+    return check(module, samples.take(np.arange(12)), config, elements, precision)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("target", ["direction", "offset"])
+def test_a_symmetric_network_passes(samples, precision, target):
+    rows = checked(samples, precision=precision, target=target)
+    assert len(rows) == 8
+    assert {row.expected for row in rows} == {EXACT}
+    assert max(row.worst for row in rows) < PRECISIONS[precision].tolerance
+    expect_symmetric(rows, precision, "network")
+    if precision != "bf16":  # whose rounding may turn a close decision
+        assert len({row.accuracy for row in rows}) == 1
+    assert [row.name for row in rows][3:5] == ["270 deg", "0 deg, mirrored"]
+
+
+def test_lower_precision_is_a_larger_error(samples):
+    worst = {precision: max(row.worst for row in checked(samples, precision=precision)) for precision in PRECISIONS}
+    assert worst["bf16"] > 100 * worst["32"]
+
+
+def test_a_plain_network_errs_at_everything_but_nothing(samples):
+    identity, *others = checked(samples, group="none")
+    assert identity.output_error == 0
+    assert min(row.output_error for row in others) > 0.1
+    assert {(row.expected, row.hidden_error) for row in others} == {("no symmetry", None)}
+    expect_symmetric([identity, *others], "32", "network")  # it never promised anything
+
+
+def test_force_is_exact_at_any_angle_and_images_are_not(samples):
+    """Between quarter turns there are no scores to compare, but there are features."""
+    force = checked(samples, encoder="f", group="D8")
+    assert {row.expected for row in force} == {EXACT}
+    assert max(row.hidden_error for row in force) < 1e-5
+    assert [row.output_error is None for row in force] == [False, True] * 8
+    seen = checked(samples, group="D8")
+    assert [row.expected for row in seen] == [EXACT, "interpolated"] * 8
+    assert 1e-3 < max(row.hidden_error for row in seen) < 1
+
+
+def test_elements_that_the_network_lacks(samples):
+    rows = checked(samples, elements=GROUPS["D4"], group="C4", encoder="f")
+    assert [row.expected for row in rows] == [EXACT] * 4 + ["not in C4"] * 4
+    assert min(row.output_error for row in rows[4:]) > 0.01
+    expect_symmetric(rows, "32", "network")
+
+
+def test_a_polar_torque_is_told_apart_from_damage(samples):
+    module, config = untrained(samples, encoder="f", torque="polar")
+    rows = check(module, samples, config)
+    assert [row.expected for row in rows] == [EXACT] * 4 + ["polar torque"] * 4
+    expect_symmetric(rows, "32", "network")
+    with pytest.raises(TrainingError, match=r"liar: not symmetric: relative error .* mirrored"):
+        expect_symmetric(check(module, samples, replace(config, torque="axial")), "32", "liar")
+
+
+def test_directions_turn_with_the_offsets(samples):
+    """Between quarter turns the truth is the class of the turned offset."""
+    module, config = untrained(samples, encoder="f", group="D8", target="offset")
+    accuracies = [row.accuracy for row in check(module, samples, config)]
+    assert (nearest_direction(samples.offset) == samples.direction).all()
+    assert len(set(accuracies[::2])) == 1
+    assert len(set(accuracies[1::2])) == 1  # other samples are near a border there
+
+
+def damage(module, by):
+    """Add to some numbers of the first layer's first kernel."""
+    kernels = next(buffer for name, buffer in module.named_buffers() if name.endswith("kernels"))
+    kernels[0, 0] += by
+
+
+@pytest.mark.parametrize("value", [1e-3, torch.nan])
+def test_damage_is_found(samples, value):
+    module, config = untrained(samples, encoder="f")
+    damage(module, value)
+    with pytest.raises(TrainingError, match="the weights or the kernel bases in this file are damaged"):
+        expect_symmetric(check(module, samples, config), "32", "network")
+
+
+@pytest.mark.parametrize(
+    ("name", "components", "factor", "message"),
+    [
+        ("wrench", slice(0, 3), 1000, "the force is"),
+        ("wrench", slice(3, 6), 1e-3, "the torque is"),
+        ("image", slice(3, 4), 1000, "the depth is"),
+        ("image", slice(0, 3), 255, "the colour is"),
+    ],
+)
+def test_statistics_of_another_dataset(samples, name, components, factor, message):
+    module, config = untrained(samples)
+    normalization = module.classifier.trunk.normalization
+    expect_fit(normalization, samples, config.encoder, "run", "data")
+    values = getattr(samples, name).copy()
+    (np.moveaxis(values, 1, -1) if name == "image" else values)[..., components] *= factor
+    other = replace(samples, **{name: values})
+    with pytest.raises(TrainingError, match=rf"^data: {message} .* times as large as in the training of run"):
+        expect_fit(normalization, other, config.encoder, "run", "data")
+    expect_fit(normalization, other, "f" if name == "image" else "v", "run", "data")  # it does not look there
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data") / "centering"
+    Dataset.create_or_resume(folder, "centering", seed=0, config={})
+    for index in range(6):
+        write_episode(make_episode(index, steps=3, size=76), folder / f"episode_{index:06d}.hdf5")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def module(dataset):
+    return untrained(load_centering(dataset), image_size=16)[0]
+
+
+def test_the_command(dataset, module, tmp_path, capsys):
+    file = write(module, tmp_path / "checkpoint.ckpt")
+    assert cli.main(["check", str(file), "--data", str(dataset), "--samples", "4"]) == 0
+    printed = capsys.readouterr().out
+    assert "group D4, 4 episodes" in printed
+    assert printed.count("exact") == 8
+    assert "270 deg, mirrored" in printed
+
+
+def test_the_command_fails_on_damage_and_on_other_data(dataset, module, samples, tmp_path, capsys):
+    damaged = copy.deepcopy(module)
+    damage(damaged, 1)
+    file = write(damaged, tmp_path / "damaged.ckpt")
+    assert cli.main(["check", str(file), "--data", str(dataset)]) == 1
+    streams = capsys.readouterr()
+    assert "exact" in streams.out
+    assert streams.err.startswith(f"svfl-train: {file}: not symmetric: relative error")
+
+    other = untrained(replace(samples, wrench=samples.wrench / 1000), encoder="f")[0]
+    assert cli.main(["check", str(write(other, tmp_path / "other.ckpt")), "--data", str(dataset)]) == 1
+    error = capsys.readouterr().err
+    assert f"{dataset}: the force is" in error
+    assert "other.ckpt" in error
+    assert error.count("\n") == 1
+
+
+def test_the_command_offers_what_there_is():
+    assert tuple(PRECISIONS) == verb.PRECISIONS
