@@ -1,0 +1,93 @@
+"""Runs an exported network on one episode, with neither svfl_models nor escnn: a model for your own program.
+
+.venv/bin/python docs/run_exported.py out/centering/classifier.onnx --data data/centering --episode 3
+"""
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from svfl_data.centering import load_centering
+
+FACTS = "svfl_centering.json"  # what the file says about itself
+Network = Callable[[dict[str, np.ndarray]], np.ndarray]
+
+
+def load_program(path: Path) -> tuple[Network, dict[str, Any]]:
+    """A ``.pt2`` file, with nothing but torch."""
+    import torch
+
+    texts = {FACTS: ""}
+    program = torch.export.load(path, extra_files=texts).module()
+
+    def network(inputs: dict[str, np.ndarray]) -> np.ndarray:
+        with torch.inference_mode():
+            return program({name: torch.from_numpy(values) for name, values in inputs.items()}).numpy()
+
+    return network, json.loads(texts[FACTS])
+
+
+def load_onnx(path: Path) -> tuple[Network, dict[str, Any]]:
+    """An ``.onnx`` file, with nothing but onnxruntime."""
+    import onnxruntime
+
+    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    facts = json.loads(session.get_modelmeta().custom_metadata_map[FACTS])
+    return lambda inputs: session.run(None, inputs)[0], facts
+
+
+def cropped(image: np.ndarray, facts: dict[str, Any]) -> np.ndarray:
+    """The middle of images (B, 4, H, H), at the network's size."""
+    size = facts["image_size"]
+    side = max(size, round(facts["crop"]["share"] * image.shape[-1]))
+    start = (image.shape[-1] - side) // 2
+    image = image[..., start : start + side, start : start + side]
+    if side == size:
+        return image
+    import torch  # any bilinear filter with antialiasing will do
+
+    scaled = torch.nn.functional.interpolate(torch.from_numpy(image), (size, size), mode="bilinear", antialias=True)
+    return scaled.numpy()
+
+
+def main() -> None:
+    """Print what the network says, and what is true."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("network", type=Path, help="file written by svfl-train export")
+    parser.add_argument("--data", type=Path, required=True, help="dataset folder")
+    parser.add_argument("--episode", type=int, default=0, help="its number")
+    options = parser.parse_args()
+    network, facts = (load_onnx if options.network.suffix == ".onnx" else load_program)(options.network)
+
+    # The samples come in the units and axes that the facts name: vectors in image-aligned axes, depth in metres.
+    shapes = {name: one["shape"] for name, one in facts["inputs"].items()}
+    window = shapes["wrench"][1] if "wrench" in shapes else 1
+    samples = load_centering(options.data, window, facts["view"])
+    sample = samples.take(np.flatnonzero(samples.episode == options.episode))
+    if not len(sample):
+        parser.error(f"{options.data} has no episode {options.episode}")
+    inputs = {}
+    if "image" in shapes:
+        inputs["image"] = np.ascontiguousarray(cropped(sample.image, facts))  # (1, 4, size, size)
+    if "wrench" in shapes:
+        inputs["wrench"] = sample.wrench  # (1, readings, 6)
+
+    (output,), (offset,), (direction,) = network(inputs), sample.offset, sample.direction
+    if facts["target"] == "direction":
+        print(f"network: {facts['directions'][output.argmax()]}, scores {' '.join(f'{score:.3f}' for score in output)}")
+    else:
+        print(f"network: {millimetres(output)}")
+    print(f"label:   {facts['directions'][direction]}, {millimetres(offset)}")
+
+
+def millimetres(offset: np.ndarray) -> str:
+    """An offset in words."""
+    return f"{1000 * offset[0]:.1f} mm right, {1000 * offset[1]:.1f} mm up"
+
+
+if __name__ == "__main__":
+    main()
