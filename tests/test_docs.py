@@ -14,7 +14,7 @@ from svfl_data.store import write_episode
 from tests.builders import make_episode
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "Makefile", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "Makefile", *sorted((ROOT / "docs").rglob("*.md"))]
 COMMANDS = sorted(
     {match for page in PAGES for match in re.findall(r"^\s+(?:\$\(BIN\)/)?(svfl-\w+ .*)$", page.read_text(), re.M)}
 )
@@ -47,6 +47,15 @@ def test_documented_commands_parse(command):
     program, *arguments = shlex.split(command, comments=True)
     parsers = {"svfl-collect": collect, "svfl-data": data, "svfl-train": train}
     assert parsers[program]().parse_args(arguments)
+
+
+def test_the_python_of_the_page_on_symmetry_runs(capsys):
+    names: dict = {}
+    for block in re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "symmetry.md").read_text(), re.M | re.S):
+        exec(block, names)
+    printed = [float(line) for line in capsys.readouterr().out.splitlines()]
+    assert len(printed) == 2
+    assert max(printed) < 1e-5
 
 
 @pytest.mark.parametrize("notebook", sorted((ROOT / "notebooks").glob("*.ipynb")), ids=lambda file: file.stem)

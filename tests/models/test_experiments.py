@@ -234,6 +234,15 @@ def test_accuracy_by_distance_counts_every_prediction_once():
     assert one.confusion[0].tolist() == [right.sum(), 0, (~right).sum(), 0]
 
 
+@pytest.mark.parametrize("sigma", [2.0, 8.0, 25.0])
+def test_errors_tell_how_well_the_direction_was_read(sigma):
+    rng = np.random.default_rng(0)
+    border = rng.uniform(0, 45, 20000)
+    crossed = rng.normal(0, sigma, len(border)) > border
+    one = Predictions("fresh", np.zeros(len(border), int), crossed.astype(int), border, border)
+    assert one.reading_error_deg == pytest.approx(sigma, rel=0.1)
+
+
 def test_cells_gather_their_seeds(tmp_path):
     configs = {f"r{seed}": TrainingConfig("data", seed=seed) for seed in range(3)}
     for name, config in configs.items():
