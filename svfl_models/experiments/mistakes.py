@@ -120,9 +120,9 @@ border, [deg]; all seeds together:
 {markdown(["input", *(f"{low} to {high}" for low, high in edges)], rows)}
 
 As many errors would come from reading the direction with a normal error of {", ".join(readings)} degrees (standard
-deviation). What can be known is limited: in a 64-pixel crop of the camera's image a pixel is 8 mm on the table, so that
-half a pixel across an offset of 40 mm turns it by 6 degrees; and the wrist feels where the finger touches, not where
-the block's centre is, which turns the lever arm by 5 degrees (docs/decisions.md).
+deviation). What force can tell is limited: the wrist feels where the finger touches, not where the block's centre is,
+which turns the lever arm at the end of a window by 5 degrees (docs/decisions.md). Errors of V far from a border are
+those of blocks that the hand hides from the camera: up for down, and down for up.
 
 ![errors]({picture})
 """
