@@ -23,6 +23,7 @@ bench: env data/centering  ## every benchmark; figures for docs/benchmarks.md
 	$(BIN)/python benchmarks/experts.py
 	$(BIN)/python benchmarks/render.py
 	$(BIN)/python benchmarks/models.py
+	$(BIN)/python benchmarks/inference.py
 	$(BIN)/python benchmarks/record.py
 	$(BIN)/python benchmarks/store.py --data data/centering
 
