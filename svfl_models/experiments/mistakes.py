@@ -86,7 +86,6 @@ class Predictions:
         np.add.at(counts, (self.direction, self.predicted), 1)
         return counts
 
-
     @property
     def reading_error_deg(self) -> float:
         """How well the direction is read, in one number: the standard deviation of a normal error of the angle that
