@@ -106,7 +106,8 @@ def section(cells: Sequence[Cell], picture: str) -> str:
     for cell in cells:
         one = Predictions.of(cell)
         found = {low: f"{accuracy:.1f}" for low, _, _, accuracy in one.accuracy_by(one.border_deg, BORDER_DEG)}
-        readings.append(f"{one.reading_error_deg:.1f} ({NAMES[cell.config.encoder]})")
+        reading = f"{one.reading_error_deg:.1f}" if len(one.direction) else "-"
+        readings.append(f"{reading} ({NAMES[cell.config.encoder]})")
         rows.append([NAMES[cell.config.encoder], *(found.get(float(low), "-") for low, _ in edges)])
     count = cells[0].config.train_samples
     return f"""\
