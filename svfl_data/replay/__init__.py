@@ -1,0 +1,18 @@
+"""Prioritised replay of whole episodes, preloaded with demonstrations, for agents that go on collecting.
+
+Example, with any of the environments of `collectors.environment`::
+
+    buffer = ReplayBuffer.from_demos(Dataset.open("data/block_picking"), episodes=50)
+    batch = buffer.sample(64)
+    buffer.update_priorities(batch["index"], td_error)
+
+    observation, _ = env.reset()
+    buffer.begin_episode(observation)
+    buffer.add(action, *env.step(action)[:4])
+"""
+
+from svfl_data.replay.buffer import ReplayBuffer
+from svfl_data.replay.config import ReplayConfig
+from svfl_data.replay.layout import Layout
+
+__all__ = ["Layout", "ReplayBuffer", "ReplayConfig"]

@@ -1,0 +1,270 @@
+"""The replay buffer: what an agent has lived through and was shown, drawn by how much there is to learn from it."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from svfl_data.dataset import Dataset
+from svfl_data.errors import DatasetError, UsageError
+from svfl_data.frames import corners
+from svfl_data.replay import demos, saving
+from svfl_data.replay.batches import D4, Batch, images, turned, vectors
+from svfl_data.replay.config import ReplayConfig
+from svfl_data.replay.growing import Growing, Observation
+from svfl_data.replay.layout import Layout
+from svfl_data.replay.priorities import Priorities
+from svfl_data.replay.recorded import ARRAYS, Recorded
+from svfl_data.replay.ring import Ring
+
+CAPACITY = 50_000
+"""Transitions; with images of 76 x 76 pixels 1.5 GB when full."""
+
+
+class ReplayBuffer:
+    """Transitions of whole episodes; images as integers, every frame and every wrench reading once.
+
+    What is drawn more often than evenly would bias the training. The weights of a batch make up for it: multiply the
+    loss of each transition with its ``weight`` before the mean, as in ``(weight * td_error**2).mean()``, and hand the
+    TD errors themselves to `update_priorities` with ``index``. The target of transition i is
+    ``reward[i] + discount[i] * value(s'[i])``.
+
+    Args:
+        capacity: Transitions; the oldest episodes are forgotten, whole, when more would come.
+        layout: What its episodes have in common.
+        config: How transitions are prioritised and cut.
+
+    Raises:
+        UsageError: If the capacity is not positive, or crops are larger than the images.
+    """
+
+    def __init__(self, capacity: int, layout: Layout, config: ReplayConfig | None = None) -> None:
+        self.capacity, self.layout, self.config = capacity, layout, config or ReplayConfig()
+        if capacity < 1:
+            raise UsageError(f"capacity is {capacity}; it must be at least 1")
+        if self.config.crop > min(layout.size):
+            raise UsageError(f"crop is {self.config.crop} px; the images have {layout.size[0]} x {layout.size[1]} px")
+        self._ring, self._priorities = Ring(capacity), Priorities(capacity, self.config)
+        self._rng = np.random.default_rng(self.config.seed)
+        self._powers = self.config.gamma ** np.arange(self.config.n_step + 1)
+        self._growing: Growing | None = None
+
+    @classmethod
+    def from_demos(
+        cls,
+        dataset: Dataset,
+        episodes: int | Sequence[int] = 50,
+        capacity: int = CAPACITY,
+        config: ReplayConfig | None = None,
+        failures: bool = False,
+        camera: str | None = None,
+    ) -> "ReplayBuffer":
+        """A buffer that begins with demonstrations, which count as expert transitions.
+
+        Args:
+            dataset: Where from.
+            episodes: How many, the first ones; or which to choose from, such as ``split["train"]``.
+            capacity: Transitions.
+            config: How transitions are prioritised and cut.
+            failures: Whether to take episodes without success, too.
+            camera: Whose images; may be left out if there is only one.
+
+        Raises:
+            UsageError: If the demonstrations do not fit into the capacity, or crops not into the images.
+            DatasetError: If there are too few episodes, or two that cannot be mixed: other task, image size, depth
+                scale, camera axes, workspace or bounds of actions.
+            FieldError: If an episode lacks a field, or the camera.
+            FormatError: If an episode is damaged.
+        """
+        chosen = demos.choose(dataset, episodes, failures)
+        steps = sum(len(dataset.episode(index)) for index in chosen)
+        if steps > capacity:
+            raise UsageError(
+                f"{dataset.path}: {len(chosen)} demonstrations have {steps} steps, the capacity is {capacity}; "
+                "choose a larger capacity or fewer demonstrations"
+            )
+        buffer: ReplayBuffer | None = None
+        for layout, recorded in demos.read(dataset, chosen, camera):
+            if buffer is None:
+                buffer = cls(capacity, layout, config)
+            buffer._append(recorded)
+        assert buffer is not None, "at least one was chosen"
+        return buffer
+
+    def __len__(self) -> int:
+        return len(self._ring)
+
+    def __repr__(self) -> str:
+        episodes = self._ring.episodes
+        expert = sum(len(episode) for episode in episodes if episode.expert)
+        return (
+            f"ReplayBuffer({self.layout.task}: {len(self)} of {self.capacity} transitions in {len(episodes)} episodes, "
+            f"{expert} of experts, {self.nbytes / 1e6:.1f} MB, beta {self.beta:.3f})"
+        )
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes, [bytes]; what has not been filled yet takes none."""
+        used = sum(episode.nbytes for episode in self._ring.episodes)
+        return used + self._priorities.tree.nbytes + self._priorities.expert.nbytes
+
+    @property
+    def beta(self) -> float:
+        """Power of the importance weights now."""
+        return self._priorities.beta
+
+    def begin_episode(self, observation: Observation, expert: bool = False) -> None:
+        """Begin to add an episode.
+
+        Args:
+            observation: After the reset, in base axes, as the environments of `collectors.environment` give it:
+                ``image`` (4, H, W), RGB 0..1 and depth in [m]; ``wrench`` (T, 6), the last readings, tared; ``proprio``
+                (5,).
+            expert: Whether it is a demonstration.
+
+        Raises:
+            UsageError: If the last episode has neither terminated nor been truncated.
+            FieldError: If the observation does not fit.
+        """
+        if self._growing is not None and len(self._growing):
+            raise UsageError(
+                f"the last episode has not ended after {len(self._growing)} steps; its last step must be terminated or "
+                "truncated"
+            )
+        self._growing = Growing(self.layout, self.config.window, observation, expert)
+
+    def add(
+        self, action: np.ndarray, observation: Observation, reward: float, terminated: bool, truncated: bool
+    ) -> None:
+        """Add a step: ``buffer.add(action, *env.step(action)[:4])``.
+
+        An episode can be drawn from once it has ended.
+
+        Args:
+            action: Shape (5,), base axes.
+            observation: What followed, as for `begin_episode`.
+            reward: Of the action.
+            terminated: Whether the task has come to its end, after which nothing is worth anything.
+            truncated: Whether the episode was cut off here; what would have followed is worth something.
+
+        Raises:
+            UsageError: If no episode has begun, or this one is longer than the capacity.
+            FieldError: If something does not fit; nothing is kept of it then.
+        """
+        if self._growing is None:
+            raise UsageError("add before begin_episode: hand over the observation after the reset first")
+        if len(self._growing) >= self.capacity:
+            raise UsageError(f"an episode of more than {self.capacity} steps does not fit into the capacity")
+        self._growing.add(action, observation, reward)
+        if terminated or truncated:
+            self._append(self._growing.finish(bool(terminated)))
+            self._growing = None
+
+    def sample(self, batch_size: int = 64) -> Batch:
+        """Draw transitions by their priorities, with replacement.
+
+        s' is the observation `n_step` steps after s, or the last of the episode. All vectors are in image-aligned axes,
+        positions relative to the workspace centre. One random crop serves s and s'.
+
+        Args:
+            batch_size: How many, B.
+
+        Returns:
+            ``image`` (B, 4, h, h), ``wrench`` (B, T, 6), ``proprio`` (B, 5): s; the same with ``next_``: s'; ``action``
+            (B, 5); ``reward`` (B,): discounted sum from s to s'; ``discount`` (B,): gamma^n, 0 where the task ended
+            at s' (not where the episode was truncated there); ``weight`` (B,): importance weights, the largest is 1;
+            all float32. ``index`` (B,) int64: number of each transition; ``expert`` (B,) bool.
+
+        Raises:
+            UsageError: If `batch_size` is not positive.
+            DatasetError: If there is nothing to draw from.
+        """
+        if batch_size < 1:
+            raise UsageError(f"batch_size is {batch_size}; it must be at least 1")
+        if not len(self):
+            raise DatasetError("the replay buffer is empty: preload demonstrations, or add an episode and end it")
+        slots, weight = self._priorities.draw(batch_size, self._rng)
+        numbers, positions, located = self._ring.locate(slots)
+        episodes, steps = [self._ring.episodes[position] for position in positions.tolist()], located.tolist()
+        outcomes = [episode.outcome(step, self._powers) for episode, step in zip(episodes, steps, strict=True)]
+        later, reward, discount = zip(*outcomes, strict=True)
+
+        pairs, at = episodes * 2, [*steps, *later]  # s of all samples, then s' of all
+        crop, where = self.config.crop, self._rng.random((batch_size, 2))
+        places = np.tile(corners(*self.layout.size, (crop, crop), where), (2, 1))
+        moves = self._rng.integers(len(D4) if self.config.rotate else 1, size=batch_size)
+        both = vectors(pairs, at, self.config.window)
+        acted = {"action": np.stack([episode.action[step] for episode, step in zip(episodes, steps, strict=True)])}
+        if self.config.rotate:
+            both, acted = turned(both, np.tile(moves, 2)), turned(acted, moves)
+        both["image"] = images(pairs, at, places, np.tile(moves, 2), crop, self.layout.depth_scale)
+        now = {name: values[:batch_size] for name, values in both.items()}
+        after = {f"next_{name}": values[batch_size:] for name, values in both.items()}
+        return now | acted | after | {
+            "reward": np.array(reward, np.float32), "discount": np.array(discount, np.float32), "weight": weight,
+            "index": numbers, "expert": self._priorities.expert[slots],
+        }  # fmt: skip
+
+    def update_priorities(self, indices: np.ndarray, td_errors: np.ndarray) -> None:
+        """Say how wrong the network was about transitions; those forgotten meanwhile are left out.
+
+        Args:
+            indices: ``index`` of a batch, shape (B,).
+            td_errors: TD errors, shape (B,), unweighted; signs do not matter.
+
+        Raises:
+            UsageError: If shapes differ, an index was never given, or an error is not finite.
+        """
+        numbers, errors = np.asarray(indices), np.asarray(td_errors, np.float64)
+        if numbers.ndim != 1 or numbers.shape != errors.shape or numbers.dtype.kind not in "iu":
+            raise UsageError(f"{numbers.dtype} indices {numbers.shape} and TD errors {errors.shape}; both must be (B,)")
+        if not np.isfinite(errors).all():
+            raise UsageError(f"{(~np.isfinite(errors)).sum()} of {len(errors)} TD errors are not finite numbers")
+        if ((numbers < 0) | (numbers >= self._ring.next)).any():
+            raise UsageError(f"no transitions {numbers.min()} to {numbers.max()}; there have been {self._ring.next}")
+        kept = numbers >= self._ring.first
+        self._priorities.update(numbers[kept] % self.capacity, errors[kept])
+
+    def save(self, path: Path | str) -> None:
+        """Save everything but an episode that has not ended: transitions, priorities, state of chance, beta.
+
+        Raises:
+            StorageError: If the disk refuses; a file that was there before is intact.
+        """
+        ring, priorities = self._ring, self._priorities
+        header = {
+            "capacity": self.capacity, "layout": asdict(self.layout), "config": asdict(self.config),
+            "first": ring.first, "drawn": priorities.drawn, "largest": priorities.largest,
+            "random": self._rng.bit_generator.state,
+            "episodes": [{"terminated": one.terminated, "expert": one.expert} for one in ring.episodes],
+        }  # fmt: skip
+        slots = np.arange(ring.first, ring.next) % self.capacity
+        arrays = [("priority", priorities.tree[slots])]
+        arrays += [(f"{n}/{name}", array) for n, one in enumerate(ring.episodes) for name, array in one.arrays.items()]
+        saving.write(Path(path), header, arrays)
+
+    @classmethod
+    def load(cls, path: Path | str) -> "ReplayBuffer":
+        """A saved buffer, which goes on as the saved one would have.
+
+        Raises:
+            FormatError: If the file is missing, foreign, damaged or of another version.
+        """
+        with saving.reading(Path(path)) as saved:
+            header = saved.header
+            buffer = cls(header["capacity"], Layout.of_json(header["layout"]), ReplayConfig(**header["config"]))
+            buffer._ring = Ring(buffer.capacity, header["first"])
+            for number, one in enumerate(header["episodes"]):
+                arrays = {name: saved.array(f"{number}/{name}") for name in ARRAYS}
+                buffer._append(Recorded(**arrays, terminated=one["terminated"], expert=one["expert"]))
+            slots = np.arange(buffer._ring.first, buffer._ring.next) % buffer.capacity
+            buffer._priorities.tree[slots] = saved.array("priority")
+            buffer._priorities.drawn, buffer._priorities.largest = header["drawn"], header["largest"]
+            buffer._rng.bit_generator.state = header["random"]
+            return buffer
+
+    def _append(self, recorded: Recorded) -> None:
+        freed, taken = self._ring.append(recorded)
+        self._priorities.clear(freed)
+        self._priorities.welcome(taken, recorded.expert)

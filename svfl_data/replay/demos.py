@@ -1,0 +1,84 @@
+"""Demonstrations from episode files, as a replay buffer keeps them."""
+
+from collections.abc import Iterator, Sequence
+
+from svfl_data.dataset import Dataset
+from svfl_data.episode import Camera, Episode
+from svfl_data.errors import DatasetError, FieldError, UsageError
+from svfl_data.progress import progress
+from svfl_data.replay.layout import Layout
+from svfl_data.replay.recorded import Recorded
+
+
+def choose(dataset: Dataset, episodes: int | Sequence[int], failures: bool) -> list[int]:
+    """Which episodes to take.
+
+    Args:
+        dataset: Where from.
+        episodes: How many, the first ones; or which to choose from, such as ``split["train"]``.
+        failures: Whether to take those without success, too.
+
+    Raises:
+        UsageError: If the number is not positive.
+        DatasetError: If there are too few.
+        FormatError: If an episode is damaged.
+    """
+    kind = "episodes" if failures else "successful episodes"
+    counted = isinstance(episodes, int)
+    wanted = episodes if isinstance(episodes, int) else len(episodes)
+    if wanted < 1:
+        raise UsageError(f"asked for {wanted} episodes; at least 1 is needed")
+    found = dataset.indices
+    if not found:
+        raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
+    chosen: list[int] = []
+    candidates = found if isinstance(episodes, int) else episodes
+    for index in candidates:
+        if failures or dataset.episode(index).meta.success:
+            chosen.append(index)
+        if len(chosen) == wanted:
+            break
+    if not chosen or (counted and len(chosen) < wanted):
+        raise DatasetError(
+            f"{dataset.path}: asked for {wanted} {kind}, but of {len(candidates)} there are {len(chosen)}; "
+            f"collect more, or ask for fewer{'' if failures else ' or for failures, too'}"
+        )
+    return chosen
+
+
+def read(dataset: Dataset, indices: Sequence[int], camera: str | None) -> Iterator[tuple[Layout, Recorded]]:
+    """Read episodes, all of one layout.
+
+    Args:
+        dataset: Where from.
+        indices: Which.
+        camera: Whose images; may be None if there is only one.
+
+    Raises:
+        DatasetError: If an episode cannot be cut into transitions, or two cannot be mixed.
+        FieldError: If an episode lacks a field, or the camera.
+        FormatError: If an episode is damaged.
+    """
+    first: Layout | None = None
+    for index in progress(indices, "preloading demonstrations"):
+        episode = dataset.read(index)
+        seen = _camera(episode, camera)
+        layout = Layout.of_episode(episode, seen)
+        if first is not None:
+            first.require_equal(layout, f"episode {indices[0]}", episode.name)
+        first = first or layout
+        yield layout, Recorded.of_episode(episode, seen, layout)
+
+
+def _camera(episode: Episode, name: str | None) -> Camera:
+    cameras = episode.cameras
+    known = ", ".join(cameras) or "none"
+    if name is None and len(cameras) != 1:
+        raise DatasetError(f"{episode.name}: say which camera; there are {known}")
+    if name is not None and name not in cameras:
+        raise FieldError(f"{episode.name}: no camera {name!r}; there are {known}")
+    camera = cameras[name or next(iter(cameras))]
+    for field in ("depth", "depth_scale"):
+        if not camera.has(field):
+            raise FieldError(f"{episode.name}: camera {camera.name} was recorded without {field}")
+    return camera

@@ -1,0 +1,127 @@
+"""What all episodes of a replay buffer have in common, and the axes in which it keeps their vectors."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from svfl_data.episode import Camera, Episode
+from svfl_data.errors import DatasetError, FieldError
+from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
+from svfl_data.topdown import Optics
+
+ACTION_BOUNDS = ("max_move", "max_turn")
+"""Names of the bounds of an action, [m] and [rad], in the configuration of a world."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Transitions may be mixed in one batch if all of this is equal.
+
+    Attributes:
+        task: Name of the task.
+        size: Height and width of the images as recorded, [px].
+        depth_scale: Metres per unit of depth.
+        image_axes: Base (x, y) to image-aligned (right, up), two rows.
+        centre: Workspace centre, base (x, y), [m].
+        action_bounds: Largest displacement along an axis, [m], and turn, [rad], of one action; None if unknown.
+    """
+
+    task: str
+    size: tuple[int, int]
+    depth_scale: float
+    image_axes: tuple[tuple[float, float], tuple[float, float]]
+    centre: tuple[float, float]
+    action_bounds: tuple[float, float] | None = None
+
+    @classmethod
+    def seen_by(
+        cls,
+        camera: Optics,
+        size: tuple[int, int],
+        workspace: np.ndarray,
+        task: str,
+        action_bounds: tuple[float, float] | None = None,
+    ) -> "Layout":
+        """The layout of what an agent sees.
+
+        Args:
+            camera: Whose images it sees: an `episode.Camera` or a `collectors.contract.Calibration`.
+            size: Height and width of its images, [px].
+            workspace: Bounds of x, y, z in base, shape (3, 2), [m].
+            task: Name of the task.
+            action_bounds: Largest displacement, [m], and turn, [rad], of one action.
+        """
+        (a, b), (c, d) = np.asarray(camera.image_axes, np.float64).tolist()
+        x, y = np.asarray(workspace, np.float64)[:2].mean(axis=1).tolist()
+        return cls(task, size, float(camera.depth_scale), ((a, b), (c, d)), (x, y), action_bounds)
+
+    @classmethod
+    def of_episode(cls, episode: Episode, camera: Camera) -> "Layout":
+        """The layout of a recorded episode seen by one of its cameras."""
+        world = episode.meta.config.get("world")
+        bounds = None
+        if isinstance(world, dict) and all(name in world for name in ACTION_BOUNDS):
+            bounds = (float(world[ACTION_BOUNDS[0]]), float(world[ACTION_BOUNDS[1]]))
+        height, width = camera.color.shape[1:3]
+        return cls.seen_by(camera, (height, width), episode.workspace, episode.meta.task, bounds)
+
+    @classmethod
+    def of_json(cls, found: dict[str, Any]) -> "Layout":
+        """What `dataclasses.asdict` and JSON have made of a layout."""
+        (a, b), (c, d) = found["image_axes"]
+        (height, width), (x, y), bounds = found["size"], found["centre"], found["action_bounds"]
+        scale = float(found["depth_scale"])
+        axes = ((a, b), (c, d))
+        return cls(str(found["task"]), (height, width), scale, axes, (x, y), tuple(bounds) if bounds else None)
+
+    def require_equal(self, other: "Layout", where: str, there: str) -> None:
+        """Refuse what cannot be mixed with this.
+
+        Args:
+            other: The other layout.
+            where: Where this one is from, for the message.
+            there: Where the other one is from.
+
+        Raises:
+            DatasetError: If they differ.
+        """
+        for field in fields(self):
+            mine, its = getattr(self, field.name), getattr(other, field.name)
+            if mine != its:
+                raise DatasetError(
+                    f"{there}: its {field.name} is {its}, but {mine} in {where}; one replay buffer holds one kind"
+                )
+
+    def proprio(self, values: np.ndarray) -> np.ndarray:
+        """Base axes and origin to image-aligned axes about the workspace centre, shape (..., 5), float32."""
+        centred = np.asarray(values, np.float64) - np.array([0.0, *self.centre, 0.0, 0.0])
+        return act(np.array(self.image_axes), centred, PROPRIO_PARTS).astype(np.float32)
+
+    def wrench(self, values: np.ndarray) -> np.ndarray:
+        """Base axes to image-aligned axes, shape (..., 6), float32."""
+        return act(np.array(self.image_axes), np.asarray(values, np.float64), WRENCH_PARTS).astype(np.float32)
+
+    def action(self, values: np.ndarray) -> np.ndarray:
+        """Base axes to image-aligned axes, shape (..., 5), float32."""
+        return act(np.array(self.image_axes), np.asarray(values, np.float64), ACTION_PARTS).astype(np.float32)
+
+    def pixels(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What an image was made from, exactly.
+
+        Args:
+            image: RGB 0..1, then depth in [m], shape (4, H, W), as the environments give it.
+
+        Returns:
+            Colour (3, H, W) uint8 and depth (H, W) uint16.
+
+        Raises:
+            FieldError: If a number is out of range.
+        """
+        color, depth = np.rint(image[:3] * 255.0), np.rint(image[3] / self.depth_scale)
+        for name, units, most in (("colour", color, 255), ("depth", depth, 2**16 - 1)):
+            low, high = float(units.min()), float(units.max())
+            if low < 0 or high > most:
+                unit = "255" if name == "colour" else f"1 / {self.depth_scale:g} m"
+                raise FieldError(f"image: {name} from {low:g} to {high:g} in units of {unit}; 0 to {most} are possible")
+        return color.astype(np.uint8), depth.astype(np.uint16)

@@ -1,0 +1,112 @@
+"""The file of a saved replay buffer: an uncompressed ZIP archive of NumPy arrays and one JSON text.
+
+Written aside, synced and renamed, an array at a time, so that neither memory nor a kill is a problem. Every member has
+a CRC-32, which is checked before anything in it is believed. Equal buffers give equal bytes.
+"""
+
+import io
+import json
+import os
+import struct
+import tempfile
+import zipfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from svfl_data.episode import canonical_json
+from svfl_data.errors import FormatError, StorageError
+from svfl_data.store import sync_folder
+
+FORMAT = "svfl-replay"
+FORMAT_VERSION = "1.0"
+HEADER = "replay.json"
+EARLIEST = (1980, 1, 1, 0, 0, 0)  # times would make equal buffers differ
+DAMAGE = (
+    zipfile.BadZipFile, struct.error, OSError, EOFError, RuntimeError,
+    ArithmeticError, AttributeError, LookupError, TypeError, ValueError,
+)  # fmt: skip
+"""What zipfile, json and NumPy raise when they are given something else, or half of it."""
+
+
+def write(path: Path, header: dict[str, Any], arrays: Iterable[tuple[str, np.ndarray]]) -> None:
+    """Write a file so that it is either whole or as it was before.
+
+    Args:
+        path: The file; replaced if it exists.
+        header: JSON values.
+        arrays: Name and content of each array.
+
+    Raises:
+        StorageError: If the disk refuses; nothing is left behind.
+    """
+    aside = None
+    try:
+        descriptor, aside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+        with os.fdopen(descriptor, "wb") as file:
+            with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+                text = canonical_json({"format": FORMAT, "format_version": FORMAT_VERSION, **header})
+                archive.writestr(zipfile.ZipInfo(HEADER, EARLIEST), text)
+                for name, array in arrays:
+                    content = io.BytesIO()
+                    np.lib.format.write_array(content, array, allow_pickle=False)
+                    archive.writestr(zipfile.ZipInfo(f"{name}.npy", EARLIEST), content.getbuffer())
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(aside, 0o644)
+        os.replace(aside, path)
+        sync_folder(path.parent)
+    except OSError as error:
+        raise StorageError(f"cannot write {path}: {error.strerror}; everything written before is intact") from error
+    finally:
+        if aside and os.path.exists(aside):
+            os.unlink(aside)
+
+
+class Saved:
+    """A file that is being read.
+
+    Attributes:
+        header: What `write` was given.
+    """
+
+    def __init__(self, archive: zipfile.ZipFile, header: dict[str, Any]) -> None:
+        self._archive, self.header = archive, header
+
+    def array(self, name: str) -> np.ndarray:
+        """An array by its name."""
+        return np.asarray(np.load(io.BytesIO(_member(self._archive, f"{name}.npy")), allow_pickle=False))
+
+
+def _member(archive: zipfile.ZipFile, name: str) -> bytes:
+    """A member of the archive, its CRC checked."""
+    if archive.getinfo(name).compress_type != zipfile.ZIP_STORED:
+        raise ValueError(f"{name} is compressed")
+    return archive.read(name)
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[Saved]:
+    """Read a file; whatever is wrong with it, also with what its reader makes of it, is one error.
+
+    Raises:
+        FormatError: If it is missing, foreign, damaged or of another version.
+    """
+    if not path.is_file():
+        raise FormatError(f"{path}: {'not a file' if path.exists() else 'no such file'}")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if HEADER not in archive.namelist():
+                raise FormatError(f"{path}: a ZIP file, but not a saved replay buffer (it has no {HEADER})")
+            header = json.loads(_member(archive, HEADER))
+            if header["format"] != FORMAT:
+                raise FormatError(f"{path}: not a saved replay buffer (format is {header['format']!r})")
+            if header["format_version"].split(".")[0] != FORMAT_VERSION.split(".")[0]:
+                raise FormatError(f"{path}: format version {header['format_version']}; this software reads 1.x")
+            yield Saved(archive, header)
+    except DAMAGE as error:
+        words = str(error) or type(error).__name__
+        raise FormatError(f"{path}: not a saved replay buffer, or damaged ({words})") from error

@@ -1,0 +1,178 @@
+"""Episodes that come from files or from an agent: kept once and the same, and refused if they do not fit."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from svfl_data.dataset import Dataset
+from svfl_data.errors import DatasetError, FieldError, UsageError
+from svfl_data.replay import ReplayBuffer, ReplayConfig
+from svfl_data.replay.growing import unseen
+from tests.data.replay_episodes import layout_of, live_through, make_demo, observation, small, store
+
+
+def test_a_file_and_an_agent_that_lived_through_it_give_the_same(tmp_path):
+    demo = make_demo(0, 6)
+    from_file = ReplayBuffer.from_demos(store(tmp_path / "d", demo), 1, config=small(expert_bonus=0.0))
+    rewards = np.zeros(6)
+    rewards[-1] = 1
+    lived = ReplayBuffer(50_000, layout_of(demo), small(expert_bonus=0.0))
+    live_through(lived, demo, rewards=rewards)
+    batch, other = from_file.sample(40), lived.sample(40)
+    for name in batch.keys() - {"expert"}:
+        np.testing.assert_array_equal(batch[name], other[name], err_msg=name)
+    assert batch["expert"].all()
+    assert not other["expert"].any()
+
+
+def test_nothing_is_kept_twice(tmp_path):
+    """Images once per observation as integers, readings once: within a tenth of what was recorded."""
+    demos = [make_demo(index, 20, size=40) for index in range(5)]
+    buffer = ReplayBuffer.from_demos(store(tmp_path / "d", *demos), 5, capacity=1000, config=small())
+    paths = ["cameras/front/color", "cameras/front/depth", "observations/proprio", "actions/action"]
+    raw = sum(demo.arrays[path].nbytes for demo in demos for path in [*paths, "streams/wrench/wrench"])
+    assert raw <= buffer.nbytes < 1.1 * raw
+    lived = ReplayBuffer(1000, layout_of(demos[0]), small())
+    for demo in demos:
+        live_through(lived, demo)
+    assert lived.nbytes < 1.1 * raw
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.lists(st.integers(0, 9), min_size=1, max_size=12), st.integers(1, 8), st.integers(0, 10_000))
+def test_readings_are_appended_so_that_every_window_is_whole(news, window, seed):
+    """Also with readings that repeat, none that are new, and more than a window of them."""
+    rng = np.random.default_rng(seed)
+    stream = rng.integers(0, 3, (window, 2)).astype(float)
+    before, kept = stream, stream
+    for new in news:
+        stream = np.concatenate([stream, rng.integers(0, 3, (new, 2))])
+        now = stream[-window:]
+        count = unseen(before, now)
+        assert count <= min(new, window)
+        kept = np.concatenate([kept, now[window - count :]])
+        np.testing.assert_array_equal(kept[-window:], now)
+        before = now
+
+
+def test_only_successful_demonstrations_unless_asked(tmp_path):
+    dataset = store(tmp_path / "d", *(make_demo(index, 4, success=index != 1) for index in range(4)))
+    assert len(ReplayBuffer.from_demos(dataset, 2, config=small())) == 8
+    chosen = ReplayBuffer.from_demos(dataset, [1, 3], config=small())
+    assert len(chosen) == 4
+    both = ReplayBuffer.from_demos(dataset, [1, 3], config=small(), failures=True)
+    batch = both.sample(60)
+    last = batch["index"] == 3  # of the failure: no reward, and cut off
+    assert (batch["reward"][last] == 0).all()
+    assert (batch["discount"][last] == np.float32(0.99)).all()
+    assert (batch["reward"][batch["index"] == 7] == 1).all()
+    with pytest.raises(DatasetError, match=r"asked for 4 successful episodes, but of 4 there are 3; collect more, or"):
+        ReplayBuffer.from_demos(dataset, 4, config=small())
+    with pytest.raises(DatasetError, match=r"asked for 1 successful episodes, but of 1 there are 0"):
+        ReplayBuffer.from_demos(dataset, [1], config=small())
+
+
+def test_what_cannot_be_preloaded_is_named(tmp_path):
+    with pytest.raises(DatasetError, match="the dataset has no episodes yet"):
+        ReplayBuffer.from_demos(Dataset.create_or_resume(tmp_path / "none", "picking", 0, {}))
+    dataset = store(tmp_path / "d", make_demo(0), make_demo(1))
+    with pytest.raises(UsageError, match="asked for 0 episodes"):
+        ReplayBuffer.from_demos(dataset, 0)
+    with pytest.raises(UsageError, match=r"2 demonstrations have 8 steps, the capacity is 7; choose a larger capacity"):
+        ReplayBuffer.from_demos(dataset, 2, capacity=7)
+    with pytest.raises(UsageError, match=r"crop is 64 px; the images have 16 x 16 px"):
+        ReplayBuffer.from_demos(dataset, 2)
+    with pytest.raises(FieldError, match=r"000000\.hdf5: no camera 'wrist'; there are front"):
+        ReplayBuffer.from_demos(dataset, 2, config=small(), camera="wrist")
+    with pytest.raises(DatasetError, match="no episode 7"):
+        ReplayBuffer.from_demos(dataset, [0, 7], config=small())
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        ({"task": "pushing"}, r"000001\.hdf5: its task is pushing, but picking in episode 0; one replay buffer holds"),
+        ({"size": 20}, r"its size is \(20, 20\), but \(16, 16\)"),
+        (
+            {"config": {"world": {"max_move": 0.05, "max_turn": 0.2}}},
+            r"its action_bounds is \(0\.05, 0\.2\), but \(0\.",
+        ),
+        ({"config": {}}, r"its action_bounds is None"),
+        ({"arrays": {"cameras/front/image_axes": np.eye(2)}}, "its image_axes is"),
+        ({"arrays": {"cameras/front/depth_scale": np.array(1e-3)}}, r"its depth_scale is 0\.001, but 0\.0001"),
+    ],
+)
+def test_episodes_of_different_kinds_are_not_mixed(tmp_path, other, message):
+    with pytest.raises(DatasetError, match=message):
+        ReplayBuffer.from_demos(store(tmp_path / "d", make_demo(0), make_demo(1, **other)), 2, config=small())
+
+
+@pytest.mark.parametrize("missing", ["depth", "depth_scale"])
+def test_missing_depth_is_named(tmp_path, missing):
+    demo = make_demo(0, arrays={f"cameras/front/{missing}": None})
+    with pytest.raises(FieldError, match=rf"camera front was recorded without {missing}$"):
+        ReplayBuffer.from_demos(store(tmp_path / "d", demo), 1, config=small())
+
+
+def test_clocks_that_cannot_be_trusted_are_named(tmp_path):
+    times = make_demo(0).wrench_t_ns.copy()
+    times[7] = 0
+    dataset = store(tmp_path / "back", make_demo(0, arrays={"streams/wrench/t_ns": times}))
+    with pytest.raises(DatasetError, match="the clock of wrench runs backwards"):
+        ReplayBuffer.from_demos(dataset, 1, config=small())
+    late = make_demo(0).cameras["front"].t_ns + 1
+    dataset = store(tmp_path / "late", make_demo(0, arrays={"cameras/front/t_ns": late}))
+    with pytest.raises(DatasetError, match="camera front had no frame yet at the first observation"):
+        ReplayBuffer.from_demos(dataset, 1, config=small())
+
+
+def test_what_an_agent_cannot_add_is_named_and_not_kept():
+    demo = make_demo(0)
+    seen = observation(demo, 0)
+    buffer = ReplayBuffer(3, layout_of(demo), small())
+    with pytest.raises(UsageError, match="add before begin_episode"):
+        buffer.add(demo.action[0], seen, 0.0, False, False)
+    with pytest.raises(FieldError, match="observation: wrench is missing; it has image, proprio"):
+        buffer.begin_episode({name: value for name, value in seen.items() if name != "wrench"})
+    with pytest.raises(FieldError, match=r"image has shape \(4, 8, 8\), expected \(4, 16, 16\)"):
+        buffer.begin_episode(seen | {"image": seen["image"][:, :8, :8]})
+    with pytest.raises(FieldError, match=r"image: colour from .* to 510 in units of 255; 0 to 255 are possible"):
+        buffer.begin_episode(seen | {"image": np.full((4, 16, 16), 2.0)})
+    buffer.begin_episode(seen)
+    buffer.begin_episode(seen)  # nothing has happened since the reset
+    with pytest.raises(FieldError, match=r"action has shape \(4,\), expected \(5,\)"):
+        buffer.add(demo.action[0][:4], seen, 0.0, False, True)
+    with pytest.raises(FieldError, match=r"proprio \(float32\) holds something that is not a finite number"):
+        buffer.add(demo.action[0], seen | {"proprio": np.full(5, np.nan, np.float32)}, 0.0, False, True)
+    with pytest.raises(FieldError, match="reward"):
+        buffer.add(demo.action[0], seen, np.inf, False, True)
+    assert len(buffer) == 0
+    for _ in range(3):
+        buffer.add(demo.action[0], seen, 0.0, False, False)
+    with pytest.raises(UsageError, match="the last episode has not ended after 3 steps"):
+        buffer.begin_episode(seen)
+    with pytest.raises(UsageError, match="an episode of more than 3 steps does not fit"):
+        buffer.add(demo.action[0], seen, 0.0, False, False)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"n_step": 0}, "n_step is 0; it must be at least 1"),
+        ({"gamma": 1.5}, r"gamma is 1\.5; it must be from 0 to 1"),
+        ({"alpha": -0.1}, r"alpha is -0\.1"),
+        ({"expert_bonus": float("nan")}, "expert_bonus is nan"),
+    ],
+)
+def test_settings_out_of_range_are_named(setting, message):
+    with pytest.raises(UsageError, match=message):
+        ReplayConfig(**setting)
+
+
+def test_it_says_what_it_is(tmp_path):
+    buffer = ReplayBuffer.from_demos(store(tmp_path / "d", make_demo(0)), 1, capacity=100, config=small())
+    live_through(buffer, make_demo(1))
+    assert repr(buffer) == (
+        "ReplayBuffer(picking: 8 of 100 transitions in 2 episodes, 4 of experts, 0.0 MB, beta 0.400)"
+    )

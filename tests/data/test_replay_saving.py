@@ -1,0 +1,143 @@
+"""A saved buffer goes on as it would have, and a file that is not one, or not whole, is refused in one line."""
+
+import json
+import zipfile
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from svfl_data.errors import FormatError, StorageError
+from svfl_data.replay import ReplayBuffer
+from tests.data.replay_episodes import agent_buffer, live_through, make_demo, small, store
+
+
+def used(**settings) -> ReplayBuffer:
+    """A buffer that has forgotten episodes, been drawn from and updated."""
+    buffer = agent_buffer(4, 5, 6, capacity=12, config=small(beta_samples=500, rotate=True, n_step=2, **settings))
+    for _ in range(3):
+        batch = buffer.sample(16)
+        buffer.update_priorities(batch["index"], batch["reward"] + batch["weight"] * 3)
+    return buffer
+
+
+def assert_equal_future(one: ReplayBuffer, other: ReplayBuffer) -> None:
+    for turn in range(4):
+        batch, same = one.sample(16), other.sample(16)
+        assert batch.keys() == same.keys()
+        for name in batch:
+            np.testing.assert_array_equal(batch[name], same[name], err_msg=name)
+        for buffer in (one, other):
+            buffer.update_priorities(batch["index"], batch["proprio"][:, 0])
+            live_through(buffer, make_demo(10 + turn, 3))
+        assert one.beta == other.beta
+
+
+def test_what_is_loaded_goes_on_exactly_as_what_was_saved(tmp_path):
+    buffer = used()
+    buffer.save(tmp_path / "b.replay")
+    loaded = ReplayBuffer.load(tmp_path / "b.replay")
+    assert (repr(loaded), loaded.config, loaded.layout) == (repr(buffer), buffer.config, buffer.layout)
+    assert_equal_future(buffer, loaded)
+
+
+def test_demonstrations_stay_demonstrations(tmp_path):
+    buffer = ReplayBuffer.from_demos(store(tmp_path / "d", make_demo(0), make_demo(1)), 2, capacity=30, config=small())
+    live_through(buffer, make_demo(2), terminated=False)
+    buffer.save(str(tmp_path / "b.replay"))
+    loaded = ReplayBuffer.load(str(tmp_path / "b.replay"))
+    assert "8 of experts" in repr(loaded)
+    assert_equal_future(buffer, loaded)
+
+
+def test_an_empty_buffer_comes_back_empty(tmp_path):
+    agent_buffer().save(tmp_path / "b.replay")
+    loaded = ReplayBuffer.load(tmp_path / "b.replay")
+    assert len(loaded) == 0
+    live_through(loaded, make_demo(0))
+    assert len(loaded.sample(3)["index"]) == 3
+
+
+def test_equal_buffers_are_equal_bytes_and_leave_nothing_else(tmp_path):
+    buffer = used()
+    buffer.save(tmp_path / "one.replay")
+    ReplayBuffer.load(tmp_path / "one.replay").save(tmp_path / "two.replay")
+    assert (tmp_path / "one.replay").read_bytes() == (tmp_path / "two.replay").read_bytes()
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["one.replay", "two.replay"]
+
+
+def test_a_disk_that_refuses_leaves_the_old_file(tmp_path, monkeypatch):
+    file = tmp_path / "b.replay"
+    used().save(file)
+    before = file.read_bytes()
+
+    def full(descriptor):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("svfl_data.replay.saving.os.fsync", full)
+    with pytest.raises(StorageError, match=r"cannot write .*b\.replay: No space left on device; everything written"):
+        used(seed=1).save(file)
+    assert file.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["b.replay"]
+    with pytest.raises(StorageError, match="cannot write"):
+        used().save(tmp_path / "nowhere" / "b.replay")
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory):
+    file = tmp_path_factory.mktemp("saved") / "b.replay"
+    used().save(file)
+    return file, file.read_bytes()
+
+
+@settings(deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_damage_is_refused_or_changes_nothing(saved, data):
+    """One bit anywhere: an error of one line, or a bit that means nothing (the date of a member)."""
+    file, whole = saved
+    tail = data.draw(st.booleans())  # most of the file is pixels; the directory at its end is small
+    place = data.draw(st.integers(len(whole) - 4000 if tail else 0, len(whole) - 1))
+    damaged = bytearray(whole)
+    damaged[place] ^= 1 << data.draw(st.integers(0, 7))
+    other = file.with_name("damaged.replay")
+    other.write_bytes(damaged)
+    words = None
+    try:
+        ReplayBuffer.load(other).save(other)
+    except FormatError as error:
+        words = str(error)
+    if words is None:
+        assert other.read_bytes() == whole
+    else:
+        assert words.startswith(f"{other}: ")
+        assert "\n" not in words
+
+
+@pytest.mark.parametrize("keep", [0, 1, 100, 0.5, 0.99])
+def test_a_file_that_is_cut_off_is_refused(saved, keep):
+    file, whole = saved
+    short = file.with_name("short.replay")
+    short.write_bytes(whole[: keep if isinstance(keep, int) else int(keep * len(whole))])
+    with pytest.raises(FormatError, match=r"short\.replay: not a saved replay buffer, or damaged"):
+        ReplayBuffer.load(short)
+
+
+def test_foreign_files_are_refused(tmp_path):
+    with pytest.raises(FormatError, match="no such file"):
+        ReplayBuffer.load(tmp_path / "absent")
+    with pytest.raises(FormatError, match="not a file"):
+        ReplayBuffer.load(tmp_path)
+    np.savez(tmp_path / "a.npz", np.zeros(3))
+    with pytest.raises(FormatError, match=r"a ZIP file, but not a saved replay buffer \(it has no replay\.json\)"):
+        ReplayBuffer.load(tmp_path / "a.npz")
+    for header, message in (
+        ({"format": "svfl-split"}, "format is 'svfl-split'"),
+        ({"format": "svfl-replay", "format_version": "2.0"}, r"format version 2\.0; this software reads 1\.x"),
+        ({"format": "svfl-replay", "format_version": "1.0"}, "damaged"),
+        ([1], "damaged"),
+    ):
+        with zipfile.ZipFile(tmp_path / "b.replay", "w") as archive:
+            archive.writestr("replay.json", json.dumps(header))
+        with pytest.raises(FormatError, match=message):
+            ReplayBuffer.load(tmp_path / "b.replay")
