@@ -4,10 +4,10 @@ import functools
 
 from svfl_data.cli import Parser, run
 from svfl_data.errors import TrainingError
-from svfl_models.verbs import centering, check, experiments, export
+from svfl_models.verbs import bc, centering, check, evaluate, experiments, export, latent
 
 PROGRAM = "svfl-train"
-VERBS = (centering, check, experiments, export)
+VERBS = (centering, check, experiments, export, bc, evaluate, latent)
 
 
 def main(arguments: list[str] | None = None) -> int:

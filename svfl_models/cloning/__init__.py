@@ -1,0 +1,1 @@
+"""Behaviour cloning: a policy that learns to do what demonstrations do, and how often it then succeeds."""

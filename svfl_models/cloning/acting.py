@@ -1,0 +1,142 @@
+"""A trained policy as collectors and environments know it: whole pictures and base axes in, base axes out."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from svfl_data.errors import StorageError, TrainingError, UsageError
+from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
+from svfl_data.windows import WINDOW
+from svfl_models import exported_policy
+from svfl_models.cloning.checkpoint import load_policy
+from svfl_models.cloning.module import CloningModule
+from svfl_models.cloning.workplace import Workplace
+from svfl_models.data import centre_crop, crop_side, scaled
+from svfl_models.export import TOLERANCE, plain
+from svfl_models.policy import Policy
+from svfl_models.squashed_gaussian import to_unit
+from svfl_models.train import storage_errors
+
+TRIALS = 8
+"""Random inputs that an exported file is tried with."""
+
+
+class ActingPolicy(nn.Module):
+    """A policy from a camera's picture to a command, with all that lies between: crop, axes, centre, the gripper.
+
+    What a policy says most probably is what is done. Where demonstrations only opened or shut the gripper, so does
+    this: a gripper half open, because both were likely, is what nobody has shown.
+
+    Args:
+        policy: The network, in image-aligned axes.
+        workplace: Of its demonstrations.
+    """
+
+    wrench_map: Tensor
+    proprio_map: Tensor
+    action_map: Tensor
+    centre: Tensor
+    turn: Tensor
+
+    def __init__(self, policy: Policy, workplace: Workplace) -> None:
+        super().__init__()
+        self.policy, self.workplace = policy, workplace
+        axes = np.array(workplace.image_axes)
+        turn = act(axes, np.zeros(5), PROPRIO_PARTS)  # of the yaw; the rest of all this is linear
+        maps = {
+            "wrench_map": act(axes, np.eye(6), WRENCH_PARTS),
+            "proprio_map": act(axes, np.eye(5), PROPRIO_PARTS) - turn,
+            "action_map": act(axes.T, np.eye(5), ACTION_PARTS),
+            "centre": np.array([0.0, *workplace.centre, 0.0, 0.0]),
+            "turn": turn,
+        }
+        for name, values in maps.items():
+            self.register_buffer(name, torch.tensor(values, dtype=torch.float32))
+
+    def forward(self, image: Tensor, wrench: Tensor, proprio: Tensor) -> Tensor:
+        """What to command, (B, 5): gripper opening 0..1, dx, dy, dz [m], dtheta [rad], base axes.
+
+        Args:
+            image: Shape (B, 4, H, H): colour 0..1, then depth in [m].
+            wrench: Shape (B, T, 6), tared, [N] and [N m], base axes, about the sensor origin.
+            proprio: Shape (B, 5): gripper opening 0..1, TCP x, y, z [m], yaw [rad], base.
+        """
+        size = self.policy.trunk.image_size
+        batch = {
+            "image": scaled(centre_crop(image, crop_side(image.shape[-1], size)), size),
+            "wrench": wrench @ self.wrench_map,
+            "proprio": (proprio - self.centre) @ self.proprio_map + self.turn,
+        }
+        action = self.policy(batch).mode @ self.action_map
+        if self.workplace.switch:
+            action = torch.cat([(action[:, :1] > 0.5).to(action), action[:, 1:]], dim=1)
+        return action
+
+
+def acting(module: CloningModule) -> ActingPolicy:
+    """A trained policy, ready to act, made of ordinary layers."""
+    return ActingPolicy(plain(module.policy), module.workplace).eval()  # type: ignore[arg-type] # a copy of a Policy
+
+
+def load(file: Path | str) -> exported_policy.ExportedPolicy:
+    """Load a checkpoint of ``svfl-train bc`` onto this machine's device, for ``svfl-collect policy``.
+
+    Raises:
+        FormatError: If the file is not one.
+    """
+    module = load_policy(file)
+    with torch.no_grad():
+        program = torch.export.export(acting(module), _inputs(module, torch.zeros))
+    return exported_policy.ExportedPolicy(program, module.workplace.depth_scale, str(file))
+
+
+def export(module: CloningModule, file: Path) -> float:
+    """Write a trained policy as a program that runs without this package (`svfl_models.exported_policy`).
+
+    Args:
+        module: The policy.
+        file: Where to; replaced if it exists, once the new one has been tried.
+
+    Returns:
+        Largest difference between the actions of file and network on random inputs, in units of the bounds.
+
+    Raises:
+        UsageError: If the file's name does not end in ``.pt2``.
+        TrainingError: If the actions differ by more than rounding.
+        StorageError: If the disk refuses.
+    """
+    if file.suffix != ".pt2":
+        raise UsageError(f"{file}: cannot export a policy to {file.suffix or 'a file without suffix'}; possible: .pt2")
+    if not file.parent.is_dir():
+        raise StorageError(f"{file}: no such folder")
+    part, side = file.with_name(f".{file.stem}.part.pt2"), module.workplace.image_side
+    with storage_errors(file.parent):
+        try:
+            exported_policy.save(acting(module), part, (side, side), module.workplace.depth_scale)
+            worst = _difference(module, part)
+            if not worst < TOLERANCE:
+                raise TrainingError(f"{file}: not written, its actions differ from the network's by {worst:.1g}")
+            part.replace(file)
+        finally:
+            part.unlink(missing_ok=True)
+    return worst
+
+
+@torch.no_grad()
+def _difference(module: CloningModule, file: Path) -> float:
+    """How far the actions of a file are from its network's, component by component, in units of the bounds."""
+    network, program = ActingPolicy(module.policy, module.workplace).eval(), torch.export.load(file).module()
+    generator = torch.Generator().manual_seed(0)
+    worst = torch.zeros(())
+    for _ in range(TRIALS):
+        inputs = _inputs(module, lambda *shape: torch.rand(shape, generator=generator))
+        worst = torch.maximum(worst, (to_unit(program(*inputs)) - to_unit(network(*inputs))).abs().max())
+    return float(worst)
+
+
+def _inputs(module: CloningModule, fill: Callable[..., Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+    side = module.workplace.image_side
+    return fill(1, 4, side, side), fill(1, WINDOW, 6), fill(1, 5)

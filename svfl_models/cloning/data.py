@@ -1,0 +1,159 @@
+"""Demonstrations as batches: what was known before each action, and the action."""
+
+from collections.abc import Sequence
+
+import lightning.pytorch as pl
+import numpy as np
+import torch
+from torch import Tensor
+from torch.utils.data import DataLoader
+from torch.utils.data import Dataset as TorchDataset
+
+from svfl_data.dataset import Dataset
+from svfl_data.errors import DatasetError
+from svfl_data.samples import ACTION, PROPRIO, WRENCH, Samples
+from svfl_data.split import split_episodes
+from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
+from svfl_data.torch_samples import EpochSampler, as_it_is
+from svfl_models.augmentation import MARGIN, recoloured
+from svfl_models.cloning.config import CloningConfig
+from svfl_models.cloning.workplace import Workplace, workplace_of
+from svfl_models.data import centre_crop, crop_side, random_crop, scaled
+from svfl_models.visual_force import Batch
+
+VALID_BATCH = 256
+STATISTICS = 1024
+"""Most samples that the scales of the inputs are taken from."""
+
+
+class Demonstrations(TorchDataset[Batch]):
+    """Every step of some episodes, as `policy.Policy` takes them, with the ``action`` (B, 5); image-aligned axes.
+
+    Its keys run beyond the number of steps: key k is step k % len in epoch k // len, as those of
+    `svfl_data.torch_samples.TorchSamples`. What is random about a batch depends on the seed and its first key only, so
+    that a training that was interrupted goes on as if it had not been. Images stay as they were recorded, uint8 and
+    uint16, until they are in a batch.
+
+    Args:
+        dataset: Where the episodes lie.
+        episodes: Which.
+        workplace: What they have in common.
+        config: Image size, augmentation and seed.
+        random: Crop at random (training) rather than at the centre.
+
+    Raises:
+        DatasetError: If they do not fit into memory.
+        FieldError: If an episode lacks a field.
+    """
+
+    def __init__(
+        self, dataset: Dataset, episodes: Sequence[int], workplace: Workplace, config: CloningConfig, random: bool
+    ) -> None:
+        self.sees = "v" in config.encoder
+        cameras = [workplace.camera] if self.sees else []
+        self.samples = Samples(dataset, episodes, cameras=cameras, cache=True)
+        self.workplace, self.config, self.random = workplace, config, random
+        self.axes = np.array(workplace.image_axes)
+        self.side = crop_side(workplace.image_side, config.image_size) if self.sees else 0
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    def __getitem__(self, key: int) -> Batch:
+        """One step, without the batch dimension."""
+        if key < 0:
+            raise IndexError(f"no step {key}; there are {len(self)}, and again in every epoch")
+        return {name: values[0] for name, values in self.__getitems__([key]).items()}
+
+    def __getitems__(self, keys: Sequence[int]) -> Batch:
+        """Many steps as one batch."""
+        recorded = self.samples.batch(np.asarray(keys) % len(self))
+        proprio = recorded[PROPRIO]
+        proprio[:, 1:3] -= np.array(self.workplace.centre, np.float32)
+        batch = {
+            "wrench": torch.from_numpy(act(self.axes, recorded[WRENCH], WRENCH_PARTS)),
+            "proprio": torch.from_numpy(act(self.axes, proprio, PROPRIO_PARTS)),
+            "action": torch.from_numpy(act(self.axes, recorded[ACTION][:, 0], ACTION_PARTS)),
+        }
+        if self.sees:
+            color, depth = (recorded[f"cameras/{self.workplace.camera}/{name}"][:, 0] for name in ("color", "depth"))
+            with torch.random.fork_rng(devices=[]):
+                torch.manual_seed(int(np.random.SeedSequence([self.config.seed, keys[0]]).generate_state(1)[0]))
+                batch["image"] = self._image(_picture(color, depth, self.workplace.depth_scale))
+        return batch
+
+    def loader(self, batch_size: int) -> DataLoader[Batch]:
+        """Batches of all steps: in a new order in every epoch if the crops are random, else in their own."""
+        order = EpochSampler(len(self), self.random, self.config.seed)
+        return DataLoader(self, batch_size, sampler=order, collate_fn=as_it_is)
+
+    def typical(self) -> Batch:
+        """Steps from all over the episodes, at most `STATISTICS`, to take the scales of the inputs from."""
+        return self.__getitems__(np.linspace(0, len(self) - 1, min(len(self), STATISTICS)).astype(int).tolist())
+
+    def _image(self, image: Tensor) -> Tensor:
+        size = self.config.image_size
+        if not self.random:
+            return scaled(centre_crop(image, self.side), size)
+        if not self.config.augment:
+            return scaled(random_crop(image, self.side), size)
+        return recoloured(scaled(random_crop(image, self.side, beyond=round(MARGIN * image.shape[-1])), size))
+
+
+def _picture(color: np.ndarray, depth: np.ndarray, depth_scale: float) -> Tensor:
+    """Recorded images (B, H, W, 3) and (B, H, W) as a network sees them: (B, 4, H, W), colour 0..1, depth in [m]."""
+    image = np.empty((len(color), 4, *color.shape[1:3]), np.float32)
+    image[:, :3] = color.transpose(0, 3, 1, 2) / np.float32(255)
+    image[:, 3] = depth * np.float32(depth_scale)
+    return torch.from_numpy(image)
+
+
+class CloningData(pl.LightningDataModule):
+    """Training and validation batches.
+
+    Args:
+        config: Which demonstrations, and how they become batches.
+
+    Attributes:
+        workplace: What the demonstrations have in common.
+
+    Raises:
+        SvflError: If they cannot serve: too few, unlike each other, damaged, without a field.
+    """
+
+    def __init__(self, config: CloningConfig) -> None:
+        super().__init__()
+        dataset = Dataset.open(config.data)
+        chosen = successful(dataset, config.episodes)
+        self.workplace = workplace_of(dataset, chosen, config.camera)
+        split = split_episodes(chosen, {"train": 1 - config.valid, "valid": config.valid}, config.seed)
+        self.train_set = Demonstrations(dataset, split["train"], self.workplace, config, random=True)
+        self.valid_set = Demonstrations(dataset, split["valid"], self.workplace, config, random=False)
+        self.batch_size = config.batch_size
+
+    def train_dataloader(self) -> DataLoader[Batch]:
+        """Shuffled batches with random crops."""
+        return self.train_set.loader(self.batch_size)
+
+    def val_dataloader(self) -> DataLoader[Batch]:
+        """The held-out episodes, in their order."""
+        return self.valid_set.loader(VALID_BATCH)
+
+
+def successful(dataset: Dataset, count: int) -> list[int]:
+    """The first so many episodes in which the task was achieved.
+
+    Raises:
+        DatasetError: If there are fewer, or fewer than the two that a split needs.
+    """
+    found: list[int] = []
+    for index in dataset.indices:
+        if len(found) < count and dataset.episode(index).meta.success:
+            found.append(index)
+    if len(found) < count:
+        raise DatasetError(
+            f"{dataset.path}: asked for {count} successful episodes, but it has {len(found)} among {len(dataset)}"
+        )
+    if count < 2:
+        raise DatasetError(f"{dataset.path}: asked for {count} episode; needed: one to learn from and one held out")
+    return found

@@ -1,0 +1,216 @@
+"""How often a trained policy succeeds, in the gymnasium environment of its task."""
+
+import json
+import math
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from svfl_data.errors import TrainingError
+from svfl_data.store import write_atomically
+from svfl_models.cloning.acting import acting
+from svfl_models.cloning.checkpoint import load_policy
+from svfl_models.cloning.workplace import Workplace
+from svfl_models.squashed_gaussian import CENTRE, SCALE
+
+ATTEMPT = 20
+"""Number of the attempt whose scenes policies are tried in; no demonstration is made in them (docs/decisions.md)."""
+QUANTILE = 1.959964
+"""Of the normal distribution: an interval of 95 %."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What came of it.
+
+    Attributes:
+        checkpoint: File of the policy.
+        environment: Gymnasium's id.
+        seed: Of the scenes.
+        success: Whether each episode succeeded.
+        steps: Length of each episode.
+    """
+
+    checkpoint: str
+    environment: str
+    seed: int
+    success: list[bool]
+    steps: list[int]
+
+    @property
+    def rate(self) -> float:
+        """Share of the episodes that succeeded, 0..1."""
+        return sum(self.success) / len(self.success)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Of the rate, 95 % (E. B. Wilson, JASA 22, 1927, p. 209)."""
+        trials = len(self.success)
+        share = QUANTILE**2 / trials
+        centre, reach = self.rate + share / 2, math.sqrt(share * (self.rate * (1 - self.rate) + share / 4))
+        return max(0.0, (centre - reach) / (1 + share)), min(1.0, (centre + reach) / (1 + share))
+
+    @property
+    def median_steps(self) -> float | None:
+        """Of the episodes that succeeded; None if none did."""
+        lengths = [steps for steps, success in zip(self.steps, self.success, strict=True) if success]
+        return float(np.median(lengths)) if lengths else None
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        length = "" if self.median_steps is None else f", {self.median_steps:g} steps (median)"
+        return (
+            f"{self.checkpoint}: {sum(self.success)} of {len(self.success)} episodes succeeded, {self.rate:.1%} "
+            f"(95 % interval {low:.1%} to {high:.1%}){length}"
+        )
+
+    def save(self, file: Path) -> None:
+        """Write everything as JSON.
+
+        Raises:
+            StorageError: If the disk refuses.
+        """
+        derived = {"rate": self.rate, "interval": self.interval, "median_steps": self.median_steps}
+        write_atomically(file, (json.dumps(asdict(self) | derived, indent=2) + "\n").encode())
+
+
+def environment_of(task: str) -> str:
+    """Gymnasium's id of a task, with the module that declares it."""
+    return f"collectors.environment:svfl/{''.join(word.capitalize() for word in task.split('_'))}-v0"
+
+
+def evaluate(
+    checkpoint: Path, episodes: int, seed: int = 0, workers: int = 1, console: Console | None = None
+) -> Evaluation:
+    """Let a policy act in as many scenes: those of ``svfl-collect policy`` with the same seed.
+
+    Args:
+        checkpoint: File written by ``svfl-train bc``.
+        episodes: How many.
+        seed: Of the scenes; none of them is that of a demonstration, whatever the seed of those.
+        workers: Processes.
+        console: Where progress goes; standard error by default.
+
+    Raises:
+        SvflError: If the file is no policy, there is no such environment, its camera is another one, or workers die.
+    """
+    environment = environment_of(load_policy(checkpoint).workplace.task)
+    console = console or Console(stderr=True)
+    columns = (TextColumn("episode"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
+    success, steps = [], []
+    with Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal) as bar:
+        shown = bar.add_task("", total=episodes)
+        for succeeded, length in _episodes(checkpoint, environment, seed, range(episodes), workers):
+            success.append(succeeded)
+            steps.append(length)
+            bar.update(shown, advance=1, description=f"{sum(success)} of {len(success)} succeeded")
+    return Evaluation(str(checkpoint), environment, seed, success, steps)
+
+
+class Trial:
+    """A policy and an environment, to try one in the other.
+
+    Args:
+        checkpoint: File of the policy.
+        environment: Gymnasium's id.
+        seed: Of the scenes.
+
+    Raises:
+        TrainingError: If there is no such environment, or it is not what the demonstrations were made in.
+    """
+
+    def __init__(self, checkpoint: Path, environment: str, seed: int) -> None:
+        import gymnasium
+
+        module = load_policy(checkpoint)
+        self.policy, self.seed, self.name = acting(module), seed, str(checkpoint)
+        try:
+            self.environment = gymnasium.make(environment, disable_env_checker=True)
+        except gymnasium.error.Error as error:
+            reason = " ".join(str(error).split())[:200]
+            raise TrainingError(f"{checkpoint}: cannot be tried in {environment}: {reason}") from error
+        _expect_same(self.environment, module.workplace, self.name)
+
+    @torch.inference_mode()
+    def __call__(self, index: int) -> tuple[bool, int]:
+        """Run the episode of a number; returns whether it succeeded, and its length."""
+        drawn = np.random.SeedSequence([self.seed, index, ATTEMPT])
+        observation, _ = self.environment.reset(options={"seed_sequence": drawn})
+        ended, success, steps = False, False, 0
+        while not ended:
+            observation, _, terminated, truncated, info = self.environment.step(self._act(observation))
+            success, steps, ended = bool(info["success"]), steps + 1, terminated or truncated
+        return success, steps
+
+    def _act(self, observation: dict[str, Any]) -> np.ndarray:
+        image, wrench, proprio = (torch.from_numpy(observation[name][None]) for name in ("image", "wrench", "proprio"))
+        action = self.policy(image, wrench, proprio)[0].numpy()
+        if not np.isfinite(action).all():
+            raise TrainingError(f"{self.name}: the policy's action is not finite: {action.tolist()}")
+        return np.clip(action, np.subtract(CENTRE, SCALE), np.add(CENTRE, SCALE)).astype(np.float32)
+
+
+def _expect_same(environment: Any, workplace: Workplace, name: str) -> None:  # noqa: ANN401 - gymnasium's, wrapped
+    """Refuse an environment whose pictures are others than the demonstrations'.
+
+    Raises:
+        TrainingError: Saying what differs.
+    """
+    side = environment.observation_space["image"].shape[-1]
+    if side != workplace.image_side:
+        raise TrainingError(f"{name}: learned from images of {workplace.image_side} px, the environment gives {side}")
+    axes = environment.get_wrapper_attr("image_axes")
+    if not np.allclose(axes, workplace.image_axes):
+        raise TrainingError(
+            f"{name}: learned from camera {workplace.camera} with image axes {workplace.image_axes}, the "
+            f"environment's are {np.round(axes, 3).tolist()}"
+        )
+
+
+_trial: Trial  # of this worker process
+
+
+def _episodes(
+    checkpoint: Path, environment: str, seed: int, indices: Sequence[int], workers: int
+) -> Iterator[tuple[bool, int]]:
+    """Outcomes of episodes, in their order."""
+    if workers == 1:
+        trial = Trial(checkpoint, environment, seed)
+        try:
+            yield from map(trial, indices)
+        finally:
+            trial.environment.close()
+        return
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # workers inherit it: one core each
+    pool = ProcessPoolExecutor(min(workers, len(indices)), multiprocessing.get_context("spawn"), _start_worker)
+    try:
+        jobs = [pool.submit(_try, checkpoint, environment, seed, index) for index in indices]
+        for job in jobs:
+            yield job.result()
+    except BrokenProcessPool as error:
+        raise TrainingError(f"{checkpoint}: a worker process died (killed, or out of memory)") from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _start_worker() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+
+
+def _try(checkpoint: Path, environment: str, seed: int, index: int) -> tuple[bool, int]:
+    global _trial
+    if "_trial" not in globals():
+        torch.set_num_threads(1)
+        _trial = Trial(checkpoint, environment, seed)
+    return _trial(index)

@@ -1,0 +1,158 @@
+"""Train a policy on demonstrations: load, split, fit; an interrupted training goes on where it was."""
+
+import json
+import logging
+import math
+import signal
+import warnings
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import lightning.pytorch as pl
+import torch
+from lightning.pytorch.callbacks import ModelCheckpoint
+from lightning.pytorch.trainer.states import TrainerStatus
+from rich.console import Console
+
+from svfl_models import run_folder
+from svfl_models.classifier import parameter_count
+from svfl_models.cloning.checkpoint import load_policy
+from svfl_models.cloning.config import CloningConfig
+from svfl_models.cloning.data import CloningData
+from svfl_models.cloning.metrics import CloningProgress, MetricsFile
+from svfl_models.cloning.module import CloningModule
+from svfl_models.train import THREADS, storage_errors
+
+
+@dataclass(frozen=True)
+class Result:
+    """Outcome of a training; errors are those of the last epoch on the held-out episodes (`module.errors`).
+
+    Attributes:
+        train_loss: Of the last epoch.
+        valid_loss: The same on the held-out episodes.
+        valid_gripper: Share of the gripper's openings that were wrong, 0..1.
+        valid_xy_mm: Mean distance between said and demonstrated (dx, dy), [mm].
+        valid_z_mm: The same of dz, [mm].
+        valid_turn_deg: The same of dtheta, [deg].
+        episodes: Episodes learned from and held out.
+        steps: Steps in them.
+        epochs: Epochs trained.
+        seconds: Time of the training, without imports and loading.
+        parameters: Learned numbers of the network.
+    """
+
+    train_loss: float
+    valid_loss: float
+    valid_gripper: float
+    valid_xy_mm: float
+    valid_z_mm: float
+    valid_turn_deg: float
+    episodes: list[int]
+    steps: list[int]
+    epochs: int
+    seconds: float
+    parameters: int
+
+
+def train_cloning(config: CloningConfig, out: Path, console: Console | None = None) -> Result:
+    """Train one policy; the same configuration gives the same weights on the same machine, interrupted or not.
+
+    The weights are those of the last epoch: the loss on held-out episodes says little about success (Mandlekar et al.,
+    CoRL 2021), so nothing is chosen by it.
+
+    Args:
+        config: What to train, on what.
+        out: Folder for checkpoint, metrics and result. A training of the same configuration that was interrupted there
+            goes on after its last whole epoch.
+        console: Where progress goes; standard output by default.
+
+    Returns:
+        The outcome, as it is also written to ``result.json``.
+
+    Raises:
+        SvflError: If the data, the configuration or the folder cannot serve, or the training diverges.
+        KeyboardInterrupt: If the user stopped the training; the last whole epoch is in ``checkpoint.ckpt``.
+    """
+    torch.set_num_threads(min(torch.get_num_threads(), THREADS.get(config.preset, 1)))
+    data = CloningData(config)
+    pl.seed_everything(config.seed, verbose=False)
+    steps = config.epochs * math.ceil(len(data.train_set) / config.batch_size)
+    module = CloningModule(
+        config.network(), data.workplace.plain(), config.loss, config.learning_rate, steps, config.plain()
+    )
+    typical = data.train_set.typical()
+    module.policy.trunk.normalization.fit(
+        **{name: typical[name].numpy() for name in ("image", "wrench", "proprio") if name in typical}
+    )
+    resumed = _interrupted(config, out)
+    if resumed is None:
+        run_folder.claim(out, config.plain())
+    metrics = MetricsFile(out / run_folder.METRICS)
+    with storage_errors(out):
+        _fit(module, data, config, out, [metrics, CloningProgress(config.epochs, console or Console())], resumed)
+        last = metrics.rows[-1]
+        result = Result(
+            **{name: last[name] for name in Result.__annotations__ if name in last and name != "seconds"},
+            episodes=[len(part.samples.episodes) for part in (data.train_set, data.valid_set)],
+            steps=[len(data.train_set), len(data.valid_set)],
+            epochs=len(metrics.rows),
+            seconds=last["seconds"],
+            parameters=parameter_count(module),
+        )
+        content = {"config": config.plain(), "workplace": data.workplace.plain(), "result": asdict(result)}
+        (out / run_folder.RESULT).write_text(json.dumps(content, indent=2) + "\n")
+    return result
+
+
+def _interrupted(config: CloningConfig, out: Path) -> Path | None:
+    """The checkpoint of a training of the same configuration that has not come to its end, if there is one."""
+    checkpoint = out / run_folder.CHECKPOINT
+    if not checkpoint.exists() or (out / run_folder.RESULT).exists():
+        return None
+    try:
+        same = json.loads((out / run_folder.CONFIG).read_text()) == config.plain()
+    except (OSError, ValueError):
+        return None  # `run_folder.claim` says what is wrong
+    if same:
+        load_policy(checkpoint)  # a damaged one is said before the training starts
+    return checkpoint if same else None
+
+
+def _fit(
+    module: CloningModule,
+    data: CloningData,
+    config: CloningConfig,
+    out: Path,
+    callbacks: list[pl.Callback],
+    resumed: Path | None,
+) -> None:
+    """Run Lightning's loop, without its advertisements.
+
+    Raises:
+        KeyboardInterrupt: If the user stopped it (Lightning itself would end the process with code 1).
+    """
+    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
+    name = Path(run_folder.CHECKPOINT).stem
+    keep = ModelCheckpoint(dirpath=out, filename=name, enable_version_counter=False, save_on_train_epoch_end=True)
+    trainer = pl.Trainer(
+        max_epochs=config.epochs,
+        accelerator="auto",
+        devices=1,
+        callbacks=[*callbacks, keep],
+        logger=False,
+        enable_progress_bar=False,
+        enable_model_summary=False,
+        num_sanity_val_steps=0,
+        default_root_dir=out,
+    )
+    interrupt = signal.getsignal(signal.SIGINT)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="lightning")
+            trainer.fit(module, data, ckpt_path=resumed, weights_only=True if resumed else None)
+    except SystemExit:
+        if trainer.state.status == TrainerStatus.INTERRUPTED:
+            signal.signal(signal.SIGINT, interrupt)  # Lightning has switched Ctrl-C off for good
+            raise KeyboardInterrupt from None
+        raise

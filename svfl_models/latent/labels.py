@@ -1,0 +1,66 @@
+"""What happens in an episode, step by step: contact and reward."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from svfl_data.contact import CONTACT
+from svfl_data.episode import Episode
+from svfl_data.errors import DatasetError
+from svfl_data.windows import latest
+
+MOVED_M, MOVED_COSINE = 5e-4, np.cos(np.deg2rad(1.0) / 2)
+"""An object that moves or turns farther than this within a step, 0.5 mm or 1 degree, is being touched."""
+
+
+def pressed(episode: Episode, contact_n: float) -> np.ndarray:
+    """Whether the last reading before each observation is a force above a threshold, shape (N+1,), bool.
+
+    As VTT labels contact, but of the force alone: newtons and newton metres have no common norm.
+    """
+    force = np.linalg.norm(episode.tared_wrench[:, :3], axis=1)
+    rows = [latest(episode.wrench_t_ns, now) for now in episode.t_ns]
+    return np.array([row >= 0 and force[row] > contact_n for row in rows])
+
+
+def touched(episode: Episode, annotated: bool) -> np.ndarray:
+    """Whether there is contact between each observation and the next, shape (N,), bool.
+
+    Args:
+        episode: Where to look.
+        annotated: Whether its annotations say so (``svfl-data relabel --contact``); else the simulated or tracked
+            object does: what moves is touched.
+    """
+    before, after = episode.t_ns[:-1], episode.t_ns[1:]
+    if annotated:
+        contacts = [one for one in episode.meta.annotations if one.get("name") == CONTACT]
+        overlaps = [(one["start_ns"] <= after) & (one["end_ns"] > before) for one in contacts]
+        return np.any(overlaps, axis=0) if overlaps else np.zeros(len(before), dtype=bool)
+    rows = [max(0, latest(episode.object_t_ns, now)) for now in episode.t_ns]
+    place, turn = episode.object_pose[rows, :3], episode.object_pose[rows, 3:]
+    moved = np.linalg.norm(np.diff(place, axis=0), axis=1) > MOVED_M
+    return moved | (np.abs((turn[1:] * turn[:-1]).sum(axis=1)) < MOVED_COSINE)
+
+
+def rewards(episode: Episode) -> np.ndarray:
+    """1 for the last action of an episode that succeeded, 0 for all others, shape (N,), float32."""
+    reward = np.zeros(len(episode), dtype=np.float32)
+    reward[-1:] = float(episode.meta.success)
+    return reward
+
+
+def contacts_annotated(episodes: Sequence[Episode], where: object) -> bool:
+    """Where the contacts of a dataset's episodes are to be read: annotations if any has them, else the object.
+
+    Raises:
+        DatasetError: If there is neither.
+    """
+    if any(one.get("name") == CONTACT for episode in episodes for one in episode.meta.annotations):
+        return True
+    for episode in episodes:
+        if not (episode.has("object_pose") and episode.has("object_t_ns")):
+            raise DatasetError(
+                f"{where}: nothing says when there is contact: no episode has annotations of it, and {episode.name} "
+                f"was recorded without an object's pose; svfl-data relabel {where} --contact makes annotations"
+            )
+    return False

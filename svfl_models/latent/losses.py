@@ -1,0 +1,137 @@
+"""The terms of the loss: what each is per element, and what it weighs."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from svfl_data.errors import TrainingError
+from svfl_models.latent.config import TERMS
+from svfl_models.latent.decoder import DEPTH_UNIT
+from svfl_models.latent.gaussian import Gaussian
+from svfl_models.latent.inputs import Batch
+from svfl_models.latent.mismatch import mismatched
+from svfl_models.latent.network import LatentNetwork, Understanding
+
+SIGMA = math.sqrt(0.1)
+"""Deviation of the pictures' normal distribution (VTT's published code), in units of the decoder's output."""
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """One term of the loss.
+
+    Attributes:
+        mean: Over all elements that count, a scalar.
+        elements: Of a sequence: what the mean is multiplied with to be a sum over the sequence.
+    """
+
+    mean: Tensor
+    elements: int
+
+
+class Objective:
+    """The weighted sum of terms.
+
+    - ``image``, ``depth``: negative logarithm of a normal density of fixed deviation, per pixel and channel, [nat];
+      pixels without depth do not count.
+    - ``kl``: KL of z1's posterior from its prior, per component, [nat].
+    - ``expert_kl``: KL of PoE's posterior from N(0, I), per component, [nat]; the other encoders have none.
+    - ``reward``: whether an action is rewarded; rewards are 0 or 1, so this is a cross-entropy. The last action of an
+      episode counts: it is the only one that can be rewarded.
+    - ``contact``: whether the force exceeds a threshold in the frame; ``next_contact``: whether there is contact at the
+      next one, from state and action.
+    - ``alignment``, ``mismatch``: cross-entropy of frames with their own wrench and with a foreign one (`mismatch`).
+    - ``next_proprio``: squared error, scaled as `Inputs` does it.
+
+    Args:
+        weights: Of each of `config.TERMS`.
+        summed: Terms to sum over a sequence.
+        negatives: Frames of each sequence to show with another wrench.
+
+    Raises:
+        TrainingError: If a name is none of a term.
+    """
+
+    def __init__(self, weights: dict[str, float], summed: Sequence[str], negatives: int = 1) -> None:
+        unknown = sorted({*weights, *summed} - set(TERMS))
+        if unknown:
+            raise TrainingError(f"no term {', '.join(unknown)}; there are {', '.join(TERMS)}")
+        self.weights, self.summed, self.negatives = weights, set(summed), negatives
+
+    def terms(self, network: LatentNetwork, batch: Batch) -> dict[str, Term]:
+        """All terms of positive weight.
+
+        Args:
+            network: The model.
+            batch: As `data.Sequences` makes them.
+        """
+        seen = network(batch)
+        made = (self._pictures, self._divergences, self._next_step, self._pairs)
+        found = {name: term for make in made for name, term in make(network, batch, seen).items()}
+        return {name: found[name] for name in TERMS if name in found and self._counts(name)}
+
+    def weighted(self, name: str, term: Term) -> Tensor:
+        """What a term adds to the loss."""
+        return self.weights[name] * (term.elements if name in self.summed else 1) * term.mean
+
+    def _counts(self, *names: str) -> bool:
+        return any(self.weights.get(name, 0) > 0 for name in names)
+
+    def _pictures(self, network: LatentNetwork, batch: Batch, seen: Understanding) -> dict[str, Term]:
+        if not self._counts("image", "depth"):
+            return {}
+        image = batch["image"].flatten(0, 1)
+        unit = image.new_tensor([1.0, 1.0, 1.0, DEPTH_UNIT])[:, None, None]
+        target = (image - network.inputs.normalization.image_mean[:, None, None]) / unit
+        nats = _nats(network.decoder(seen.states.state.flatten(0, 1)) - target)
+        valid = (image[:, 3] > 0).float()
+        frames, pixels = batch["image"].shape[1], image[0, 0].numel()
+        depth = (nats[:, 3] * valid).sum() / valid.sum().clamp(min=1)
+        return {"image": Term(nats[:, :3].mean(), 3 * frames * pixels), "depth": Term(depth, frames * pixels)}
+
+    def _divergences(self, network: LatentNetwork, batch: Batch, seen: Understanding) -> dict[str, Term]:
+        kl = seen.states.posterior.kl(seen.states.prior)
+        found = {"kl": Term(kl.mean(), kl[0].numel())}
+        if (posterior := seen.encoding.posterior) is not None:
+            experts = posterior.kl(Gaussian.standard_like(posterior.mean))
+            found["expert_kl"] = Term(experts.mean(), experts[0].numel() * kl.shape[1])
+        return found
+
+    def _next_step(self, network: LatentNetwork, batch: Batch, seen: Understanding) -> dict[str, Term]:
+        error = (seen.next_proprio - network.inputs.proprio(batch["proprio"][:, 1:])).square()
+        return {
+            "reward": _entropy(seen.reward, batch["reward"]),
+            "next_contact": _entropy(seen.next_contact, batch["next_contact"]),
+            "next_proprio": Term(error.mean(), error[0].numel()),
+        }
+
+    def _pairs(self, network: LatentNetwork, batch: Batch, seen: Understanding) -> dict[str, Term]:
+        frames = batch["contact"].shape[1]
+        own = seen.encoding.alignment.unflatten(0, (-1, frames))
+        found = {
+            "contact": _entropy(seen.encoding.contact.unflatten(0, (-1, frames)), batch["contact"]),
+            "alignment": _entropy(own, torch.ones_like(own)),
+        }
+        if not self._counts("mismatch"):
+            return found
+        pairs = mismatched(batch["episode"], batch["step"], batch["touching"], frames, min(self.negatives, frames))
+        if len(pairs.image) == 0:  # a batch in which nothing is touched has nothing to tell apart
+            return found | {"mismatch": Term(own.sum() * 0, self.negatives)}
+        foreign = {
+            name: numbers[pairs.wrench if name == "wrench" else pairs.image] for name, numbers in seen.parts.items()
+        }
+        logits = network.encoder.join(foreign).alignment
+        return found | {"mismatch": Term(_entropy(logits, torch.zeros_like(logits)).mean, self.negatives)}
+
+
+def _entropy(logits: Tensor, target: Tensor) -> Term:
+    return Term(functional.binary_cross_entropy_with_logits(logits, target), logits[0].numel())
+
+
+def _nats(error: Tensor) -> Tensor:
+    """Negative logarithm of a normal density of deviation `SIGMA`."""
+    return 0.5 * (error / SIGMA).square() + math.log(SIGMA) + 0.5 * math.log(2 * math.pi)

@@ -1,0 +1,110 @@
+"""The training step of latent pretraining."""
+
+from typing import Any
+
+import lightning.pytorch as pl
+import numpy as np
+import torch
+from torch import Tensor
+
+from svfl_data.errors import TrainingError
+from svfl_models.latent.config import TERMS
+from svfl_models.latent.inputs import Batch
+from svfl_models.latent.losses import Objective
+from svfl_models.latent.network import LatentNetwork
+
+FORMAT = "svfl-latent"
+FORMAT_VERSION = "1.0"
+
+
+class LatentModule(pl.LightningModule):
+    """A `LatentNetwork`, its `Objective` and Adam; right and wrong pairs are learned from in the same step.
+
+    Everything random in a step follows from the seed and the number of the step, nothing from the steps before: a
+    training that goes on from a checkpoint is the same, bit for bit, as one that never stopped.
+
+    Args:
+        network: Arguments of `LatentNetwork`, plain values.
+        objective: Arguments of `Objective`, plain values.
+        learning_rate: Of Adam.
+        seed: Of all that is drawn in a step.
+        training: The rest of the training's configuration, plain values, kept for whoever opens the checkpoint.
+        split: Episodes of each part of the data, kept likewise.
+    """
+
+    def __init__(
+        self,
+        network: dict[str, Any],
+        objective: dict[str, Any],
+        learning_rate: float = 1e-4,
+        seed: int = 0,
+        training: dict[str, Any] | None = None,
+        split: dict[str, list[int]] | None = None,
+    ) -> None:
+        super().__init__()
+        self.save_hyperparameters()
+        self.network = LatentNetwork(**network)
+        self.objective = Objective(**objective)
+        self.learning_rate, self.seed = learning_rate, seed
+        self.earlier_steps = 0
+        self.earlier_adam: dict[str, Any] | None = None
+
+    @property
+    def steps(self) -> int:
+        """Steps of the optimiser so far, those of interrupted runs included."""
+        return self.earlier_steps + self.global_step
+
+    def go_on(self, checkpoint: dict[str, Any]) -> None:
+        """Take up the training that a checkpoint is of.
+
+        Lightning's own way would restore the counters of its loops too, and begin by ending the leg that is over.
+        """
+        self.load_state_dict(checkpoint["state_dict"])
+        self.earlier_steps = checkpoint["svfl"]["steps"]
+        self.earlier_adam = checkpoint["optimizer_states"][0]
+
+    def on_train_batch_start(self, batch: Batch, batch_index: int) -> None:
+        """Make the step's randomness its own."""
+        torch.manual_seed(int(np.random.SeedSequence([self.seed, self.steps]).generate_state(1)[0]))
+
+    def training_step(self, batch: Batch, batch_index: int) -> Tensor:
+        """Loss of a batch."""
+        return self._loss(batch, "train")
+
+    def validation_step(self, batch: Batch, batch_index: int) -> None:
+        """Loss of held-out sequences, from the means of all that is drawn in training."""
+        torch.manual_seed(batch_index)  # the same wrong pairs every time
+        self._loss(batch, "valid")
+
+    def configure_optimizers(self) -> torch.optim.Optimizer:
+        """Adam, always at the same rate; as a checkpoint left it, after `go_on`."""
+        adam = torch.optim.Adam(self.parameters(), lr=self.learning_rate)
+        if self.earlier_adam is not None:
+            adam.load_state_dict(self.earlier_adam)
+        return adam
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Say what kind of file this is, and how far the training is."""
+        checkpoint["svfl"] = {"format": FORMAT, "format_version": FORMAT_VERSION, "steps": self.steps}
+
+    def _loss(self, batch: Batch, stage: str) -> Tensor:
+        terms = self.objective.terms(self.network, batch)
+        weighted = {name: self.objective.weighted(name, term) for name, term in terms.items()}
+        loss = torch.stack(list(weighted.values())).sum()
+        if not torch.isfinite(loss):
+            bad = [name for name, term in terms.items() if not torch.isfinite(term.mean)]
+            raise TrainingError(
+                f"the {stage} loss is not finite after {self.steps} steps ({', '.join(bad) or 'only the sum'}): "
+                f"the training diverged; try a smaller learning rate than {self.learning_rate:g}"
+            )
+        figures = {"loss": loss} | {name: term.mean for name, term in terms.items()}
+        figures |= {f"{name}_weighted": value for name, value in weighted.items()}
+        named = {f"{stage}_{name}": value for name, value in figures.items()}
+        self.log_dict(named, on_step=False, on_epoch=True, batch_size=len(batch["episode"]))
+        return loss
+
+
+def columns() -> list[str]:
+    """Figures of a row of the metrics file: each term per element, and as it enters the loss."""
+    names = ["loss", *TERMS, *(f"{name}_weighted" for name in TERMS)]
+    return ["step", "seconds", *(f"{stage}_{name}" for stage in ("train", "valid") for name in names)]

@@ -1,0 +1,128 @@
+"""Episodes as latent pretraining sees them, in memory: checked, labelled, in image-aligned axes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from svfl_data.dataset import Dataset
+from svfl_data.episode import Camera, Episode
+from svfl_data.errors import DatasetError
+from svfl_data.progress import progress
+from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
+from svfl_data.windows import WINDOW, latest
+from svfl_models.latent.inputs import IMAGE_SIZE
+from svfl_models.latent.labels import contacts_annotated, pressed, rewards, touched
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One episode of N steps; vectors in image-aligned axes.
+
+    Attributes:
+        index: Of the episode in its dataset.
+        color: The latest frame at each observation, (N+1, H, W, 3), uint8.
+        depth: Likewise, (N+1, H, W), float32, [m]; 0 where there is no measurement.
+        readings: All wrench readings after one of zeros, tared, (1 + M, 6), float32, [N] and [N m].
+        windows: Rows of `readings` that each observation feels, (N+1, 64), int64.
+        proprio: (N+1, 5), (x, y) relative to the workspace centre.
+        action: (N, 5).
+        reward: (N,), float32.
+        pressed: Whether the force exceeds the threshold at each observation, (N+1,), bool.
+        touched: Whether there is contact during each step, (N,), bool.
+        terminated: Whether the task was achieved at the end; otherwise the episode was cut off.
+    """
+
+    index: int
+    color: np.ndarray
+    depth: np.ndarray
+    readings: np.ndarray
+    windows: np.ndarray
+    proprio: np.ndarray
+    action: np.ndarray
+    reward: np.ndarray
+    pressed: np.ndarray
+    touched: np.ndarray
+    terminated: bool
+
+    def __len__(self) -> int:
+        return len(self.action)
+
+
+def load_recordings(dataset: Dataset, contact_n: float, mixed: bool = False) -> list[Recording]:
+    """Read all episodes of a dataset.
+
+    Args:
+        dataset: Where from.
+        contact_n: Force above which an observation counts as contact, [N].
+        mixed: Whether they may be of different tasks or have different limits of actions.
+
+    Raises:
+        DatasetError: If there are none, they do not fit together, or something is missing.
+        FormatError: If one is damaged.
+    """
+    indices = dataset.indices
+    episodes = [dataset.read(index) for index in progress(indices, "reading episodes")]
+    if not episodes:
+        raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
+    if not mixed:
+        _check_alike(episodes, dataset)
+    annotated = contacts_annotated(episodes, dataset.path)
+    recordings = [
+        _recording(index, episode, contact_n, annotated) for index, episode in zip(indices, episodes, strict=True)
+    ]
+    sizes = sorted({one.color.shape[1:3] for one in recordings})
+    if len(sizes) > 1:
+        raise DatasetError(f"{dataset.path}: episodes have different image sizes: {', '.join(map(str, sizes))}")
+    if min(sizes[0]) < IMAGE_SIZE:
+        raise DatasetError(f"{dataset.path}: images are {sizes[0]} px; the networks need at least {IMAGE_SIZE}")
+    return recordings
+
+
+def _check_alike(episodes: Sequence[Episode], dataset: Dataset) -> None:
+    tasks = sorted({episode.meta.task for episode in episodes})
+    if len(tasks) > 1:
+        raise DatasetError(f"{dataset.path}: holds episodes of {', '.join(tasks)}; --mixed learns from all of them")
+    worlds = [episode.meta.config.get("world") or {} for episode in episodes]
+    limits = sorted({(str(world.get("max_move")), str(world.get("max_turn"))) for world in worlds})
+    if len(limits) > 1:
+        found = " and ".join(f"{move} m, {turn} rad" for move, turn in limits)
+        raise DatasetError(f"{dataset.path}: actions have different limits, {found}; --mixed learns from all of them")
+
+
+def _recording(index: int, episode: Episode, contact_n: float, annotated: bool) -> Recording:
+    for path, array in episode.arrays.items():
+        if path.endswith("/t_ns") and (np.diff(array) < 0).any():
+            raise DatasetError(f"{episode.name}: {path} runs backwards; nothing can be cut causally")
+    camera = _camera(episode)
+    frames = [latest(camera.t_ns, now) for now in episode.t_ns]
+    if min(frames) < 0:
+        raise DatasetError(f"{episode.name}: camera {camera.name} has no frame before the first observation")
+    proprio = episode.proprio.copy()
+    proprio[:, 1:3] -= episode.centre
+    readings = np.concatenate([np.zeros((1, 6), dtype=np.float32), episode.tared_wrench])
+    ends = np.array([latest(episode.wrench_t_ns, now) for now in episode.t_ns]) + 1  # rows of `readings`; 0: none yet
+    windows = np.maximum(ends[:, None] + np.arange(1 - WINDOW, 1), np.minimum(ends, 1)[:, None])
+    return Recording(
+        index=index,
+        color=camera.color[frames],
+        depth=camera.depth_m[frames],
+        readings=act(camera.image_axes, readings, WRENCH_PARTS),
+        windows=windows,
+        proprio=act(camera.image_axes, proprio, PROPRIO_PARTS),
+        action=act(camera.image_axes, episode.action, ACTION_PARTS),
+        reward=rewards(episode),
+        pressed=pressed(episode, contact_n),
+        touched=touched(episode, annotated),
+        terminated=episode.meta.success,
+    )
+
+
+def _camera(episode: Episode) -> Camera:
+    cameras = episode.cameras
+    if len(cameras) != 1:
+        raise DatasetError(f"{episode.name}: needs exactly one camera, found: {', '.join(cameras) or 'none'}")
+    (camera,) = cameras.values()
+    if not camera.has("depth"):
+        raise DatasetError(f"{episode.name}: needs depth, but camera {camera.name} was recorded without")
+    return camera

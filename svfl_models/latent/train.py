@@ -1,0 +1,211 @@
+"""Pretrain a latent model: load, split, fit, write down."""
+
+import json
+import logging
+import signal
+import warnings
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import lightning.pytorch as pl
+from lightning.pytorch.callbacks import ModelCheckpoint
+from lightning.pytorch.trainer.states import TrainerStatus
+from rich.console import Console
+from torch.utils.data import DataLoader
+
+from svfl_data.errors import StorageError, TrainingError
+from svfl_models import run_folder
+from svfl_models.latent.checkpoint import read_latent
+from svfl_models.latent.config import LatentConfig
+from svfl_models.latent.data import Leg, Sequences, fit, sequences_of
+from svfl_models.latent.inputs import Batch
+from svfl_models.latent.module import LatentModule
+from svfl_models.latent.network import parameter_count
+from svfl_models.latent.progress import LegsFile, Row, StepsBar
+
+
+@dataclass(frozen=True)
+class LatentResult:
+    """Outcome of a pretraining.
+
+    Attributes:
+        steps: That were done, in all.
+        seconds: That training took, in all.
+        parameters: Trainable numbers of each part of the network.
+        train_sequences: To learn from.
+        valid_sequences: Held out.
+        last: Figures of the last leg, as in the metrics file.
+    """
+
+    steps: int
+    seconds: float
+    parameters: dict[str, int]
+    train_sequences: int
+    valid_sequences: int
+    last: Row
+
+
+def train_latent(config: LatentConfig, out: Path, resume: bool = False, console: Console | None = None) -> LatentResult:
+    """Pretrain one model; the same configuration gives the same result on the same machine, interrupted or not.
+
+    Args:
+        config: What to train, on what.
+        out: Folder for checkpoint, metrics and result.
+        resume: Go on from the checkpoint in `out`, with the same configuration but for the number of steps.
+        console: Where progress goes; standard output by default.
+
+    Raises:
+        SvflError: If the data, the configuration or the folder cannot serve, or the training diverges.
+        KeyboardInterrupt: If the user stopped the training; the last whole leg is in ``checkpoint.ckpt``.
+    """
+    console = console or Console()
+    earlier = _earlier(config, out) if resume else None
+    if not resume:
+        _expect_none(out)
+    train, valid, split = sequences_of(config)
+    pl.seed_everything(config.seed, verbose=False)
+    module = LatentModule(
+        config.network(), config.objective(), config.learning_rate, config.seed, config.plain(), split.parts
+    )
+    if earlier is None:
+        fit(module.network.inputs, train.recordings)
+        run_folder.claim(out, config.plain())
+    else:
+        module.go_on(earlier)
+        _write(out / run_folder.CONFIG, config.plain())
+    _announce(config, train, valid, console)
+    metrics = LegsFile(out / run_folder.METRICS, module.steps)
+    try:
+        run(module, LatentData(train, valid, config, module), out, [metrics, StepsBar(config.steps, console)])
+    except OSError as error:
+        raise StorageError(f"{out}: {error.strerror or error}; what was written before is kept") from error
+    result = LatentResult(
+        steps=int(metrics.rows[-1]["step"]),
+        seconds=metrics.rows[-1]["seconds"],
+        parameters={name: parameter_count(part) for name, part in module.network.named_children() if name != "inputs"},
+        train_sequences=len(train),
+        valid_sequences=len(valid),
+        last=metrics.rows[-1],
+    )
+    _write(out / run_folder.RESULT, {"config": config.plain(), "result": asdict(result)})
+    return result
+
+
+class LatentData(pl.LightningDataModule):
+    """Batches of a pretraining, a leg at a time; what Lightning calls an epoch is a leg here.
+
+    Args:
+        train: Sequences to learn from.
+        valid: Sequences to test on after each leg.
+        config: Steps, batch size, seed and the length of a leg.
+        module: Which knows how many steps are done.
+    """
+
+    def __init__(self, train: Sequences, valid: Sequences, config: LatentConfig, module: LatentModule) -> None:
+        super().__init__()
+        self.train, self.valid, self.config, self.module = train, valid, config, module
+
+    def train_dataloader(self) -> DataLoader[Batch]:
+        """The batches of the next leg."""
+        config, first = self.config, self.module.steps
+        steps = range(first, min(first + config.every, config.steps))
+        return DataLoader(
+            self.train, sampler=Leg(len(self.train), config.batch_size, config.seed, steps), batch_size=None
+        )
+
+    def val_dataloader(self) -> DataLoader[Batch]:
+        """All held-out sequences, in order."""
+        size, count = self.config.batch_size, len(self.valid)
+        batches = [list(range(start, min(start + size, count))) for start in range(0, count, size)]
+        return DataLoader(self.valid, sampler=batches, batch_size=None)
+
+
+def run(module: LatentModule, data: LatentData, out: Path, callbacks: list[pl.Callback]) -> None:
+    """Run Lightning's loop leg by leg, without its advertisements.
+
+    Raises:
+        KeyboardInterrupt: If the user stopped it (Lightning itself would end the process with code 1).
+    """
+    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
+    keep = ModelCheckpoint(
+        dirpath=out, filename=Path(run_folder.CHECKPOINT).stem, enable_version_counter=False,
+        save_on_train_epoch_end=True,
+    )  # fmt: skip
+    trainer = pl.Trainer(
+        max_epochs=-1,
+        max_steps=data.config.steps - module.steps,
+        accelerator="auto",
+        devices=1,
+        callbacks=[*callbacks, keep],
+        logger=False,
+        enable_progress_bar=False,
+        enable_model_summary=False,
+        num_sanity_val_steps=0,
+        reload_dataloaders_every_n_epochs=1,
+        default_root_dir=out,
+    )
+    interrupt = signal.getsignal(signal.SIGINT)
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module="lightning")
+            trainer.fit(module, data)
+    except SystemExit:
+        if trainer.state.status == TrainerStatus.INTERRUPTED:
+            signal.signal(signal.SIGINT, interrupt)  # Lightning has switched Ctrl-C off for good
+            raise KeyboardInterrupt from None
+        raise
+
+
+def _expect_none(out: Path) -> None:
+    """Refuse to throw away a training that could go on."""
+    checkpoint = out / run_folder.CHECKPOINT
+    if checkpoint.exists():
+        raise TrainingError(f"{checkpoint} exists; --resume goes on from there, or choose another --out")
+
+
+def _earlier(config: LatentConfig, out: Path) -> dict[str, Any]:
+    """The checkpoint to go on from.
+
+    Raises:
+        TrainingError: If it is one of another configuration, or has as many steps already.
+        FormatError: If there is none.
+    """
+    checkpoint = out / run_folder.CHECKPOINT
+    found = read_latent(checkpoint)
+    before, now = found["hyper_parameters"]["training"], config.plain()
+    changed = [
+        f"{name} = {before.get(name)!r}, now {value!r}"
+        for name, value in now.items()
+        if name != "steps" and before.get(name) != value
+    ]
+    if changed:
+        raise TrainingError(f"{checkpoint} is of a training with {'; '.join(changed)}; choose another --out")
+    done = found["svfl"]["steps"]
+    if done >= config.steps:
+        raise TrainingError(f"{checkpoint} has {done} steps behind it already; asked for {config.steps}")
+    return found
+
+
+def _announce(config: LatentConfig, train: Sequences, valid: Sequences, console: Console) -> None:
+    pressed, touched = (
+        sum(int(getattr(one, name).sum()) for one in train.recordings)
+        / sum(len(getattr(one, name)) for one in train.recordings)
+        for name in ("pressed", "touched")
+    )
+    lines = [
+        f"{config.model}, preset {config.preset}: {len(train)} sequences of {len(train.recordings)} episodes, "
+        f"{len(valid)} of {len(valid.recordings)} held out",
+        f"force above {config.contact_n:g} N in {pressed:.0%} of the frames, contact in {touched:.0%} of the steps",
+    ]
+    if short := train.left_out + valid.left_out:
+        lines.append(f"{short} episodes have fewer than {config.sequence} steps and are left out")
+    for line in lines:
+        console.print(line, highlight=False)
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    try:
+        path.write_text(json.dumps(content, indent=2) + "\n")
+    except OSError as error:
+        raise StorageError(f"{path}: {error.strerror or error}") from error

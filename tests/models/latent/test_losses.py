@@ -1,0 +1,104 @@
+import math
+
+import pytest
+import torch
+from torch.distributions import Normal
+
+from svfl_data.errors import TrainingError
+from svfl_models.latent.config import MODELS, PRESETS, TERMS, LatentConfig
+from svfl_models.latent.decoder import DEPTH_UNIT
+from svfl_models.latent.losses import SIGMA, Objective
+from tests.models.latent.small import SIZES, batch, network
+
+ALL = dict.fromkeys(TERMS, 1.0)
+
+
+def terms(model="poe", drawn=None, objective=None):
+    torch.manual_seed(0)
+    return (objective or Objective(ALL, [])).terms(network(model), drawn or batch())
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_all_terms_are_there_and_finite(model):
+    found = terms(model)
+    assert tuple(found) == tuple(name for name in TERMS if model == "poe" or name != "expert_kl")
+    assert all(torch.isfinite(term.mean) for term in found.values())
+
+
+def test_a_sum_is_the_mean_times_the_elements_of_a_sequence():
+    found, frames = terms(), batch()["image"].shape[1]
+    assert {name: term.elements for name, term in found.items()} == {
+        "image": frames * 3 * 64 * 64, "depth": frames * 64 * 64, "kl": frames * SIZES.z1,
+        "expert_kl": frames * SIZES.feature, "reward": frames - 1, "contact": frames, "next_contact": frames - 1,
+        "alignment": frames, "mismatch": 1, "next_proprio": (frames - 1) * 6,
+    }  # fmt: skip
+    kl = found["kl"]
+    torch.testing.assert_close(Objective({"kl": 0.5}, ["kl"]).weighted("kl", kl), 0.5 * kl.elements * kl.mean)
+    torch.testing.assert_close(Objective({"kl": 0.5}, []).weighted("kl", kl), 0.5 * kl.mean)
+
+
+def test_pictures_are_judged_by_the_density_of_a_normal_distribution():
+    drawn, net = batch(), network("concat")
+    shown = net.picture(net(drawn).states.state)
+    found = Objective(ALL, []).terms(net, drawn)
+    log = Normal(shown, torch.tensor([1, 1, 1, DEPTH_UNIT])[:, None, None] * SIGMA).log_prob(drawn["image"])
+    assert found["image"].mean.item() == pytest.approx(-log[:, :, :3].mean().item(), rel=1e-4)
+    per_unit = -log[:, :, 3].mean().item() - math.log(
+        DEPTH_UNIT
+    )  # the density is per unit of the output, not per metre
+    assert found["depth"].mean.item() == pytest.approx(per_unit, rel=1e-4)
+
+
+def test_pixels_without_depth_do_not_count():
+    drawn, net = batch(), network("concat")
+    drawn["image"][:, :, 3, :32] = 0.0
+    found = Objective(ALL, []).terms(net, drawn)
+    shown = net.picture(net(drawn).states.state)[:, :, 3, 32:]
+    error = (shown - drawn["image"][:, :, 3, 32:]) / DEPTH_UNIT / SIGMA
+    expected = 0.5 * error.square().mean() + math.log(SIGMA) + 0.5 * math.log(2 * math.pi)
+    assert found["depth"].mean.item() == pytest.approx(expected.item(), rel=1e-4)
+
+
+def test_the_last_action_may_be_rewarded():
+    """A mask of ends, as the published code has, would hide the only reward there is."""
+    drawn, net = batch(), network("concat")
+    drawn["reward"] = torch.zeros_like(drawn["reward"])
+    before = Objective(ALL, []).terms(net, drawn)["reward"].mean
+    drawn["reward"][:, -1] = 1.0
+    assert not torch.equal(Objective(ALL, []).terms(net, drawn)["reward"].mean, before)
+
+
+def test_right_and_wrong_pairs_pull_the_same_logit_apart_in_one_step():
+    net = network("concat")
+    found = Objective({"alignment": 1.0, "mismatch": 1.0}, [], negatives=4).terms(net, batch())
+    right, wrong = (
+        torch.autograd.grad(found[name].mean, net.encoder.alignment.bias, retain_graph=True)[0] for name in found
+    )
+    assert right < 0 < wrong
+    wrench = next(net.encoder.trunks["wrench"].parameters())
+    assert torch.autograd.grad(found["mismatch"].mean, wrench)[0].abs().sum() > 0
+
+
+def test_a_batch_that_touches_nothing_has_no_wrong_pairs_and_no_nan():
+    drawn = batch()
+    drawn["touching"] = torch.zeros_like(drawn["touching"])
+    assert terms(drawn=drawn)["mismatch"].mean.item() == 0.0
+
+
+def test_what_weighs_nothing_is_not_computed(monkeypatch):
+    net = network("concat")
+    monkeypatch.setattr(net.decoder, "forward", lambda state: pytest.fail("decoded"))
+    assert set(Objective({"kl": 1.0, "image": 0.0}, []).terms(net, batch())) == {"kl"}
+
+
+def test_unknown_terms_are_refused():
+    with pytest.raises(TrainingError, match="no term flow; there are image, depth, kl"):
+        Objective({"flow": 10.0}, [])
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_presets_weigh_known_terms_and_are_plain(preset):
+    config = LatentConfig("data", "poe", preset)
+    assert set(PRESETS[preset].weights) == set(TERMS)
+    assert Objective(**config.objective()).weights == PRESETS[preset].weights
+    assert all(isinstance(value, int | list) for value in config.network()["sizes"].values())

@@ -1,0 +1,210 @@
+"""Behaviour cloning: its losses, its training, what it leaves, and that an interruption leaves no trace."""
+
+import csv
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from rich.console import Console
+
+from svfl_data.errors import FormatError, TrainingError
+from svfl_models import cli, run_folder
+from svfl_models.cloning import train
+from svfl_models.cloning.checkpoint import load_policy
+from svfl_models.cloning.config import LOSSES, CloningConfig
+from svfl_models.cloning.data import CloningData
+from svfl_models.cloning.loss import LOSSES as FUNCTIONS
+from svfl_models.cloning.loss import action_error
+from svfl_models.cloning.metrics import COLUMNS, MetricsFile
+from svfl_models.squashed_gaussian import CENTRE, SCALE, SquashedGaussian, to_physical
+from tests.models.demonstrations import demonstrations
+
+QUIET = Console(quiet=True)
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory):
+    folder = demonstrations(tmp_path_factory.mktemp("data") / "picking")
+    return CloningConfig(
+        str(folder), episodes=6, preset="tiny", image_size=8, valid=1 / 3, epochs=3, batch_size=10, learning_rate=3e-3
+    )
+
+
+@pytest.fixture(scope="module")
+def run(config, tmp_path_factory):
+    out = tmp_path_factory.mktemp("run")
+    return train.train_cloning(config, out, QUIET), out
+
+
+def corners():
+    """Actions on their bounds, all of them, and one in the middle."""
+    signs = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0])] * 5)
+    return torch.tensor(CENTRE) + torch.tensor(SCALE) * torch.cat([signs, torch.zeros(1, 5)])
+
+
+@pytest.mark.parametrize("name", LOSSES)
+def test_actions_on_their_bounds_can_be_learned(name):
+    """Descent comes near every corner, nothing grows without end, and no gradient is infinite."""
+    action, loss = corners(), FUNCTIONS[name]
+    mean, log_sigma = torch.zeros(33, 5, requires_grad=True), torch.zeros(33, 5, requires_grad=True)
+    adam = torch.optim.Adam([mean, log_sigma], lr=0.05)
+    for _ in range(1000):
+        adam.zero_grad()
+        value = loss(SquashedGaussian(mean, log_sigma), action).mean()
+        value.backward()
+        assert torch.isfinite(value)
+        assert all(torch.isfinite(one.grad).all() for one in (mean, log_sigma) if one.grad is not None)
+        adam.step()
+    mode = SquashedGaussian(mean, log_sigma).mode.detach()
+    assert ((mode - action).abs() / torch.tensor(SCALE) < 0.03).all()
+    assert mean.abs().max() < 6
+
+
+def test_a_gripper_is_a_probability():
+    """The opening that a policy says is what cross-entropy takes it for."""
+    mean = torch.linspace(-4, 4, 9)[:, None] * torch.tensor([1.0, 0, 0, 0, 0])
+    said = SquashedGaussian(mean, torch.zeros(9, 5))
+    opened = to_physical(torch.tensor([1.0, 0, 0, 0, 0]).expand(9, 5))
+    torch.testing.assert_close(action_error(said, opened), -said.mode[:, 0].log(), atol=1e-6, rtol=1e-5)
+
+
+def test_errors_count_in_units_of_the_bounds():
+    action = to_physical(torch.tensor([[0.0, 0.3, 0.4, 0.0, 0.0]]))
+    still = SquashedGaussian(torch.zeros(1, 5), torch.zeros(1, 5))
+    torch.testing.assert_close(action_error(still, action), torch.tensor([np.log(2) + 0.25], dtype=torch.float32))
+
+
+def test_a_run_leaves_what_it_found(run, config):
+    result, out = run
+    rows = list(csv.DictReader((out / run_folder.METRICS).open()))
+    assert tuple(rows[0]) == COLUMNS
+    assert [row["epoch"] for row in rows] == ["0", "1", "2"]
+    assert float(rows[-1]["train_loss"]) < float(rows[0]["train_loss"])
+    found = json.loads((out / run_folder.RESULT).read_text())
+    assert found["config"] == config.plain()
+    assert found["workplace"]["task"] == "block_picking"
+    assert (result.episodes, result.steps, result.epochs) == ([4, 2], [24, 12], 3)
+    assert result.valid_loss == pytest.approx(float(rows[-1]["valid_loss"]), rel=1e-5)
+
+
+def test_scales_come_from_the_training_episodes_alone(run, config):
+    _, out = run
+    fitted = load_policy(out / run_folder.CHECKPOINT).policy.trunk.normalization
+    seen = CloningData(config).train_set.typical()
+    torch.testing.assert_close(fitted.wrench_mean[2], seen["wrench"][..., 2].mean())
+    torch.testing.assert_close(fitted.image_mean, seen["image"].mean(dim=(0, 2, 3)))
+    torch.testing.assert_close(fitted.proprio_mean[3], seen["proprio"][:, 3].mean())
+
+
+def weights(out):
+    return torch.load(out / run_folder.CHECKPOINT, weights_only=True)
+
+
+def stop_in_the_second_epoch(self, trainer, *rest):
+    """Ctrl-C, in the middle of it."""
+    if trainer.current_epoch == 1:
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("encoder", ["vfp", "p"])
+def test_an_interruption_leaves_no_trace(encoder, config, tmp_path, monkeypatch):
+    config = replace(config, encoder=encoder)
+    train.train_cloning(config, tmp_path / "whole", QUIET)
+    with monkeypatch.context() as patched:
+        patched.setattr(MetricsFile, "on_train_batch_end", stop_in_the_second_epoch)
+        with pytest.raises(KeyboardInterrupt):
+            train.train_cloning(config, tmp_path / "cut", QUIET)
+    assert not (tmp_path / "cut" / run_folder.RESULT).exists()
+    torch.rand(17)
+    result = train.train_cloning(config, tmp_path / "cut", QUIET)
+    assert result.epochs == 3
+    whole, cut = weights(tmp_path / "whole"), weights(tmp_path / "cut")
+    for name, values in whole["state_dict"].items():
+        assert torch.equal(values, cut["state_dict"][name]), name
+    states = [one["optimizer_states"][0]["state"] for one in (whole, cut)]
+    for index, state in states[0].items():
+        assert all(torch.equal(values, states[1][index][name]) for name, values in state.items())
+    rows = [[line.split(",")[:-1] for line in (tmp_path / name / "metrics.csv").open()] for name in ("whole", "cut")]
+    assert rows[0] == rows[1]
+
+
+def test_another_configuration_does_not_go_on_there(run, config):
+    _, out = run
+    with pytest.raises(TrainingError, match="holds a training run with epochs = 3, now 4"):
+        train.train_cloning(replace(config, epochs=4), out, QUIET)
+
+
+def test_a_damaged_checkpoint_is_said_before_training_goes_on(config, tmp_path):
+    run_folder.claim(tmp_path / "run", config.plain())
+    (tmp_path / "run" / run_folder.CHECKPOINT).write_text("half a file")
+    with pytest.raises(FormatError, match=r"checkpoint\.ckpt: not a checkpoint \(or one that is cut off\)"):
+        train.train_cloning(config, tmp_path / "run", QUIET)
+
+
+def test_a_training_that_diverges_says_so(config, tmp_path):
+    with pytest.raises(TrainingError, match="the training diverged; try a smaller learning rate than 1e\\+30"):
+        train.train_cloning(replace(config, encoder="p", learning_rate=1e30), tmp_path / "run", QUIET)
+
+
+def test_a_checkpoint_says_what_it_is(run, tmp_path):
+    _, out = run
+    module = load_policy(out / run_folder.CHECKPOINT)
+    assert (module.workplace.task, module.workplace.switch, module.training) == ("block_picking", True, False)
+    found = weights(out)
+    other = tmp_path / "other.ckpt"
+    for change, message in (
+        ({"svfl": {"format": "svfl-centering"}}, "not a checkpoint of a policy .found svfl-centering"),
+        ({"svfl": None}, "no mark of svfl-train"),
+        ({"svfl": found["svfl"] | {"format_version": "2.0"}}, "format version 2.0; this release reads 1.0"),
+        ({"state_dict": {}}, "weights and description do not fit each other"),
+        ({"hyper_parameters": found["hyper_parameters"] | {"loss": "x"}}, "unknown loss 'x'"),
+    ):
+        torch.save(found | change, other)
+        with pytest.raises(FormatError, match=message):
+            load_policy(other)
+    with pytest.raises(FormatError, match=r"nothing\.ckpt: no such file"):
+        load_policy(tmp_path / "nothing.ckpt")
+
+
+def command(*arguments):
+    try:
+        return cli.main([*map(str, arguments)])
+    except SystemExit as stop:
+        return stop.code
+
+
+def test_the_command(config, tmp_path, capsys):
+    out = tmp_path / "run"
+    small = ("--preset", "tiny", "--image-size", 8, "--epochs", 1, "--encoder", "p", "--out", out)
+    assert command("bc", "--data", config.data, "--episodes", 6, "--model", "cnn", *small) == 0
+    printed = capsys.readouterr().out
+    assert "learned 30 steps of 5 episodes" in printed
+    assert f"svfl-train evaluate {out / 'checkpoint.ckpt'}" in printed
+    assert load_policy(out / "checkpoint.ckpt").policy.group.name == "none"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["--encoder", "fp"], 2, "argument --encoder: invalid choice: 'fp'"),
+        (["--model", "cnn", "--group", "D8"], 2, "--model cnn and --group D8 contradict each other"),
+        (["--loss", "l1"], 2, "argument --loss: invalid choice"),
+        ([], 1, "asked for 50 successful episodes, but it has 6 among 6"),
+    ],
+)
+def test_mistakes_are_one_line(arguments, code, message, config, tmp_path, capsys):
+    assert command("bc", "--data", config.data, "--out", tmp_path / "run", *arguments) == code
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_command_line_loads_no_torch():
+    code = "import sys, svfl_models.cli as c; c.build_parser(); print('torch' in sys.modules, 'escnn' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False"]

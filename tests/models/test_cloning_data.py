@@ -1,0 +1,178 @@
+"""What a policy learns from: everything that was known before an action, in image-aligned axes, nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from svfl_data.dataset import Dataset
+from svfl_data.episode import Episode
+from svfl_data.errors import DatasetError, FieldError, TrainingError
+from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
+from svfl_data.windows import wrench_window
+from svfl_models.cloning.config import CloningConfig
+from svfl_models.cloning.data import CloningData
+from svfl_models.cloning.workplace import workplace_of
+from tests.builders import IMAGE_AXES
+from tests.models.demonstrations import demonstration, demonstrations, write
+
+CONFIG = CloningConfig(data="", episodes=6, preset="tiny", image_size=8, valid=1 / 3)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return demonstrations(tmp_path_factory.mktemp("data") / "picking")
+
+
+def data_of(folder, **choices):
+    return CloningData(replace(CONFIG, data=str(folder), **choices))
+
+
+def test_a_batch_is_what_was_known_and_what_was_done_then(folder):
+    part = data_of(folder).valid_set
+    batch, row = part.__getitems__(list(range(len(part)))), 0
+    for index in part.samples.episodes:
+        episode = Dataset.open(folder).read(index)
+        for step in range(len(episode)):
+            window, _ = wrench_window(episode, step)
+            proprio = episode.proprio[step] - [0, 0.55, 0, 0, 0]
+            expected = {
+                "wrench": act(IMAGE_AXES, window, WRENCH_PARTS),
+                "proprio": act(IMAGE_AXES, proprio, PROPRIO_PARTS),
+                "action": act(IMAGE_AXES, episode.action[step], ACTION_PARTS),
+                "image": np.concatenate(
+                    [episode.arrays["cameras/front/color"][step].transpose(2, 0, 1) / 255,
+                     episode.arrays["cameras/front/depth"][step][None] * 1e-4]
+                )[:, 1:9, 1:9],
+            }  # fmt: skip
+            for name, values in expected.items():
+                np.testing.assert_allclose(batch[name][row], values, atol=1e-6, err_msg=name)
+            row += 1
+    assert row == len(part)
+    assert {name: values.dtype for name, values in batch.items()} == dict.fromkeys(batch, torch.float32)
+
+
+def test_images_wait_as_they_were_recorded(folder):
+    images = data_of(folder).train_set.samples._images
+    assert {frames.memory.dtype for frames in images.values()} == {np.dtype("uint8"), np.dtype("uint16")}
+
+
+def test_only_successes_are_learned_from_and_whole_episodes_held_out(tmp_path):
+    folder = write(tmp_path / "mixed", [demonstration(index, success=index % 2 == 1) for index in range(14)])
+    data = data_of(folder)
+    learned, held_out = set(data.train_set.samples.episodes), set(data.valid_set.samples.episodes)
+    assert learned | held_out == {1, 3, 5, 7, 9, 11}
+    assert not learned & held_out
+    assert len(held_out) == 2
+    assert set(data_of(folder, seed=1).valid_set.samples.episodes) != held_out
+
+
+def test_what_is_random_depends_on_seed_epoch_and_step_only(folder):
+    first, again = (data_of(folder).train_set for _ in range(2))
+    keys, count = [3, 4, 5], len(first)
+    torch.rand(1)
+    state = torch.get_rng_state()
+    image = first.__getitems__(keys)["image"]
+    assert torch.equal(torch.get_rng_state(), state)
+    assert torch.equal(image, again.__getitems__(keys)["image"])
+    assert not torch.equal(image, first.__getitems__([key + count for key in keys])["image"])
+    assert not torch.equal(image, data_of(folder, seed=1).train_set.__getitems__(keys)["image"])
+    epochs = [[batch["action"] for batch in loader] for loader in (again.loader(4), first.loader(4)) for _ in range(2)]
+    assert all(torch.equal(a, b) for a, b in zip(epochs[0], epochs[2], strict=True))
+    assert not torch.equal(torch.cat(epochs[0]), torch.cat(epochs[1]))
+
+
+def test_the_switch_leaves_the_papers_crops(folder):
+    """Without augmentation every image is a part of the recorded one."""
+    part, keys = data_of(folder, augment=False).train_set, list(range(8))
+    recorded = part.samples.batch(keys)["cameras/front/color"][:, 0] / np.float32(255)
+    image = part.__getitems__(keys)["image"].numpy()
+    places = []
+    for one, whole in zip(image, recorded.transpose(0, 3, 1, 2), strict=True):
+        fits = [(r, c) for r in range(3) for c in range(3) if np.allclose(one[:3], whole[:, r : r + 8, c : c + 8])]
+        assert len(fits) == 1
+        places += fits
+    assert len(set(places)) > 1
+    assert not np.allclose(data_of(folder).train_set.__getitems__(keys)["image"], image)
+
+
+def test_a_policy_without_eyes_reads_no_images(folder):
+    data = data_of(folder, encoder="f")
+    assert "image" not in next(iter(data.train_dataloader()))
+    assert not data.train_set.samples._images
+
+
+def changed(episode, **arrays):
+    """An episode with other arrays, by the last part of their path; None takes one away."""
+    found = dict(episode.arrays)
+    for path in episode.arrays:
+        name = path.rpartition("/")[2]
+        if name in arrays:
+            found[path] = arrays[name]
+            if arrays[name] is None:
+                del found[path]
+    return Episode(episode.meta, found)
+
+
+def far(episode):
+    action = episode.action.copy()
+    action[2, 3] = 0.05
+    return changed(episode, action=action)
+
+
+def slow(episode):
+    found = dict(episode.arrays)
+    found |= {path: 2 * values for path, values in found.items() if path.endswith("t_ns")}
+    return Episode(episode.meta, found)
+
+
+@pytest.mark.parametrize(
+    ("odd", "message"),
+    [
+        (
+            lambda one: Episode(replace(one.meta, task="mug_picking"), one.arrays),
+            "task mug_picking, episode 0 has block",
+        ),
+        (lambda one: changed(one, image_axes=np.eye(2)), r"episode 3 has image_axes \[\[1.0, 0.0\], \[0.0, 1.0\]\]"),
+        (lambda one: changed(one, workspace=one.workspace + 0.1), r"episode 3 has centre \[0.65, 0.1\]"),
+        (slow, "episode 3 has step_ms 100.0, episode 0 has 50.0"),
+        (far, r"the action of step 2 has 0.05 for dz; a policy's bounds are -0.025 and 0.025"),
+        (lambda _: demonstration(3, size=12), "episode 3 has image_side 12, episode 0 has 10"),
+    ],
+)
+def test_demonstrations_of_different_things_are_refused(odd, message, tmp_path):
+    episodes = [demonstration(index) for index in range(6)]
+    folder = write(tmp_path / "odd", [*episodes[:3], odd(episodes[3]), *episodes[4:]])
+    with pytest.raises(DatasetError, match=message):
+        data_of(folder)
+
+
+def test_missing_fields_are_named(tmp_path):
+    for name in ("depth", "depth_scale"):
+        folder = write(tmp_path / name, [changed(demonstration(index), **{name: None}) for index in range(6)])
+        with pytest.raises(FieldError, match=f"recorded without cameras/front/{name};"):
+            data_of(folder)
+    with pytest.raises(FieldError, match="recorded without cameras/top/"):
+        data_of(demonstrations(tmp_path / "front"), camera="top")
+
+
+def test_too_few_episodes_and_too_small_images(folder, tmp_path):
+    with pytest.raises(DatasetError, match="asked for 50 successful episodes, but it has 6 among 6"):
+        data_of(folder, episodes=50)
+    with pytest.raises(DatasetError, match="asked for 1 episode; needed: one to learn from and one held out"):
+        data_of(folder, episodes=1)
+    with pytest.raises(DatasetError, match="too few to split"):
+        data_of(folder, episodes=2, valid=0.1)
+    with pytest.raises(TrainingError, match="images are 10 x 10 pixels, smaller than the network's 64 x 64"):
+        data_of(folder, image_size=64)
+
+
+def test_a_gripper_that_is_half_open_is_no_switch(folder, tmp_path):
+    dataset = Dataset.open(folder)
+    assert workplace_of(dataset, dataset.indices).switch
+    half = demonstration(1)
+    action = half.action * np.array([0.5, 1, 1, 1, 1], np.float32)
+    episodes = [demonstration(0), changed(half, action=action), demonstration(2)]
+    other = Dataset.open(write(tmp_path / "half", episodes))
+    assert not workplace_of(other, other.indices).switch
