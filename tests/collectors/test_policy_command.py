@@ -148,7 +148,7 @@ def test_actions_that_are_no_numbers_and_other_cameras_are_errors(lift, tmp_path
     ("checkpoint", "code", "message"),
     [
         ("none.pt2", 1, "none.pt2: no such file"),
-        ("policy.onnx", 2, "loads policies of this kind; kinds: .pt2"),
+        ("policy.onnx", 2, "loads policies of this kind; kinds: .ckpt, .pt2"),
         ("cut.pt2", 1, "cut.pt2: not a"),
     ],
 )
