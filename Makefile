@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 
-.PHONY: demo test bench env lint clean help
+.PHONY: demo test bench sizes env lint clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -17,7 +17,7 @@ demo: env  ## collect 200 samples, train the classifier, write report and viewer
 test: env lint  ## ruff, mypy and the whole test suite
 	$(BIN)/python -m pytest -n 2
 
-bench: env data/centering  ## every benchmark; figures for docs/benchmarks.md
+bench: env data/centering data/block_picking  ## every benchmark; figures for docs/benchmarks.md
 	$(BIN)/python benchmarks/collect.py
 	$(BIN)/python benchmarks/workers.py
 	$(BIN)/python benchmarks/experts.py
@@ -26,9 +26,20 @@ bench: env data/centering  ## every benchmark; figures for docs/benchmarks.md
 	$(BIN)/python benchmarks/inference.py
 	$(BIN)/python benchmarks/record.py
 	$(BIN)/python benchmarks/store.py --data data/centering
+	$(BIN)/python benchmarks/replay.py --data data/block_picking
+	$(BIN)/python benchmarks/latent.py
+
+sizes: env data/centering data/centering_fresh  ## accuracy and training time by width and group; takes hours
+	$(BIN)/python benchmarks/sizes.py --data data/centering --fresh data/centering_fresh --out out/sizes
 
 data/centering: | env
 	$(BIN)/svfl-collect centering --samples 200 --seed 0 --workers 2 --out $@
+
+data/centering_fresh: | env
+	$(BIN)/svfl-collect centering --samples 1000 --seed 1 --workers 2 --out $@
+
+data/block_picking: | env
+	$(BIN)/svfl-collect expert --task block_picking --episodes 50 --seed 0 --workers 2 --out $@
 
 lint: env  ## ruff and mypy
 	$(BIN)/ruff check .

@@ -9,6 +9,7 @@ import numpy as np
 
 from collectors.dataset import software_versions
 from collectors.record import record
+from collectors.shoves import Shoved
 from collectors.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
 from collectors.simulation.config import WorldConfig
 from collectors.tasks import task_class
@@ -17,6 +18,7 @@ from collectors.tasks.task import MAX_STEPS
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import CollectError
+from svfl_data.samples import INTENDED
 
 
 def forget(episode: Episode) -> None:
@@ -31,17 +33,20 @@ class ExpertCollector(Simulated):
         seed: Seed of the dataset.
         task: Name of the task.
         noise: How much demonstrations differ, 0 not at all, 1 as intended, 2 at most.
+        shoves: How likely the hand is to be pushed off its way at an action, see `collectors.shoves`.
         world: Physics, arm, sensors and cameras.
     """
 
     seed: int
     task: str
     noise: float = 1.0
+    shoves: float = 0.0
     world: WorldConfig = field(default_factory=WorldConfig)
 
     def config(self) -> dict[str, Any]:
         """Everything that was set, as JSON values."""
-        return {"task": self.task, "noise": self.noise, "world": asdict(self.world)}
+        shoves = {"shoves": self.shoves} if self.shoves else {}  # datasets from before there were any go on
+        return {"task": self.task, "noise": self.noise, **shoves, "world": asdict(self.world)}
 
     def __call__(self, index: int, keep: Callable[[Episode], None] = forget) -> Episode:
         """Record one demonstration.
@@ -70,10 +75,15 @@ class ExpertCollector(Simulated):
     def _attempt(self, index: int, attempt: int, rejected: list[str]) -> Episode:
         seed = attempt_seed(self.seed, index, attempt)
         task = task_class(self.task).begin(self.opened, seed)
-        # A child of the seed, so that the expert's noise has nothing to do with the scene's numbers.
-        rng = np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=(0,)))
+        # Children of the seed, so that the expert's noise and the shoves have nothing to do with the scene's numbers.
+        rng, shoves = (
+            np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=(child,))) for child in range(2)
+        )
         moves = task.expert(Hand(self.opened, rng, self.noise))
-        arrays = record(self.opened, lambda _: next(moves, None), MAX_STEPS, task.success, task.state)
+        policy = Shoved(moves, self.opened.action_bound, self.shoves, shoves)
+        arrays = record(self.opened, policy, MAX_STEPS, task.success, task.state)
+        if self.shoves:
+            arrays[INTENDED] = np.array(policy.intended, np.float32).reshape(-1, 5)
         success = task.success()
         facts = {"drawn": task.drawn(), "index": index, "attempt": attempt, "rejected": rejected}
         number = index if success else index * ATTEMPTS + attempt

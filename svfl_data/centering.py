@@ -1,6 +1,6 @@
 """Samples for the block-centering task: what was seen and felt right after the collision, and where to move."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Literal
 
@@ -10,7 +10,7 @@ from svfl_data.dataset import Dataset
 from svfl_data.episode import Camera, Episode
 from svfl_data.errors import DatasetError
 from svfl_data.progress import progress
-from svfl_data.symmetry import OFFSET_PARTS, WRENCH_PARTS, act
+from svfl_data.symmetry import OFFSET_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.topdown import topdown
 from svfl_data.windows import WINDOW, latest, wrench_window
 
@@ -25,6 +25,8 @@ class CenteringSamples:
     Attributes:
         image: Colour / 255, then depth in metres, shape (S, 4, H, W), float32.
         wrench: Tared wrench window, shape (S, T, 6), float32, [N] and [N m], about the sensor origin.
+        proprio: Gripper opening 0..1, x and y relative to the workspace centre and z [m], yaw [rad], shape (S, 5),
+            float32.
         offset: Displacement that centres the hand over the block, shape (S, 2), float32, [m].
         direction: Nearest direction (`svfl_data.symmetry.DIRECTIONS`), shape (S,), int64.
         episode: Index of the episode each sample comes from, shape (S,), int64.
@@ -32,6 +34,7 @@ class CenteringSamples:
 
     image: np.ndarray
     wrench: np.ndarray
+    proprio: np.ndarray
     offset: np.ndarray
     direction: np.ndarray
     episode: np.ndarray
@@ -41,9 +44,7 @@ class CenteringSamples:
 
     def take(self, index: np.ndarray) -> "CenteringSamples":
         """The chosen samples, in the given order."""
-        return CenteringSamples(
-            self.image[index], self.wrench[index], self.offset[index], self.direction[index], self.episode[index]
-        )
+        return CenteringSamples(**{field.name: getattr(self, field.name)[index] for field in fields(self)})
 
 
 def load_centering(path: Path | str, window: int = WINDOW, view: View = "camera") -> CenteringSamples:
@@ -79,9 +80,12 @@ def _sample(episode: Episode, window: int, view: View) -> dict[str, np.ndarray]:
     color, depth_m = _pictures(episode, camera, view)
     image = np.concatenate([color.astype(np.float32) / 255, depth_m[..., None]], axis=-1)  # (H, W, 4)
     wrench, _ = wrench_window(episode, length=window)
+    proprio = episode.proprio[-1].copy()
+    proprio[1:3] -= episode.centre
     return {
         "image": image.transpose(2, 0, 1),  # (H, W, 4) -> (4, H, W)
         "wrench": act(camera.image_axes, wrench, WRENCH_PARTS),
+        "proprio": act(camera.image_axes, proprio, PROPRIO_PARTS),
         "offset": act(camera.image_axes, episode.label_offset, OFFSET_PARTS).astype(np.float32),
         "direction": np.asarray(episode.label_direction),
         "episode": np.asarray(episode.meta.index, dtype=np.int64),

@@ -5,19 +5,19 @@ locked while its writer lives (the kernel lets go when a process dies). Publishi
 name before the journal goes; whoever creates a journal looks for the final name afterwards, so no index is taken twice.
 """
 
-import errno
 import fcntl
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from svfl_data.atomically import name_unless_taken, sync_folder
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Meta
 from svfl_data.errors import DatasetError, StorageError
 from svfl_data.index import append_index
 from svfl_data.journal import SUFFIX
-from svfl_data.store import Rows, largest_size, sync_folder, write_sealed
+from svfl_data.store import Rows, largest_size, write_sealed
 
 NEXT = -1
 """In place of an episode's index: the first after all that exist or are being written."""
@@ -152,14 +152,7 @@ def publish(part: Path, path: Path) -> None:
         StorageError: If the disk refuses.
     """
     try:
-        try:
-            os.link(part, path)
-        except OSError as error:
-            if error.errno not in (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS):
-                raise
-            if path.exists():  # a file system without links; the claim has to do
-                raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from error
-            os.replace(part, path)
+        name_unless_taken(part, path)
         sync_folder(path.parent)
         part.unlink(missing_ok=True)
     except FileExistsError:

@@ -3,22 +3,26 @@
 import fcntl
 import json
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from svfl_data.atomically import write_atomically
 from svfl_data.chunks import Extent
 from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
 from svfl_data.reader import EpisodeReader
 from svfl_data.shards import MEMBER, member_extent, members, shard_files
-from svfl_data.store import read_episode, write_atomically
+from svfl_data.store import read_episode
 
 FORMAT = "svfl-dataset"
 FORMAT_VERSION = "1.0"
 INFO = "dataset.json"
+BEGINNING = re.compile(rf"\.{re.escape(INFO)}\..*\.part")
+"""Name under which `write_atomically` writes ``dataset.json`` aside."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,7 @@ class Dataset:
 
     @classmethod
     def create_or_resume(cls, path: Path | str, task: str, seed: int, config: dict[str, Any]) -> "Dataset":
-        """Start a dataset, or take up the same one again.
+        """Start a dataset, or take up the same one again; any number of processes may do so at the same moment.
 
         Raises:
             DatasetError: If the folder holds a dataset of another task, seed or configuration, or other files.
@@ -66,18 +70,11 @@ class Dataset:
         """
         path = Path(path)
         info = {"format": FORMAT, "format_version": FORMAT_VERSION, "task": task, "seed": seed, "config": config}
-        if (path / INFO).exists():
-            found = cls.open(path)
-            _check_same(path, found.info, json.loads(json.dumps(info)))
-            return found
-        if path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise DatasetError(f"{path} holds other files and no {INFO}; name a new or empty folder")
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise StorageError(f"cannot create {path}: {error.strerror}") from error
-        write_atomically(path / INFO, (json.dumps(info, indent=2, sort_keys=True) + "\n").encode())
-        return cls(path, info)
+        if not (path / INFO).exists():
+            _begin(path, info)
+        found = cls.open(path)
+        _check_same(path, found.info, json.loads(json.dumps(info)))
+        return found
 
     def episode_path(self, index: int) -> Path:
         """File of an episode, whether or not it exists."""
@@ -184,6 +181,27 @@ class Dataset:
     def _clear(self) -> None:
         for leftover in self.path.glob(".*.part"):
             leftover.unlink(missing_ok=True)
+
+
+def _begin(path: Path, info: dict[str, Any]) -> None:
+    """Put ``dataset.json`` into an absent or empty folder, unless another process does so at the same moment.
+
+    Whoever puts anything else into a dataset's folder has seen its ``dataset.json``, which never goes again. So files
+    that another process has brought meanwhile are told from foreign ones by looking for it after them; before it there
+    is nothing but what others, or killed ones, were writing it to.
+    """
+    empty = not path.exists() or (path.is_dir() and all(BEGINNING.fullmatch(name) for name in os.listdir(path)))
+    if not empty and not (path / INFO).exists():
+        raise DatasetError(f"{path} holds other files and no {INFO}; name a new or empty folder")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"cannot create {path}: {error.strerror}") from error
+    try:
+        write_atomically(path / INFO, (json.dumps(info, indent=2, sort_keys=True) + "\n").encode(), replace=False)
+    except StorageError:
+        if not (path / INFO).exists():
+            raise  # else another process was first, and may have cleared away what was written here
 
 
 def _check_same(path: Path, found: dict[str, Any], asked: dict[str, Any]) -> None:

@@ -18,7 +18,8 @@ from svfl_data.progress import progress
 from svfl_data.reader import EpisodeReader, StoredArray
 from svfl_data.windows import WINDOW
 
-TIMES, PROPRIO, ACTION = "observations/t_ns", "observations/proprio", "actions/action"
+TIMES, PROPRIO = "observations/t_ns", "observations/proprio"
+ACTION, INTENDED = "actions/action", "actions/intended"
 WRENCH, WRENCH_TIMES, TARE = "streams/wrench/wrench", "streams/wrench/t_ns", "streams/wrench/tare"
 Batch = dict[str, np.ndarray]
 
@@ -52,6 +53,7 @@ class Samples:
         frames: int = 1,
         wrench_window: int = WINDOW,
         action_chunk: int = 1,
+        intended: bool = False,
         crop: int | None = None,
         crop_at: Literal["centre", "random"] = "centre",
         labels: Sequence[str] = (),
@@ -69,6 +71,8 @@ class Samples:
             frames: Frames per camera and sample, K.
             wrench_window: Readings per sample, T.
             action_chunk: Actions per sample, A.
+            intended: Give as actions what an expert meant rather than what was done, where an episode tells them
+                apart.
             crop: Height and width to cut out of each image, [px]; whole images by default.
             crop_at: Where: in the middle, or anywhere, drawn from `seed`, epoch and number of the sample.
             labels: Paths of fields that hold for a whole episode, such as ``labels/direction`` or ``workspace``.
@@ -88,6 +92,7 @@ class Samples:
         self.dataset, self.episodes = dataset, list(dataset.indices if episodes is None else episodes)
         self.at, self.cameras, self.labels = at, None if cameras is None else list(cameras), list(labels)
         self.frames, self.wrench_window, self.action_chunk = frames, wrench_window, action_chunk
+        self.intended = intended
         self.crop, self.crop_at, self.seed = crop, crop_at, seed
         self.cache = cache
         self.budget = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2 if budget is None else budget
@@ -155,6 +160,9 @@ class Samples:
         has_depth = [camera for camera in self.cameras if f"cameras/{camera}/depth" in readers[0]]
         needed += [f"cameras/{camera}/{name}" for camera in has_depth for name in ("depth", "depth_scale")]
         stored = [{path: reader[path] for path in needed} for reader in progress(readers, "opening episodes")]
+        if self.intended:
+            for of_episode, reader in zip(stored, readers, strict=True):
+                of_episode[ACTION] = reader[INTENDED if INTENDED in reader else ACTION]
         self._check(stored, readers)
 
         arrays = {path: [of_episode[path] for of_episode in stored] for path in needed}

@@ -12,7 +12,6 @@ HDF5 sees a byte, because damaged metadata can be read as if nothing had happene
 import io
 import json
 import os
-import tempfile
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -21,8 +20,9 @@ from typing import Any, BinaryIO, Protocol
 import h5py
 import numpy as np
 
+from svfl_data.atomically import write_atomically
 from svfl_data.episode import Episode, Meta, canonical_json
-from svfl_data.errors import FieldError, FormatError, StorageError, SvflError
+from svfl_data.errors import FieldError, FormatError, SvflError
 from svfl_data.fields import EXTRA, field_at
 from svfl_data.seal import SEAL_SIZE as SEAL_SIZE  # for readers
 from svfl_data.seal import file_seal, seal, unsealed
@@ -162,44 +162,6 @@ def write_episode(episode: Episode, path: Path) -> None:
         StorageError: If the disk is full, read-only or otherwise refuses; nothing is left behind.
     """
     write_atomically(path, episode_bytes(episode))
-
-
-def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file aside, sync it to disk and rename it into place.
-
-    Args:
-        path: The file; replaced if it exists.
-        content: Its bytes.
-
-    Raises:
-        StorageError: If the disk is full, read-only or otherwise refuses; nothing is left behind.
-    """
-    aside = None
-    try:
-        handle, aside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(aside, 0o644)
-        os.replace(aside, path)
-        sync_folder(path.parent)
-    except OSError as error:
-        raise StorageError(
-            f"cannot write {path} ({len(content)} bytes): {error.strerror}; everything written before is intact"
-        ) from error
-    finally:
-        if aside and os.path.exists(aside):
-            os.unlink(aside)
-
-
-def sync_folder(folder: Path) -> None:
-    """Have the disk take a folder's names."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)  # the rename itself survives a power cut
-    finally:
-        os.close(descriptor)
 
 
 def read_episode(path: Path | str) -> Episode:

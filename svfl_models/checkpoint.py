@@ -1,16 +1,11 @@
-"""Opening a trained network, with one clear line about what is wrong with a file that is none."""
+"""Opening a trained block-centering network."""
 
-import pickle
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
-from zipfile import is_zipfile
 
-import torch
-
-from svfl_data.errors import FormatError, TrainingError
 from svfl_models.config import TrainingConfig
 from svfl_models.module import FORMAT, FORMAT_VERSION, CenteringModule
+from svfl_models.opening import read_marked, rebuilt
 
 
 def load_centering(path: Path | str) -> CenteringModule:
@@ -27,22 +22,8 @@ def load_centering(path: Path | str) -> CenteringModule:
             not fit its own description.
     """
     path = Path(path)
-    found = _read(path)
-    mark = found.get("svfl") if isinstance(found, dict) else None
-    if not isinstance(mark, dict) or mark.get("format") != FORMAT:
-        kind = mark.get("format", "nothing") if isinstance(mark, dict) else "no mark of svfl-train"
-        raise FormatError(f"{path}: not a block-centering checkpoint (found {kind}, expected {FORMAT})")
-    if str(mark.get("format_version")).partition(".")[0] != FORMAT_VERSION.partition(".")[0]:
-        raise FormatError(
-            f"{path}: format version {mark.get('format_version')}; this release reads {FORMAT_VERSION}; train it again"
-        )
-    try:
-        module = CenteringModule(**found["hyper_parameters"])
-        module.load_state_dict(found["state_dict"])
-    except (KeyError, TypeError, RuntimeError, TrainingError) as error:
-        reason = " ".join(str(error).split())
-        raise FormatError(f"{path}: weights and description do not fit each other: {reason[:200]}") from error
-    return module.eval()
+    found = read_marked(path, FORMAT, FORMAT_VERSION, "block-centering checkpoint")
+    return rebuilt(CenteringModule, found, path)
 
 
 def configuration(module: CenteringModule, data: Path | str | None = None) -> TrainingConfig:
@@ -51,14 +32,3 @@ def configuration(module: CenteringModule, data: Path | str | None = None) -> Tr
     known = {field.name for field in fields(TrainingConfig)} & kept.keys()
     changed = {} if data is None else {"data": str(data)}
     return TrainingConfig(**{"data": ""} | {name: kept[name] for name in known} | changed)
-
-
-def _read(path: Path) -> Any:  # noqa: ANN401 - whatever the file holds
-    if not path.is_file():
-        raise FormatError(f"{path}: no such file")
-    if not is_zipfile(path):
-        raise FormatError(f"{path}: not a checkpoint (or one that is cut off)")
-    try:
-        return torch.load(path, map_location="cpu", weights_only=True)
-    except (RuntimeError, pickle.UnpicklingError, OSError, EOFError, KeyError) as error:
-        raise FormatError(f"{path}: not readable as a checkpoint: {' '.join(str(error).split())[:200]}") from error

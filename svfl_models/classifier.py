@@ -1,16 +1,22 @@
 """Block centering: from image and wrench window to where the hand must move."""
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 
 from svfl_data.centering import CenteringSamples
 from svfl_data.errors import TrainingError
 from svfl_models.config import ENCODERS, IMAGE_SIZES, TARGETS
+from svfl_models.data import INPUTS, Crops
 from svfl_models.groups import GROUPS, group_named
 from svfl_models.heads import OffsetHead
 from svfl_models.kits import Layers, kit
+from svfl_models.latent_trunk import LatentTrunk
 from svfl_models.presets import PRESETS
 from svfl_models.visual_force import Batch, VisualForceEncoder
+
+LATENT_INPUTS = "vfp"
 
 
 class CenteringClassifier(nn.Module):
@@ -24,6 +30,8 @@ class CenteringClassifier(nn.Module):
         image_size: Height and width of the images, one of `config.IMAGE_SIZES`, [px].
         window: Readings T per wrench window.
         torque: ``axial``, or the paper's ``polar`` (see `representations.wrench_parts`).
+        latent_network: Arguments of a `LatentTrunk` to build on instead. It looks at ``vfp``, has no symmetry, and
+            decides on its sizes itself.
 
     Raises:
         TrainingError: If an argument is not one of its possible values.
@@ -38,22 +46,37 @@ class CenteringClassifier(nn.Module):
         image_size: int = 64,
         window: int = 64,
         torque: str = "axial",
+        latent_network: dict[str, Any] | None = None,
     ) -> None:
         super().__init__()
-        _check("encoder", encoder, ENCODERS)
+        _check("encoder", encoder, (LATENT_INPUTS,) if latent_network else ENCODERS)
         _check("preset", preset, tuple(PRESETS))
         _check("target", target, TARGETS)
         _check("image size", image_size, IMAGE_SIZES)
         self.group, self.target = group_named(group), target
         layers: Layers = kit(self.group)
-        widths = PRESETS[preset]["cnn" if self.group == GROUPS["none"] else "svfl"]
-        self.trunk = VisualForceEncoder(layers, widths, encoder, image_size, window, torque)
-        hidden = layers.hidden(widths.latent)
+        self.trunk: VisualForceEncoder | LatentTrunk
+        if latent_network:
+            _check("group of a latent encoder", group, ("none",))
+            _check("image size of a latent encoder", image_size, (LatentTrunk.image_size,))
+            _check("window of a latent encoder", window, (LatentTrunk.window,))
+            self.trunk = LatentTrunk(**latent_network)
+            hidden = layers.hidden(self.trunk.width)
+        else:
+            widths = PRESETS[preset]["cnn" if self.group == GROUPS["none"] else "svfl"]
+            self.trunk = VisualForceEncoder(layers, widths, encoder, image_size, window, torque)
+            hidden = layers.hidden(widths.latent)
         self.head = layers.scores(hidden) if target == "direction" else OffsetHead(layers, hidden)
 
     def fit(self, samples: CenteringSamples) -> None:
-        """Take the statistics of training samples: scales of the inputs, and of offsets where they are the output."""
-        self.trunk.normalization.fit(image=samples.image, wrench=samples.wrench)
+        """Take the statistics of training samples: scales of the inputs, and of offsets where they are the output.
+
+        A latent encoder's inputs have their scales from the pretraining; its features get theirs here.
+        """
+        if isinstance(self.trunk, LatentTrunk):
+            self.trunk.fit(Crops(samples, INPUTS[LATENT_INPUTS], self.trunk.image_size)[list(range(len(samples)))])
+        else:
+            self.trunk.normalization.fit(image=samples.image, wrench=samples.wrench)
         if isinstance(self.head, OffsetHead):
             self.head.fit(torch.from_numpy(samples.offset))
 

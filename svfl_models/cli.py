@@ -4,10 +4,10 @@ import functools
 
 from svfl_data.cli import Parser, run
 from svfl_data.errors import TrainingError
-from svfl_models.verbs import bc, centering, check, evaluate, experiments, export, latent
+from svfl_models.verbs import bc, bc_table, centering, check, evaluate, experiments, export, latent, latent_eval
 
 PROGRAM = "svfl-train"
-VERBS = (centering, check, experiments, export, bc, evaluate, latent)
+VERBS = (centering, check, experiments, export, bc, bc_table, evaluate, latent, latent_eval)
 
 
 def main(arguments: list[str] | None = None) -> int:

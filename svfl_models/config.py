@@ -10,6 +10,36 @@ MODELS = ("svfl", "cnn")
 TARGETS = ("direction", "offset")
 TORQUES = ("axial", "polar")
 IMAGE_SIZES = (8, 16, 32, 64, 128)
+USES = ("frozen", "tuned", "scratch")
+
+
+@dataclass(frozen=True)
+class Latent:
+    """A pretrained latent model whose encoder is the trunk of a classifier; `pretrained.describe` reads it off a file.
+
+    Attributes:
+        checkpoint: Where it was.
+        sha256: Of the file's content: a newer checkpoint of the same name is another one.
+        model: One of `latent.config.MODELS`.
+        data: Dataset folder that it was pretrained on.
+        preset: Of the pretraining.
+        steps: Of the pretraining.
+        use: ``frozen``: only the head learns; ``tuned``: the encoder too; ``scratch``: likewise, from random weights,
+            which tells what the pretraining is worth.
+        learning_rate: Of the encoder at the start, where it learns.
+    """
+
+    checkpoint: str
+    sha256: str
+    model: str
+    data: str
+    preset: str
+    steps: int
+    use: str = "tuned"
+    learning_rate: float = 1e-4
+
+    def __str__(self) -> str:
+        return f"{self.model}-{self.use}-{self.sha256[:8]}"
 
 
 @dataclass(frozen=True)
@@ -18,7 +48,8 @@ class TrainingConfig:
 
     Attributes:
         data: Dataset folder.
-        encoder: What the network looks at: ``v`` image, ``f`` wrench window, ``vf`` both.
+        encoder: What the network looks at: ``v`` image, ``f`` wrench window, ``vf`` both; ``vfp`` proprioception
+            besides, as latent encoders do.
         group: Symmetry group, see `groups.GROUPS`; ``none`` is the plain twin (the paper's CNN).
         train_samples: Size of the training set, balanced over the classes.
         seed: Of the training set, the initial weights, the batches and the crops.
@@ -37,6 +68,7 @@ class TrainingConfig:
         patience: Stop after so many epochs without a better test accuracy, as the paper does; 0 never.
         batch_size: Samples per step.
         learning_rate: Of Adam, at the start.
+        latent: Pretrained encoder that takes the place of the package's own ones; `group` is ``none`` then.
     """
 
     data: str
@@ -58,6 +90,11 @@ class TrainingConfig:
     patience: int = 0
     batch_size: int = 64
     learning_rate: float = 1e-3
+    latent: Latent | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.latent, dict):  # as `plain` wrote it
+            object.__setattr__(self, "latent", Latent(**self.latent))
 
     @property
     def model(self) -> str:
@@ -70,5 +107,6 @@ class TrainingConfig:
         return {name: getattr(self, name) for name in names}
 
     def plain(self) -> dict[str, Any]:
-        """As a dictionary of plain values, for files."""
-        return asdict(self)
+        """As a dictionary of plain values, for files; ``TrainingConfig(**config.plain())`` is the same again."""
+        plain = asdict(self)
+        return {name: value for name, value in plain.items() if name != "latent" or value is not None}

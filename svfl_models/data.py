@@ -1,6 +1,6 @@
 """Batches for block centering: samples in memory, cropped as in the paper and scaled to the network's size."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import lightning.pytorch as pl
 import numpy as np
@@ -17,12 +17,16 @@ from svfl_models.config import TrainingConfig
 from svfl_models.groups import GROUPS
 from svfl_models.visual_force import Batch
 
-INPUTS = {"v": ("image",), "f": ("wrench",), "vf": ("image", "wrench")}
+INPUTS = {
+    "v": ("image",), "f": ("wrench",), "vf": ("image", "wrench"), "vfp": ("image", "wrench", "proprio"),
+}  # fmt: skip
 """What each encoder looks at; the rest is left out of the batches."""
 LABELS = ("direction", "offset")
 CROP = 64 / 76
 """Share of the image's side that a crop keeps (Kohler et al., CoRL 2023, appendix: 76 px cropped to 64)."""
 TEST_BATCH = 256
+VIEWS = 16
+"""So many crops of every training sample are encoded where the encoder does not learn."""
 
 
 class Crops(Dataset[Batch]):
@@ -66,6 +70,30 @@ class Crops(Dataset[Batch]):
         if not self.augment:
             return scaled(random_crop(image, side), self.size)
         return recoloured(scaled(random_crop(image, side, beyond=round(MARGIN * image.shape[-1])), self.size))
+
+
+class Features(Dataset[Batch]):
+    """What a trunk that does not learn makes of samples, computed once; batches have ``feature`` (B, F) for inputs.
+
+    Args:
+        crops: The samples.
+        trunk: Batches of them -> features.
+        views: Crops of each sample; which one is served, is drawn.
+    """
+
+    def __init__(self, crops: Crops, trunk: Callable[[Batch], Tensor], views: int = 1) -> None:
+        with torch.no_grad():
+            seen = [torch.cat([trunk(batch) for batch in in_order(crops)]) for _ in range(views)]
+        self.features = torch.stack(seen)  # (V, S, F)
+        self.labels = {name: crops.tensors[name] for name in LABELS}
+
+    def __len__(self) -> int:
+        return self.features.shape[1]
+
+    def __getitem__(self, index: list[int]) -> Batch:
+        """The samples of `index` as one batch."""
+        view = torch.randint(len(self.features), (len(index),))
+        return {"feature": self.features[view, index]} | {name: values[index] for name, values in self.labels.items()}
 
 
 def crop_side(side: int, size: int) -> int:
@@ -125,9 +153,14 @@ class CenteringData(pl.LightningDataModule):
         for samples in (train, test):
             check_samples(samples, config)
         inputs, size = INPUTS[config.encoder], config.image_size
-        self.train_set = Crops(train, inputs, size, True, config.augment, config.rotate)
-        self.test_set = Crops(test, inputs, size)
+        self.crops = Crops(train, inputs, size, True, config.augment, config.rotate), Crops(test, inputs, size)
+        self.train_set: Crops | Features = self.crops[0]
+        self.test_set: Crops | Features = self.crops[1]
         self.batch_size = config.batch_size
+
+    def encode(self, trunk: Callable[[Batch], Tensor]) -> None:
+        """From now on serve what a trunk makes of the samples: for one that does not learn."""
+        self.train_set, self.test_set = Features(self.crops[0], trunk, VIEWS), Features(self.crops[1], trunk)
 
     def train_dataloader(self) -> DataLoader[Batch]:
         """Shuffled batches with random crops."""
@@ -140,7 +173,7 @@ class CenteringData(pl.LightningDataModule):
         return in_order(self.test_set)
 
 
-def in_order(samples: Crops) -> DataLoader[Batch]:
+def in_order(samples: Crops | Features) -> DataLoader[Batch]:
     """Batches of all samples, in their order."""
     return DataLoader(samples, sampler=BatchSampler(SequentialSampler(samples), TEST_BATCH, False), batch_size=None)
 

@@ -18,12 +18,13 @@ import torch
 from torch import Tensor, nn
 from torch.export import Dim, ExportedProgram
 
+from svfl_data.atomically import write_atomically
 from svfl_data.errors import TrainingError, UsageError
-from svfl_data.store import write_atomically
 from svfl_data.symmetry import DIRECTIONS
 from svfl_models.classifier import CenteringClassifier
 from svfl_models.data import CROP
 from svfl_models.encoders import IMAGE_CHANNELS
+from svfl_models.latent_trunk import LatentTrunk
 from svfl_models.layers import SymmetricConv, SymmetricLinear
 from svfl_models.visual_force import Batch
 
@@ -155,6 +156,8 @@ def saver(path: Path) -> Saver:
 def inputs(classifier: CenteringClassifier) -> dict[str, tuple[int, ...]]:
     """Names and shapes of what a network looks at, without the number of samples."""
     trunk = classifier.trunk
+    if isinstance(trunk, LatentTrunk):
+        raise TrainingError("a classifier on a latent encoder cannot be exported; those of V, F and V+F can")
     found: dict[str, tuple[int, ...]] = {}
     if trunk.vision is not None:
         found["image"] = (IMAGE_CHANNELS, trunk.image_size, trunk.image_size)

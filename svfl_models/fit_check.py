@@ -33,7 +33,7 @@ def expect_fit(
     Raises:
         TrainingError: If an input is, normalised, far from 1 in root mean square.
     """
-    for name in INPUTS[encoder]:
+    for name in (name for name in INPUTS[encoder] if name in GROUPED):
         values = torch.from_numpy(getattr(samples, name))
         normalised = normalization.image(values).movedim(1, -1) if name == "image" else normalization.wrench(values)
         for what, components in GROUPED[name].items():

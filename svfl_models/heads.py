@@ -18,6 +18,9 @@ DEVIATION_OF = [5, 6, 6, 7, 8]
 """Where in `POLICY_PARTS` each component of an action has its own."""
 LOG_SIGMA = (-20.0, 2.0)
 """Least and most (the reference implementation's)."""
+NARROWEST = 8
+"""Units of an actor's hidden layer, at least. With two, ReLUs died: whenever the gripper was shut, an actor cloned from
+50 demonstrations said one constant action."""
 
 
 class OffsetHead(nn.Module):
@@ -45,19 +48,20 @@ class OffsetHead(nn.Module):
 
 
 class Actor(nn.Module):
-    """Three maps, each hidden layer half as wide as the one before, to a distribution of actions.
+    """Three maps, each hidden layer half as wide as the one before (`NARROWEST`), to a distribution of actions.
 
     (dx, dy) is a vector, dtheta a pseudoscalar, the rest invariant. dx and dy share their deviation, an invariant: two
     of their own would change places in a turned world, which invariants cannot (`squashed_gaussian`).
 
     Args:
         layers: Kit to build from.
-        latent: Units of the features, at least four.
+        latent: Units of the features.
     """
 
     def __init__(self, layers: Layers[T], latent: int) -> None:
         super().__init__()
-        hidden = [layers.hidden(width) for width in (latent, latent // 2, latent // 4)]
+        widths = (latent, max(latent // 2, NARROWEST), max(latent // 4, NARROWEST))
+        hidden = [layers.hidden(width) for width in widths]
         self.maps = nn.ModuleList(layers.linear(*types) for types in pairwise([*hidden, layers.vector(POLICY_PARTS)]))
 
     def forward(self, features: Tensor) -> SquashedGaussian:

@@ -28,6 +28,7 @@ class CenteringModule(pl.LightningModule):
         learning_rate: Of Adam, at the start.
         epochs: Over which the learning rate falls to zero along a cosine (Loshchilov & Hutter, ICLR 2017, one cycle).
         training: The rest of the training's configuration, plain values, kept for whoever opens the checkpoint.
+        trunk_rate: Learning rate of the trunk at the start, if it is another; with 0 its weights stay as they are.
     """
 
     def __init__(
@@ -36,11 +37,19 @@ class CenteringModule(pl.LightningModule):
         learning_rate: float = 1e-3,
         epochs: int = 500,
         training: dict[str, Any] | None = None,
+        trunk_rate: float | None = None,
     ) -> None:
         super().__init__()
         self.save_hyperparameters()
         self.classifier = CenteringClassifier(**network)
-        self.learning_rate, self.epochs = learning_rate, epochs
+        self.learning_rate, self.epochs, self.trunk_rate = learning_rate, epochs, trunk_rate
+        if self.frozen:
+            self.classifier.trunk.requires_grad_(False)
+
+    @property
+    def frozen(self) -> bool:
+        """Whether only the head learns."""
+        return self.trunk_rate == 0
 
     def forward(self, batch: Batch) -> Tensor:
         """Scores of the four directions, shape (B, 4), or offsets, shape (B, 2), [m]."""
@@ -56,7 +65,11 @@ class CenteringModule(pl.LightningModule):
 
     def configure_optimizers(self) -> OptimizerLRScheduler:
         """Adam, slower with every epoch."""
-        adam = torch.optim.Adam(self.parameters(), lr=self.learning_rate)
+        learning: Any = [parameter for parameter in self.parameters() if parameter.requires_grad]
+        if self.trunk_rate:
+            head, trunk = self.classifier.head.parameters(), self.classifier.trunk.parameters()
+            learning = [{"params": head}, {"params": trunk, "lr": self.trunk_rate}]
+        adam = torch.optim.Adam(learning, lr=self.learning_rate)
         return [adam], [torch.optim.lr_scheduler.CosineAnnealingLR(adam, self.epochs)]
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 import time
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import lightning.pytorch as pl
@@ -16,39 +17,48 @@ History = list[dict[str, float]]
 
 
 class MetricsFile(pl.Callback):
-    """One row per epoch, on disk as soon as the epoch is over; without test figures where nobody tested.
+    """One row per epoch, on disk as soon as the epoch is over; without figures of a validation where there was none.
 
     Args:
         path: CSV file to write.
+        columns: What to write down; ``seconds`` is the time of the training.
+        rows: Those of an earlier training that this one continues.
 
     Attributes:
-        rows: The rows written so far.
+        rows: The rows so far.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.rows: History = []
-        self.start = time.monotonic()
+    def __init__(self, path: Path, columns: Sequence[str] = COLUMNS, rows: Iterable[dict[str, float]] = ()) -> None:
+        self.path, self.columns = path, tuple(columns)
+        self.rows: History = list(rows)
+        self.start = 0.0
 
     def on_fit_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Start the clock and the file."""
-        self.start = time.monotonic()
+        self.start = time.monotonic() - (self.rows[-1]["seconds"] if self.rows else 0.0)
         with self.path.open("w", newline="") as file:
-            csv.writer(file).writerow(COLUMNS)
+            csv.writer(file).writerows([self.columns, *map(self._words, self.rows)])
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Append a row."""
         every = trainer.check_val_every_n_epoch or 1
         tested = trainer.current_epoch % every == every - 1
-        metrics = {
+        figures = {
             name: float(value)
             for name, value in trainer.callback_metrics.items()
-            if tested or not name.startswith("test")  # else a figure of an earlier epoch
+            if name in self.columns and (tested or not name.startswith("test"))  # else a figure of an earlier epoch
         }
-        row = metrics | {"epoch": trainer.current_epoch, "seconds": round(time.monotonic() - self.start, 2)}
-        self.rows.append(row)
+        seconds = round(time.monotonic() - self.start, 2)
+        self.rows.append(self.place(trainer, pl_module) | {"seconds": seconds} | figures)
         with self.path.open("a", newline="") as file:
-            csv.writer(file).writerow([f"{row[name]:.6g}" if name in row else "" for name in COLUMNS])
+            csv.writer(file).writerow(self._words(self.rows[-1]))
+
+    def place(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> dict[str, float]:
+        """Where in the training a row belongs."""
+        return {"epoch": trainer.current_epoch}
+
+    def _words(self, row: dict[str, float]) -> list[str]:
+        return [f"{row[name]:.6g}" if name in row else "" for name in self.columns]
 
 
 class ProgressLine(pl.Callback):

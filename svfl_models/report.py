@@ -3,20 +3,25 @@
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
 
 from svfl_data.symmetry import DIRECTIONS
 from svfl_models import run_folder
-from svfl_models.config import TrainingConfig
+from svfl_models.config import Latent, TrainingConfig
 from svfl_models.paper import centering_figure, centering_words
 from svfl_models.progress import History
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
-NAMES = {"v": "V", "f": "F", "vf": "V+F", "svfl": "SVFL", "cnn": "CNN"}
+NAMES = {
+    "v": "V", "f": "F", "vf": "V+F", "vfp": "V+F+P", "svfl": "SVFL", "cnn": "CNN",
+    "vtt": "VTT", "poe": "PoE", "concat": "concat",
+    "frozen": "frozen", "tuned": "fine-tuned", "scratch": "from scratch",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -50,7 +55,18 @@ class Result:
 def cell_name(config: TrainingConfig) -> str:
     """Name of a run's cell in the paper's table, e.g. ``V+F SVFL, 100 training samples``."""
     group = "" if config.group in ("D4", "none") else f" ({config.group})"
-    return f"{NAMES[config.encoder]} {NAMES[config.model]}{group}, {config.train_samples} training samples"
+    network = latent_name(config.latent) if config.latent else f"{NAMES[config.model]}{group}"
+    return f"{NAMES[config.encoder]} {network}, {config.train_samples} training samples"
+
+
+def latent_name(latent: Latent) -> str:
+    """Name of a pretrained encoder in its use, e.g. ``PoE fine-tuned``."""
+    return f"{NAMES[latent.model]} {NAMES[latent.use]}"
+
+
+def pretraining(latent: Latent) -> str:
+    """What a checkpoint was trained on, in words."""
+    return f"{latent.steps:,} steps on `{latent.data}`, preset {latent.preset}"
 
 
 def write_report(out: Path, config: TrainingConfig, result: Result, history: History) -> None:
@@ -66,7 +82,7 @@ def write_report(out: Path, config: TrainingConfig, result: Result, history: His
 def page(config: TrainingConfig, result: Result) -> str:
     """The run in Markdown."""
     paper = centering_words(config.encoder, config.model, config.train_samples)
-    settings = "\n".join(f"| {name} | {value} |" for name, value in config.plain().items())
+    settings = "\n".join(f"| {name} | {value} |" for name, value in _settings(config).items())
     return f"""# Block centering: {cell_name(config)}
 
 | | accuracy |
@@ -79,7 +95,8 @@ def page(config: TrainingConfig, result: Result) -> str:
 the weights that the training ended with. The paper's data are not published: its figure is of the same task, not of
 the same samples.
 
-{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training on {_classes(result)}.
+{_latent(config)}{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training on \
+{_classes(result)}.
 {_offsets(result)}
 
 ![learning curve]({run_folder.LEARNING_CURVE})
@@ -89,6 +106,24 @@ the same samples.
 | --- | --- |
 {settings}
 """
+
+
+def _settings(config: TrainingConfig) -> dict[str, Any]:
+    plain = config.plain()
+    latent = plain.pop("latent", {})
+    return plain | {f"latent {name}": value for name, value in latent.items()}
+
+
+def _latent(config: TrainingConfig) -> str:
+    if config.latent is None:
+        return ""
+    checkpoint = f"`{config.latent.checkpoint}` (SHA-256 {config.latent.sha256[:12]})"
+    if config.latent.use == "scratch":
+        return (
+            f"The encoder has the architecture and input scales of {checkpoint}, but random weights to begin with.\n\n"
+        )
+    kept = "stays as it was" if config.latent.use == "frozen" else "goes on learning"
+    return f"The encoder is that of {checkpoint}, pretrained {pretraining(config.latent)}; it {kept}.\n\n"
 
 
 def _fresh(result: Result) -> str:

@@ -14,7 +14,8 @@ LEARNING_CURVE = "learning_curve.png"
 CONFUSION = "confusion_matrix.png"
 REPORT = "report.md"
 RESULT = "result.json"
-OWN = (CHECKPOINT, METRICS, PREDICTIONS, LEARNING_CURVE, CONFUSION, REPORT, RESULT)
+EVALUATION = "evaluation.json"
+OWN = (CHECKPOINT, METRICS, PREDICTIONS, LEARNING_CURVE, CONFUSION, REPORT, RESULT, EVALUATION)
 
 
 def claim(out: Path, config: dict[str, Any]) -> None:

@@ -1,30 +1,25 @@
 """Train a block-centering classifier: load, split, fit, test, report."""
 
-import logging
-import signal
 import time
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 
 import lightning.pytorch as pl
 import numpy as np
 import torch
-from lightning.pytorch.callbacks import EarlyStopping, ModelCheckpoint
-from lightning.pytorch.trainer.states import TrainerStatus
+from lightning.pytorch.callbacks import EarlyStopping
 from rich.console import Console
 
 from svfl_data.centering import CenteringSamples, View, load_centering
-from svfl_data.errors import StorageError
 from svfl_data.split import train_test_split
 from svfl_models import run_folder
 from svfl_models.classifier import parameter_count
 from svfl_models.config import TrainingConfig
 from svfl_models.data import CenteringData, check_samples
+from svfl_models.fitting import run, storage_errors
 from svfl_models.judge import judge, write_predictions
 from svfl_models.module import CenteringModule
+from svfl_models.pretrained import module_of
 from svfl_models.progress import MetricsFile, ProgressLine
 from svfl_models.report import Result, write_report
 from svfl_models.sensor_noise import with_noise
@@ -69,12 +64,14 @@ def train_centering(
     others = {"test": test} | ({} if fresh is None else {"fresh": samples_of(fresh, config)})
 
     pl.seed_everything(config.seed, verbose=False)
-    module = CenteringModule(config.network(), config.learning_rate, config.epochs, config.plain())
+    module = module_of(config)
     module.classifier.fit(train)
 
     run_folder.claim(out, config.plain())
     metrics = MetricsFile(out / run_folder.METRICS)
     start = time.monotonic()
+    if module.frozen:
+        data.encode(module.classifier.trunk)
     with storage_errors(out):
         fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console())])
     seconds = time.monotonic() - start
@@ -113,50 +110,17 @@ def _load(path: str, window: int, view: View) -> CenteringSamples:
     return load_centering(path, window, view)
 
 
-@contextmanager
-def storage_errors(out: Path) -> Iterator[None]:
-    """Turn the disk's refusals into one line that names the folder.
-
-    Raises:
-        StorageError: Instead of an OSError, such as a full disk.
-    """
-    try:
-        yield
-    except OSError as error:
-        raise StorageError(f"{out}: {error.strerror or error}; what was written before is kept") from error
-
-
 def fit(
     module: CenteringModule, data: CenteringData, config: TrainingConfig, out: Path, callbacks: list[pl.Callback]
 ) -> None:
-    """Run Lightning's loop with the paper's stopping rule, without its advertisements.
+    """Train with the paper's stopping rule.
 
     Raises:
-        KeyboardInterrupt: If the user stopped it (Lightning itself would end the process with code 1).
+        KeyboardInterrupt: If the user stopped it.
     """
-    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
     stop = [EarlyStopping(monitor="test_accuracy", mode="max", patience=config.patience)] if config.patience else []
-    name = Path(run_folder.CHECKPOINT).stem
-    keep = ModelCheckpoint(dirpath=out, filename=name, enable_version_counter=False)
-    trainer = pl.Trainer(
-        max_epochs=config.epochs,
-        accelerator="auto",
-        devices=1,
-        callbacks=[*callbacks, *stop, keep],
-        logger=False,
-        enable_progress_bar=False,
-        enable_model_summary=False,
-        num_sanity_val_steps=0,
-        check_val_every_n_epoch=1 if config.patience or config.epochs < TEST_EVERY else TEST_EVERY,
-        default_root_dir=out,
-    )
-    interrupt = signal.getsignal(signal.SIGINT)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="lightning")
-            trainer.fit(module, data)
-    except SystemExit:
-        if trainer.state.status == TrainerStatus.INTERRUPTED:
-            signal.signal(signal.SIGINT, interrupt)  # Lightning has switched Ctrl-C off for good
-            raise KeyboardInterrupt from None
-        raise
+    every = 1 if config.patience or config.epochs < TEST_EVERY else TEST_EVERY
+    run(
+        module, data, out, [*callbacks, *stop], each_epoch=False,
+        max_epochs=config.epochs, check_val_every_n_epoch=every,
+    )  # fmt: skip

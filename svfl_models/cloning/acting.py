@@ -16,9 +16,9 @@ from svfl_models.cloning.module import CloningModule
 from svfl_models.cloning.workplace import Workplace
 from svfl_models.data import centre_crop, crop_side, scaled
 from svfl_models.export import TOLERANCE, plain
+from svfl_models.fitting import storage_errors
 from svfl_models.policy import Policy
 from svfl_models.squashed_gaussian import to_unit
-from svfl_models.train import storage_errors
 
 TRIALS = 8
 """Random inputs that an exported file is tried with."""

@@ -51,7 +51,7 @@ class Demonstrations(TorchDataset[Batch]):
     ) -> None:
         self.sees = "v" in config.encoder
         cameras = [workplace.camera] if self.sees else []
-        self.samples = Samples(dataset, episodes, cameras=cameras, cache=True)
+        self.samples = Samples(dataset, episodes, cameras=cameras, intended=True, cache=True)
         self.workplace, self.config, self.random = workplace, config, random
         self.axes = np.array(workplace.image_axes)
         self.side = crop_side(workplace.image_side, config.image_size) if self.sees else 0

@@ -17,8 +17,8 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from svfl_data.atomically import write_atomically
 from svfl_data.errors import TrainingError
-from svfl_data.store import write_atomically
 from svfl_models.cloning.acting import acting
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.workplace import Workplace
@@ -55,11 +55,8 @@ class Evaluation:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Of the rate, 95 % (E. B. Wilson, JASA 22, 1927, p. 209)."""
-        trials = len(self.success)
-        share = QUANTILE**2 / trials
-        centre, reach = self.rate + share / 2, math.sqrt(share * (self.rate * (1 - self.rate) + share / 4))
-        return max(0.0, (centre - reach) / (1 + share)), min(1.0, (centre + reach) / (1 + share))
+        """Of the rate, 95 %."""
+        return wilson(sum(self.success), len(self.success))
 
     @property
     def median_steps(self) -> float | None:
@@ -83,6 +80,13 @@ class Evaluation:
         """
         derived = {"rate": self.rate, "interval": self.interval, "median_steps": self.median_steps}
         write_atomically(file, (json.dumps(asdict(self) | derived, indent=2) + "\n").encode())
+
+
+def wilson(successes: int, trials: int) -> tuple[float, float]:
+    """Interval of 95 % of a rate of success (E. B. Wilson, JASA 22, 1927, p. 209)."""
+    rate, share = successes / trials, QUANTILE**2 / trials
+    centre, reach = rate + share / 2, math.sqrt(share * (rate * (1 - rate) + share / 4))
+    return max(0.0, (centre - reach) / (1 + share)), min(1.0, (centre + reach) / (1 + share))
 
 
 def environment_of(task: str) -> str:

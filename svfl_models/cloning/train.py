@@ -1,17 +1,12 @@
 """Train a policy on demonstrations: load, split, fit; an interrupted training goes on where it was."""
 
 import json
-import logging
 import math
-import signal
-import warnings
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import lightning.pytorch as pl
 import torch
-from lightning.pytorch.callbacks import ModelCheckpoint
-from lightning.pytorch.trainer.states import TrainerStatus
 from rich.console import Console
 
 from svfl_models import run_folder
@@ -21,7 +16,8 @@ from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.data import CloningData
 from svfl_models.cloning.metrics import CloningProgress, MetricsFile
 from svfl_models.cloning.module import CloningModule
-from svfl_models.train import THREADS, storage_errors
+from svfl_models.fitting import run, storage_errors
+from svfl_models.train import THREADS
 
 
 @dataclass(frozen=True)
@@ -90,7 +86,8 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
         run_folder.claim(out, config.plain())
     metrics = MetricsFile(out / run_folder.METRICS)
     with storage_errors(out):
-        _fit(module, data, config, out, [metrics, CloningProgress(config.epochs, console or Console())], resumed)
+        watching = [metrics, CloningProgress(config.epochs, console or Console())]
+        run(module, data, out, watching, resumed, max_epochs=config.epochs)
         last = metrics.rows[-1]
         result = Result(
             **{name: last[name] for name in Result.__annotations__ if name in last and name != "seconds"},
@@ -117,42 +114,3 @@ def _interrupted(config: CloningConfig, out: Path) -> Path | None:
     if same:
         load_policy(checkpoint)  # a damaged one is said before the training starts
     return checkpoint if same else None
-
-
-def _fit(
-    module: CloningModule,
-    data: CloningData,
-    config: CloningConfig,
-    out: Path,
-    callbacks: list[pl.Callback],
-    resumed: Path | None,
-) -> None:
-    """Run Lightning's loop, without its advertisements.
-
-    Raises:
-        KeyboardInterrupt: If the user stopped it (Lightning itself would end the process with code 1).
-    """
-    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
-    name = Path(run_folder.CHECKPOINT).stem
-    keep = ModelCheckpoint(dirpath=out, filename=name, enable_version_counter=False, save_on_train_epoch_end=True)
-    trainer = pl.Trainer(
-        max_epochs=config.epochs,
-        accelerator="auto",
-        devices=1,
-        callbacks=[*callbacks, keep],
-        logger=False,
-        enable_progress_bar=False,
-        enable_model_summary=False,
-        num_sanity_val_steps=0,
-        default_root_dir=out,
-    )
-    interrupt = signal.getsignal(signal.SIGINT)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="lightning")
-            trainer.fit(module, data, ckpt_path=resumed, weights_only=True if resumed else None)
-    except SystemExit:
-        if trainer.state.status == TrainerStatus.INTERRUPTED:
-            signal.signal(signal.SIGINT, interrupt)  # Lightning has switched Ctrl-C off for good
-            raise KeyboardInterrupt from None
-        raise

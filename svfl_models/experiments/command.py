@@ -13,12 +13,14 @@ from typing import Protocol, cast
 from rich.console import Console
 
 from svfl_data.errors import DatasetError, TrainingError
-from svfl_models.config import TrainingConfig
+from svfl_models.config import Latent, TrainingConfig
 from svfl_models.experiments import page
 from svfl_models.experiments.folder import RUNS, claimed, describe
 from svfl_models.experiments.grid import Grid, run_name
 from svfl_models.experiments.results import Results
-from svfl_models.train import storage_errors
+from svfl_models.experiments.reuse import take_from
+from svfl_models.fitting import storage_errors
+from svfl_models.pretrained import describe as describe_latent
 
 RECIPE = ("test_samples", "preset", "epochs", "patience", "learning_rate", "augment")
 """Options that become part of every run's configuration."""
@@ -32,8 +34,8 @@ class Experiment(Protocol):
 
     TITLE: str
 
-    def cells(self, base: TrainingConfig, train_samples: Sequence[int]) -> list[TrainingConfig]:
-        """The configurations, all with seed 0."""
+    def cells(self, base: TrainingConfig, train_samples: Sequence[int], **given: object) -> list[TrainingConfig]:
+        """The configurations, all with seed 0; `given` is what only this experiment asks for."""
 
     def body(self, results: Results) -> str:
         """The page between title and recipe, in Markdown."""
@@ -61,12 +63,15 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
     base = TrainingConfig(str(arguments.data), **{option: getattr(arguments, option) for option in RECIPE})
     runs = {
         run_name(config, base): config
-        for cell in experiment.cells(base, samples)
+        for cell in experiment.cells(base, samples, **_given(arguments))
         for config in (replace(cell, seed=seed) for seed in range(arguments.seeds))
     }
     about = describe(f"centering-{name}", base, arguments.fresh)
     _check_enough(about["data"]["episodes"], max(samples), base)
     with claimed(out, about):
+        if arguments.also:
+            with storage_errors(out):
+                take_from(arguments.also, about, out, runs)
         grid = Grid(out, runs, arguments.fresh)
         try:
             grid.run(arguments.workers or usable_cores(), Console(stderr=True))
@@ -103,6 +108,8 @@ def command_line(arguments: argparse.Namespace, samples: Sequence[int], usual_sa
     words = ["svfl-train", f"centering-{arguments.experiment}", "--data", str(arguments.data)]
     usual = TrainingConfig("")
     words += ["--fresh", str(arguments.fresh)] if arguments.fresh else []
+    if "latents" in arguments:
+        words += ["--latents", *map(str, arguments.latents)]
     words += ["--seeds", str(arguments.seeds)]
     if list(samples) != list(usual_samples):
         words += ["--train-samples", *map(str, samples)]
@@ -117,6 +124,18 @@ def command_line(arguments: argparse.Namespace, samples: Sequence[int], usual_sa
 def usable_cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0))
+
+
+def _given(arguments: argparse.Namespace) -> dict[str, object]:
+    """What an experiment asks for besides the recipe: pretrained encoders, or nothing.
+
+    Raises:
+        FormatError: If a checkpoint is none of a latent pretraining.
+    """
+    if "latents" not in arguments:
+        return {}
+    latents = [describe_latent(path, Latent.use) for path in arguments.latents]
+    return {"latents": list({latent.sha256: latent for latent in latents}.values())}
 
 
 def _check_enough(episodes: int, train: int, base: TrainingConfig) -> None:

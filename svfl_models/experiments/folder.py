@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from svfl_data.atomically import write_atomically
 from svfl_data.dataset import Dataset
 from svfl_data.errors import StorageError, TrainingError
 from svfl_data.statistics import fingerprint
-from svfl_data.store import write_atomically
 from svfl_models import run_folder
 from svfl_models.config import TrainingConfig
 

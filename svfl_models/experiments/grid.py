@@ -21,6 +21,8 @@ LOG = "workers.log"
 
 def run_name(config: TrainingConfig, base: TrainingConfig) -> str:
     """Name of a run within its experiment, for people and for its folder: what it deviates in, and the seed."""
+    if config.latent:  # its name tells the rest
+        return f"{config.latent}_{config.train_samples}_seed{config.seed}"
     usual = ("encoder", "group", "train_samples", "seed")
     others = [name for name, value in config.plain().items() if name not in usual and value != getattr(base, name)]
     special = [f"{name}-{getattr(config, name)}" for name in others]

@@ -42,7 +42,8 @@ def how(command: str, results: Results, about: dict[str, Any], seeds: int) -> st
         about: See `folder.describe`.
         seeds: How many.
     """
-    recipe = {name: value for name, value in about["recipe"].items() if name not in (*VARIED, "seed", "data")}
+    varied = [name for name in about["recipe"] if len(results.values(name)) > 1]
+    recipe = {name: value for name, value in about["recipe"].items() if name not in (*VARIED, *varied, "seed", "data")}
     data, fresh = about["data"], about["fresh"]
     stops = " (only the end of a training depends on them)" if recipe["patience"] else ""
     others = [f"- fresh: all {fresh['episodes']:,} samples of `{fresh['path']}`."] if fresh else []

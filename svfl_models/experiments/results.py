@@ -13,7 +13,6 @@ from svfl_models.experiments.folder import finished
 NOTHING = "-"
 VARIED = ("encoder", "group", "train_samples", "torque", "view", "image_size", "augment", "rotate", "noise")
 """What an experiment may vary; the rest of a configuration is the recipe."""
-SETTINGS = (*VARIED, "preset")
 RESULTS = ("test_accuracy", "best_test_accuracy", "fresh_accuracy", "epochs", "seconds", "parameters")
 
 
@@ -149,26 +148,31 @@ class Results:
         """One row per run, as CSV; accuracies 0..1; empty where a run has not finished."""
         with path.open("w", newline="") as file:
             rows = csv.writer(file)
-            rows.writerow(["run", *SETTINGS, "seed", *RESULTS])
+            rows.writerow(["run", *self._columns(), "seed", *RESULTS])
             for run in self.runs:
                 numbers = [run.result.get(name, "") for name in RESULTS] if run.result else [""] * len(RESULTS)
-                rows.writerow([run.name, *_settings(run.config), run.config.seed, *numbers])
+                rows.writerow([run.name, *self._settings(run.config), run.config.seed, *numbers])
 
     def write_summary(self, path: Path) -> None:
         """One row per cell, as CSV; accuracies in per cent, mean and standard error over the seeds."""
         with path.open("w", newline="") as file:
             rows = csv.writer(file)
             names = ("test", "test_error", "fresh", "fresh_error", "seconds", "parameters")
-            rows.writerow([*SETTINGS, "seeds", *names])
+            rows.writerow([*self._columns(), "seeds", *names])
             for cell in self.cells:
                 numbers = [*_pair(cell.test), *_pair(cell.fresh), _pair(cell.seconds)[0]]
                 parameters = cell.mean("parameters")
                 seeds = cell.test.count if cell.test else 0
-                rows.writerow([*_settings(cell.config), seeds, *numbers, round(parameters.mean) if parameters else ""])
+                rows.writerow(
+                    [*self._settings(cell.config), seeds, *numbers, round(parameters.mean) if parameters else ""]
+                )
 
+    def _columns(self) -> list[str]:
+        latent = ["latent"] if any(run.config.latent for run in self.runs) else []
+        return [*VARIED, "preset", *latent]
 
-def _settings(config: TrainingConfig) -> list[object]:
-    return [getattr(config, name) for name in SETTINGS]
+    def _settings(self, config: TrainingConfig) -> list[object]:
+        return [getattr(config, name) or "" if name == "latent" else getattr(config, name) for name in self._columns()]
 
 
 def _pair(mean: Mean | None) -> tuple[str, str]:

@@ -1,14 +1,10 @@
-"""Opening a pretrained latent model, with one clear line about what is wrong with a file that is none."""
+"""Opening a pretrained latent model."""
 
-import pickle
 from pathlib import Path
 from typing import Any
-from zipfile import is_zipfile
 
-import torch
-
-from svfl_data.errors import FormatError, SvflError
 from svfl_models.latent.module import FORMAT, FORMAT_VERSION, LatentModule
+from svfl_models.opening import read_marked, rebuilt
 
 
 def load_latent(path: Path | str) -> LatentModule:
@@ -26,14 +22,7 @@ def load_latent(path: Path | str) -> LatentModule:
             not fit its own description.
     """
     path = Path(path)
-    found = read_latent(path)
-    try:
-        module = LatentModule(**found["hyper_parameters"])
-        module.load_state_dict(found["state_dict"])
-    except (KeyError, TypeError, RuntimeError, SvflError) as error:
-        reason = " ".join(str(error).split())
-        raise FormatError(f"{path}: weights and description do not fit each other: {reason[:200]}") from error
-    return module.eval()
+    return rebuilt(LatentModule, read_latent(path), path)
 
 
 def read_latent(path: Path) -> dict[str, Any]:
@@ -42,24 +31,4 @@ def read_latent(path: Path) -> dict[str, Any]:
     Raises:
         FormatError: As `load_latent`.
     """
-    found = _read(path)
-    mark = found.get("svfl") if isinstance(found, dict) else None
-    if not isinstance(mark, dict) or mark.get("format") != FORMAT:
-        kind = mark.get("format", "nothing") if isinstance(mark, dict) else "no mark of svfl-train"
-        raise FormatError(f"{path}: not a checkpoint of latent pretraining (found {kind}, expected {FORMAT})")
-    if str(mark.get("format_version")).partition(".")[0] != FORMAT_VERSION.partition(".")[0]:
-        raise FormatError(
-            f"{path}: format version {mark.get('format_version')}; this release reads {FORMAT_VERSION}; train it again"
-        )
-    return found
-
-
-def _read(path: Path) -> Any:  # noqa: ANN401 - whatever the file holds
-    if not path.is_file():
-        raise FormatError(f"{path}: no such file")
-    if not is_zipfile(path):
-        raise FormatError(f"{path}: not a checkpoint (or one that is cut off)")
-    try:
-        return torch.load(path, map_location="cpu", weights_only=True)
-    except (RuntimeError, pickle.UnpicklingError, OSError, EOFError, KeyError) as error:
-        raise FormatError(f"{path}: not readable as a checkpoint: {' '.join(str(error).split())[:200]}") from error
+    return read_marked(path, FORMAT, FORMAT_VERSION, "checkpoint of latent pretraining")

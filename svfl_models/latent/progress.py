@@ -1,7 +1,6 @@
 """Callbacks that write down and show how a pretraining goes, leg by leg."""
 
 import csv
-import time
 from pathlib import Path
 
 import lightning.pytorch as pl
@@ -9,43 +8,25 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from svfl_models.latent.module import LatentModule, columns
+from svfl_models.progress import MetricsFile
 
 Row = dict[str, float]
 
 
-class LegsFile(pl.Callback):
+class LegsFile(MetricsFile):
     """One row per leg: means over its steps, and over the validation sequences after it.
 
     Args:
         path: CSV file to write.
         done: Steps that an earlier run has done; its rows up to there are kept, later ones are done again.
-
-    Attributes:
-        rows: The rows so far.
     """
 
     def __init__(self, path: Path, done: int = 0) -> None:
-        self.path = path
-        self.rows = [row for row in read_rows(path) if row["step"] <= done]
-        self.start = time.monotonic() - (self.rows[-1]["seconds"] if self.rows else 0.0)
+        super().__init__(path, columns(), (row for row in read_rows(path) if row["step"] <= done))
 
-    def on_fit_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Start the file."""
-        with self.path.open("w", newline="") as file:
-            csv.writer(file).writerow(columns())
-        for row in self.rows:
-            self._append(row)
-
-    def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Append a row."""
-        figures = {name: float(value) for name, value in trainer.callback_metrics.items()}
-        seconds = round(time.monotonic() - self.start, 1)
-        self.rows.append({"step": steps_of(pl_module), "seconds": seconds} | figures)
-        self._append(self.rows[-1])
-
-    def _append(self, row: Row) -> None:
-        with self.path.open("a", newline="") as file:
-            csv.writer(file).writerow([f"{row[name]:.6g}" if name in row else "" for name in columns()])
+    def place(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> Row:
+        """Where in the training a row belongs."""
+        return {"step": steps_of(pl_module)}
 
 
 def read_rows(path: Path) -> list[Row]:

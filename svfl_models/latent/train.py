@@ -1,21 +1,17 @@
 """Pretrain a latent model: load, split, fit, write down."""
 
 import json
-import logging
-import signal
-import warnings
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import lightning.pytorch as pl
-from lightning.pytorch.callbacks import ModelCheckpoint
-from lightning.pytorch.trainer.states import TrainerStatus
 from rich.console import Console
 from torch.utils.data import DataLoader
 
 from svfl_data.errors import StorageError, TrainingError
 from svfl_models import run_folder
+from svfl_models.fitting import run, storage_errors
 from svfl_models.latent.checkpoint import read_latent
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.data import Leg, Sequences, fit, sequences_of
@@ -76,10 +72,10 @@ def train_latent(config: LatentConfig, out: Path, resume: bool = False, console:
         _write(out / run_folder.CONFIG, config.plain())
     _announce(config, train, valid, console)
     metrics = LegsFile(out / run_folder.METRICS, module.steps)
-    try:
-        run(module, LatentData(train, valid, config, module), out, [metrics, StepsBar(config.steps, console)])
-    except OSError as error:
-        raise StorageError(f"{out}: {error.strerror or error}; what was written before is kept") from error
+    data, watching = LatentData(train, valid, config, module), [metrics, StepsBar(config.steps, console)]
+    left = config.steps - module.steps
+    with storage_errors(out):
+        run(module, data, out, watching, max_epochs=-1, max_steps=left, reload_dataloaders_every_n_epochs=1)
     result = LatentResult(
         steps=int(metrics.rows[-1]["step"]),
         seconds=metrics.rows[-1]["seconds"],
@@ -119,42 +115,6 @@ class LatentData(pl.LightningDataModule):
         size, count = self.config.batch_size, len(self.valid)
         batches = [list(range(start, min(start + size, count))) for start in range(0, count, size)]
         return DataLoader(self.valid, sampler=batches, batch_size=None)
-
-
-def run(module: LatentModule, data: LatentData, out: Path, callbacks: list[pl.Callback]) -> None:
-    """Run Lightning's loop leg by leg, without its advertisements.
-
-    Raises:
-        KeyboardInterrupt: If the user stopped it (Lightning itself would end the process with code 1).
-    """
-    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
-    keep = ModelCheckpoint(
-        dirpath=out, filename=Path(run_folder.CHECKPOINT).stem, enable_version_counter=False,
-        save_on_train_epoch_end=True,
-    )  # fmt: skip
-    trainer = pl.Trainer(
-        max_epochs=-1,
-        max_steps=data.config.steps - module.steps,
-        accelerator="auto",
-        devices=1,
-        callbacks=[*callbacks, keep],
-        logger=False,
-        enable_progress_bar=False,
-        enable_model_summary=False,
-        num_sanity_val_steps=0,
-        reload_dataloaders_every_n_epochs=1,
-        default_root_dir=out,
-    )
-    interrupt = signal.getsignal(signal.SIGINT)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="lightning")
-            trainer.fit(module, data)
-    except SystemExit:
-        if trainer.state.status == TrainerStatus.INTERRUPTED:
-            signal.signal(signal.SIGINT, interrupt)  # Lightning has switched Ctrl-C off for good
-            raise KeyboardInterrupt from None
-        raise
 
 
 def _expect_none(out: Path) -> None:

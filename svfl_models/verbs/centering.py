@@ -2,18 +2,25 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from svfl_data.centering import VIEWS
 from svfl_data.cli import Commands, natural, positive
 from svfl_data.errors import UsageError
-from svfl_models.config import ENCODERS, IMAGE_SIZES, MODELS, TARGETS, TORQUES, TrainingConfig
+from svfl_models.config import ENCODERS, IMAGE_SIZES, MODELS, TARGETS, TORQUES, USES, Latent, TrainingConfig
 from svfl_models.groups import GROUPS
-from svfl_models.verbs.options import DEFAULT, add_data, add_recipe
+from svfl_models.verbs.options import DEFAULT, add_data, add_recipe, positive_number
 
 EXAMPLE = """\
 svfl-train centering --data data/centering --encoder vf --model svfl --train-samples 100 --seed 0 --out out/centering
 svfl-train centering --data data/centering --encoder f --model cnn --train-samples 10
-svfl-train centering --data data/centering --encoder vf --group D8 --target offset"""
+svfl-train centering --data data/centering --encoder vf --group D8 --target offset
+svfl-train centering --data data/centering --latent out/latent_poe/checkpoint.ckpt --use frozen"""
+OF_OWN_ENCODERS = {
+    "encoder": None, "model": None, "group": None,
+    "preset": DEFAULT.preset, "torque": DEFAULT.torque, "image_size": DEFAULT.image_size,
+}  # fmt: skip
+"""Options that mean nothing where a latent encoder is used, and what they are if nobody asks."""
 
 
 def add(commands: Commands) -> None:
@@ -24,7 +31,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add_data(verb)
     add = verb.add_argument
-    add("--encoder", choices=ENCODERS, default=DEFAULT.encoder, help="image, force, or both (default: %(default)s)")
+    add("--encoder", choices=ENCODERS, help=f"image, force, or both (default: {DEFAULT.encoder})")
     add("--model", choices=MODELS, help="svfl: symmetric (default); cnn: its plain twin, the same as --group none")
     add("--group", choices=tuple(GROUPS), help=f"symmetry of the network (default: {DEFAULT.group})")
     add("--train-samples", type=positive, default=DEFAULT.train_samples, metavar="N", help="default: %(default)s")
@@ -33,6 +40,12 @@ def add(commands: Commands) -> None:
     add("--torque", choices=TORQUES, default=DEFAULT.torque, help="how a torque transforms (default: %(default)s)")
     add("--view", choices=VIEWS, default=DEFAULT.view, help="images as taken, or from above (default: %(default)s)")
     add("--image-size", type=int, choices=IMAGE_SIZES, default=DEFAULT.image_size, help="[px] (default: %(default)s)")
+    add("--latent", type=Path, metavar="CHECKPOINT", help="build on an encoder that svfl-train latent has pretrained")
+    add("--use", choices=USES,
+        help="what learns: the head alone (images keep their colours), the encoder too (tuned, default), or all of "
+        "it from random weights, for comparison")  # fmt: skip
+    add("--latent-rate", type=positive_number, default=Latent.learning_rate, metavar="R",
+        help="learning rate of the pretrained encoder (default: %(default)s)")  # fmt: skip
     add("--rotate", action="store_true", help="turn and mirror the training samples at random")
     add_recipe(verb)
     add("--out", type=Path, metavar="FOLDER", help="default: out/centering_ENCODER_GROUP_N_seedS")
@@ -41,12 +54,14 @@ def add(commands: Commands) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Train one network and print its result beside the paper's."""
-    options = vars(arguments) | {"data": str(arguments.data), "group": _group(arguments)}
+    options = vars(arguments) | {"data": str(arguments.data)} | _network(arguments)
     out, fresh = options.pop("out"), options.pop("fresh")
-    del options["command"], options["model"]
+    for name in ("command", "model", "use", "latent_rate"):
+        del options[name]
     config = TrainingConfig(**options)
     if out is None:
-        out = Path("out") / f"centering_{config.encoder}_{config.group}_{config.train_samples}_seed{config.seed}"
+        network = config.latent or f"{config.encoder}_{config.group}"
+        out = Path("out") / f"centering_{network}_{config.train_samples}_seed{config.seed}"
 
     from svfl_models import paper, report, run_folder, train  # torch, lightning and escnn take seconds to import
 
@@ -61,6 +76,27 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"data        {config.data}")
     print(f"checkpoint  {out / run_folder.CHECKPOINT}")
     print(f"report      {out / run_folder.REPORT}")
+
+
+def _network(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The settings of a configuration that say which network.
+
+    Raises:
+        UsageError: If options contradict each other.
+        FormatError: If there is no such pretraining.
+    """
+    if arguments.latent is None:
+        if arguments.use:
+            raise UsageError("--use says what to do with a pretrained encoder; name its checkpoint with --latent")
+        return {"encoder": arguments.encoder or DEFAULT.encoder, "group": _group(arguments)}
+    given = [name for name, usual in OF_OWN_ENCODERS.items() if getattr(arguments, name) != usual]
+    if given:
+        raise UsageError(f"--latent brings its own encoder; leave out --{given[0].replace('_', '-')}")
+
+    from svfl_models import pretrained  # torch takes seconds to import
+
+    latent = pretrained.describe(arguments.latent, arguments.use or Latent.use, arguments.latent_rate)
+    return pretrained.settings(latent, arguments.augment)
 
 
 def _group(arguments: argparse.Namespace) -> str:

@@ -4,9 +4,9 @@ import argparse
 from pathlib import Path
 
 from svfl_data.cli import Commands, natural, positive
+from svfl_models.run_folder import EVALUATION
 
 EXAMPLE = "svfl-train evaluate out/bc_picking/checkpoint.ckpt --episodes 100 --workers 2"
-EVALUATION = "evaluation.json"
 
 
 def add(commands: Commands) -> None:

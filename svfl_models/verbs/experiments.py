@@ -43,6 +43,11 @@ VERBS = {
         "axial and polar torque, augmentation, view from above, noise of the sensor", (10, 100),
         f"svfl-train centering-ablation {_DATA} --workers 2",
     ),
+    "latents": Verb(
+        "SVFL and CNN beside pretrained VTT, PoE and concat: frozen, fine-tuned and from scratch", (10, 25, 50, 100),
+        f"svfl-train centering-latents {_DATA} --latents out/latent_poe/checkpoint.ckpt out/latent_vtt/checkpoint.ckpt"
+        " --also out/centering_table",
+    ),
 }  # fmt: skip
 
 
@@ -56,12 +61,17 @@ def add(commands: Commands) -> None:
         )  # fmt: skip
         add_data(verb)
         add = verb.add_argument
+        if name == "latents":
+            add("--latents", type=Path, nargs="+", required=True, metavar="CHECKPOINT",
+                help="checkpoints of svfl-train latent: frozen, fine-tuned, and their kinds from scratch")  # fmt: skip
         add("--seeds", type=positive, default=3, metavar="N", help="0 to N-1 (default: %(default)s)")
         add("--train-samples", type=positive, nargs="+", metavar="N",
             help=f"sizes of the training set (default: {' '.join(map(str, one.train_samples))})")  # fmt: skip
         add("--workers", type=positive, metavar="N", help="trainings at a time (default: one per core)")
         add_recipe(verb)
         add("--out", type=Path, metavar="FOLDER", help=f"default: out/centering_{name}")
+        add("--also", type=Path, metavar="FOLDER",
+            help="take over what another experiment has trained with the same settings")  # fmt: skip
         add("--docs", type=Path, metavar="FOLDER", help="copy page, figures and summary there too")
         verb.set_defaults(command=functools.partial(run, one), experiment=name)
 

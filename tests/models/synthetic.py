@@ -20,6 +20,9 @@ def centering_samples(count: int, seed: int, size: int = 76, window: int = 64) -
     return CenteringSamples(
         image=np.stack([draw(tcp[i], yaw[i], tcp[i] + offset[i], size, rng) for i in range(count)]),
         wrench=np.stack([feel(axis[i], window, rng) for i in range(count)]),
+        proprio=np.concatenate(
+            [np.ones((count, 1)), tcp, np.full((count, 1), 0.05), yaw[:, None]], axis=1, dtype=np.float32
+        ),
         offset=offset.astype(np.float32),
         direction=nearest_direction(offset),
         episode=np.arange(count),

@@ -11,9 +11,11 @@ from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError, FieldError, TrainingError
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.windows import wrench_window
+from svfl_models.cloning.acting import ActingPolicy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.data import CloningData
 from svfl_models.cloning.workplace import workplace_of
+from svfl_models.policy import Policy
 from tests.builders import IMAGE_AXES
 from tests.models.demonstrations import demonstration, demonstrations, write
 
@@ -51,6 +53,26 @@ def test_a_batch_is_what_was_known_and_what_was_done_then(folder):
             row += 1
     assert row == len(part)
     assert {name: values.dtype for name, values in batch.items()} == dict.fromkeys(batch, torch.float32)
+
+
+def test_acting_sees_what_was_learned_from(folder):
+    """What collectors give, in base axes, becomes what the network learned from, and its actions come back."""
+    data = data_of(folder)
+    part, policy = data.valid_set, Policy("vfp", "none", "wide", 8).eval()
+    batch, row = part.__getitems__(list(range(len(part)))), 0
+    free = ActingPolicy(policy, replace(data.workplace, switch=False)).eval()
+    with torch.no_grad():
+        expected = act(IMAGE_AXES.T, policy(batch).mode.numpy(), ACTION_PARTS)
+        for index in part.samples.episodes:
+            episode = Dataset.open(folder).read(index)
+            for step in range(len(episode)):
+                color, depth = (episode.arrays[f"cameras/front/{name}"][step] for name in ("color", "depth"))
+                image = np.concatenate([color.transpose(2, 0, 1) / np.float32(255), depth[None] * np.float32(1e-4)])
+                seen = (image, wrench_window(episode, step)[0], episode.proprio[step])
+                (action,) = free(*(torch.from_numpy(values[None].astype(np.float32)) for values in seen))
+                np.testing.assert_allclose(action, expected[row], atol=1e-6)
+                row += 1
+    assert np.ptp(expected, axis=0).min() > 0
 
 
 def test_images_wait_as_they_were_recorded(folder):

@@ -20,17 +20,20 @@ from svfl_models.experiments.bar import Bar
 from svfl_models.experiments.grid import Grid
 from svfl_models.experiments.mistakes import Predictions
 from svfl_models.experiments.results import Cell, Mean, Results, Run
+from svfl_models.latent.config import MODELS
 from svfl_models.verbs.experiments import VERBS
 from tests.builders import make_episode
 from tests.models import pretend
+from tests.models.pretrained import write_latent
 
 PICTURES = {
     "table": ["table.png", "table_errors.png"],
     "acuity": ["acuity.png"],
     "groups": ["groups.png"],
     "ablation": ["ablation.png", "ablation_noise.png"],
+    "latents": ["latents.png"],
 }
-RUNS = {"table": 24 * 3, "acuity": 18 * 3, "groups": 36 * 3, "ablation": 54 * 3}
+RUNS = {"table": 24 * 3, "acuity": 18 * 3, "groups": 36 * 3, "ablation": 54 * 3, "latents": (2 + 3 * 3) * 4 * 3}
 
 
 def make_dataset(folder, seed, count=24):
@@ -57,6 +60,14 @@ def quick(monkeypatch):
 
     choose(pretend.train)
     return choose
+
+
+@pytest.fixture(scope="module")
+def latents(tmp_path_factory):
+    """Options that name a checkpoint of every kind of latent model, for the experiment that asks for them."""
+    folder = tmp_path_factory.mktemp("latents")
+    files = [write_latent(folder / f"{model}.ckpt", model) for model in MODELS]
+    return {"latents": ("--latents", *files)}
 
 
 def run(name, *options):
@@ -94,9 +105,10 @@ def test_a_real_table_from_start_to_end(datasets, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("name", VERBS)
-def test_every_experiment_makes_its_page(name, datasets, quick, monkeypatch, tmp_path, capsys):
+def test_every_experiment_makes_its_page(name, datasets, latents, quick, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(command, "_check_enough", lambda *arguments: None)
-    assert run(name, *datasets, "--out", tmp_path / "out", "--docs", tmp_path / "docs") == 0
+    more = latents.get(name, ())
+    assert run(name, *datasets, *more, "--out", tmp_path / "out", "--docs", tmp_path / "docs") == 0
     assert len(written(tmp_path / "out")) == RUNS[name]
     text = (tmp_path / "docs" / f"{name}.md").read_text()
     assert text in capsys.readouterr().out
@@ -104,7 +116,7 @@ def test_every_experiment_makes_its_page(name, datasets, quick, monkeypatch, tmp
     assert f"svfl-train centering-{name} --data" in text
     assert "fixed: 8 of the 24 samples" in text
     assert "fresh: all 24 samples" in text
-    assert "epochs 500" in text
+    assert "epochs 500" in text or "500 epochs" in text
     assert "Training time of all runs together:" in text
     for picture in PICTURES[name]:
         assert f"]({picture})" in text
@@ -163,14 +175,32 @@ def test_failed_runs_are_told_and_tried_again(datasets, quick, tmp_path, capsys)
 
 
 @pytest.mark.parametrize("name", VERBS)
-def test_a_page_of_failures_is_a_page_of_dashes(name, datasets, quick, tmp_path, capsys):
+def test_a_page_of_failures_is_a_page_of_dashes(name, datasets, latents, quick, tmp_path, capsys):
     quick(pretend.train_in_vain)
-    assert run(name, *datasets, "--seeds", 1, "--train-samples", 8, "--out", tmp_path / "out") == 1
+    assert (
+        run(name, *datasets, *latents.get(name, ()), "--seeds", 1, "--train-samples", 8, "--out", tmp_path / "out") == 1
+    )
     text = (tmp_path / "out" / f"{name}.md").read_text()
     assert "0 of them finished" in text
     assert "| - |" in text
     assert "nan" not in text
     assert "the same command tries them again" in capsys.readouterr().err
+
+
+def test_runs_of_another_experiment_are_taken_over(datasets, latents, quick, tmp_path, capsys):
+    few = (*datasets, "--seeds", 1, "--train-samples", 8)
+    assert run("table", *few, "--out", tmp_path / "table") == 0
+    quick(pretend.train_in_vain)
+    more = (*latents["latents"], "--also", tmp_path / "table")
+    assert run("latents", *few, *more, "--out", tmp_path / "out") == 1
+    assert set(written(tmp_path / "out")) == {"vf_D4_8_seed0", "vf_none_8_seed0"}
+    capsys.readouterr()
+    assert run("latents", *few, "--epochs", 7, *more, "--out", tmp_path / "others") == 1
+    assert written(tmp_path / "others") == {}
+    assert run("latents", *datasets[:2], *few[4:], *more, "--out", tmp_path / "unlike") == 1
+    assert "holds runs with another --fresh than this experiment" in capsys.readouterr().err
+    assert run("latents", *few, *latents["latents"], "--also", tmp_path, "--out", tmp_path / "none") == 1
+    assert "holds no experiment to take runs from" in capsys.readouterr().err
 
 
 def test_ctrl_c_keeps_finished_runs(datasets, quick, monkeypatch, tmp_path, capsys):

@@ -1,0 +1,155 @@
+"""Pretrained latent models beside symmetric and plain networks: what is pretraining worth with few labels?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from svfl_models.config import Latent, TrainingConfig
+from svfl_models.data import VIEWS
+from svfl_models.experiments.figures import MODEL_COLOURS, accuracy_label, best_known, few_ticks, line, panels, save
+from svfl_models.experiments.page import MODELS, accuracy_words, heading, markdown, tests
+from svfl_models.experiments.results import Cell, Results
+from svfl_models.pretrained import settings
+from svfl_models.report import NAMES, latent_name, pretraining
+
+TITLE = "Block centering: pretrained latent models"
+SHARE_OF_EPOCHS = {"frozen": 1.0, "tuned": 0.3, "scratch": 0.3}
+"""How a latent encoder is used -> epochs, as a share of the other networks'."""
+STYLES = {"frozen": ("^:", "#cc79a7"), "tuned": ("o-", "#009e73"), "scratch": ("x--", "#555555")}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One network.
+
+    Attributes:
+        name: For the table.
+        latent: What it builds on, if anything.
+        cells: By training samples.
+    """
+
+    name: str
+    latent: Latent | None
+    cells: list[Cell]
+
+
+def cells(base: TrainingConfig, train_samples: Sequence[int], latents: Sequence[Latent] = ()) -> list[TrainingConfig]:
+    """The configurations, all with seed 0.
+
+    Args:
+        base: Recipe.
+        train_samples: Sizes of the training set.
+        latents: Pretrained encoders; the control without pretraining has the architecture of the first of each kind.
+    """
+    networks = [replace(base, group=group) for group in MODELS.values()]
+    for place, latent in enumerate(latents):
+        known = latent.model in [other.model for other in latents[:place]]
+        for use, share in SHARE_OF_EPOCHS.items():
+            if use != "scratch" or not known:
+                epochs = max(1, round(share * base.epochs))
+                networks.append(replace(base, epochs=epochs, **settings(replace(latent, use=use), base.augment)))
+    return [replace(network, train_samples=count) for network in networks for count in train_samples]
+
+
+def table_rows(results: Results) -> list[Row]:
+    """The networks, in the order of the runs."""
+    checkpoints = {(latent.model, latent.sha256) for latent in _latents(results)}
+    models = [model for model, _ in checkpoints]
+    found = []
+    for latent in results.values("latent"):
+        for group in MODELS.values():
+            same = results.find(latent=latent, group=group)
+            if same:
+                name = latent_name(latent) if latent else heading(same[0].config)
+                several = latent and latent.use != "scratch" and models.count(latent.model) > 1
+                found.append(Row(f"{name} ({latent.sha256[:6]})" if several else name, latent, same))
+    return found
+
+
+def body(results: Results) -> str:
+    """The table, and where the latents come from."""
+    counts = results.values("train_samples")
+    lines = []
+    for row in table_rows(results):
+        last = row.cells[-1]
+        parameters = last.mean("parameters")
+        cost = [f"{parameters.mean:,.0f}" if parameters else "-", f"{last.seconds.mean:.0f}" if last.seconds else "-"]
+        for test in tests(results):
+            named = test == tests(results)[0]
+            words = [accuracy_words(cell, test) for cell in row.cells]
+            lines.append([row.name if named else "", test, *words, *(cost if named else ["", ""])])
+    header = ["network", "test", *(f"{count} samples" for count in counts), "learned", f"time, s ({counts[-1]})"]
+    first = results.cells[0].config
+    rate = max(latent.learning_rate for latent in _latents(results))
+    epochs = {latent.use: results.find(latent=latent)[0].config.epochs for latent in _latents(results)}
+    return f"""\
+Accuracy, %, by number of training samples. SVFL is symmetric under D4, CNN is its plain twin; both see image and wrench
+window and learn from nothing but the training samples. The latent encoders see image, wrench window and proprioception
+(the hand's pose and opening) and make one vector of them, from which a linear layer scores the four directions. It
+reads each number in units of its deviation over the training samples.
+
+- frozen: the encoder stays as its pretraining left it, and only the linear layer learns. {VIEWS} crops of every sample
+  are encoded once; they are not recoloured, since the encoder has not learned that colours mean nothing.
+- fine-tuned: the encoder learns too, at a rate of {rate:g}; the linear layer at {first.learning_rate:g}.
+- from scratch: likewise with random weights, everything else being equal: what is left without pretraining.
+
+{markdown(header, lines)}
+
+Learned: numbers that the training may change. Time: of a training with {counts[-1]} samples, one thread; it depends on
+the machine and on what else it does.
+
+![accuracy against training samples](latents.png)
+
+## Pretraining
+
+{markdown(["encoder", "pretrained on", "checkpoint", "SHA-256"], _sources(results))}
+
+Pretraining on another task is pretraining in another world, and nothing here hides it. Experts that pick a block up
+reach for it with an open hand and close it: they feel a few newtons. Centering presses a finger of the open hand onto a
+block that is out of place, feels several times as much, and asks where the block's centre is, which no term of the
+pretraining did. The latents' inputs keep the scales of the pretraining; SVFL and CNN take theirs from the very samples
+that they learn from.
+
+SVFL and CNN were trained for {first.epochs} epochs, the latents for
+{", ".join(f"{count} ({NAMES[use]})" for use, count in epochs.items())}: fewer where every step goes through a whole
+encoder, which costs up to fifty times as much as a step of its head.
+"""
+
+
+def draw(results: Results, folder: Path) -> list[Path]:
+    """The figure: a panel for each kind of encoder, with SVFL and CNN in all of them."""
+    counts = results.values("train_samples")
+    found = table_rows(results)
+    kinds = list(dict.fromkeys(latent.model for latent in _latents(results)))
+    figure, axes = panels(1, len(kinds), 4.2)
+    for panel, kind in zip(axes, kinds, strict=True):
+        for row in (row for row in found if row.latent is None or row.latent.model == kind):
+            means = [best_known(cell, results) for cell in row.cells]
+            if row.latent:
+                shape, colour = STYLES[row.latent.use]
+                line(panel, counts, means, fmt=shape, color=colour, label=NAMES[row.latent.use], markersize=5)
+            else:
+                model = row.cells[0].config.model
+                line(panel, counts, means, fmt="s-", color=MODEL_COLOURS[model], label=row.name, markersize=4)
+        panel.axhline(25, color="grey", linewidth=0.8, linestyle=":")
+        panel.set(title=NAMES[kind], xlabel="training samples", xscale="log", ylim=(20, 102))
+        few_ticks(panel, counts)
+    axes[0].set_ylabel(accuracy_label(results))
+    axes[0].text(counts[-1], 26, "chance", color="grey", ha="right", fontsize=8)
+    named = dict(zip(*reversed(axes[0].get_legend_handles_labels()), strict=True))
+    if named:
+        figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=len(named))
+    return [save(figure, folder / "latents.png")]
+
+
+def _latents(results: Results) -> list[Latent]:
+    return [latent for latent in results.values("latent") if latent]
+
+
+def _sources(results: Results) -> list[list[str]]:
+    """A row for each checkpoint."""
+    rows = {
+        latent.sha256: [NAMES[latent.model], pretraining(latent), f"`{latent.checkpoint}`", f"`{latent.sha256[:12]}`"]
+        for latent in _latents(results)
+    }
+    return list(rows.values())

@@ -1,0 +1,109 @@
+"""Which episodes a model is judged on, and from which linear maps may be fitted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from svfl_data.dataset import Dataset
+from svfl_data.errors import DatasetError, FormatError
+from svfl_models.latent.data import Sequences
+from svfl_models.latent.inputs import Batch
+from svfl_models.latent.module import LatentModule
+from svfl_models.latent.recordings import Recording, load_recordings
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Some episodes of a dataset.
+
+    Attributes:
+        dataset: Where they are from.
+        recordings: The episodes.
+    """
+
+    dataset: Dataset
+    recordings: list[Recording]
+
+    def __len__(self) -> int:
+        return len(self.recordings)
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """Episodes for an evaluation.
+
+    Attributes:
+        judged: Not learned from.
+        learned: Training episodes of the model: what linear maps are fitted on.
+        of: What the judged ones are, in words.
+    """
+
+    judged: Part
+    learned: Part
+    of: str
+
+
+def material(module: LatentModule, data: Path | None, episodes: int, seed: int) -> Material:
+    """The episodes for a checkpoint.
+
+    Of the dataset that the model was trained on, those of its split that it has not learned from are judged. `data`
+    names another dataset, all of which is judged; or the same one in another place: what has the same task, seed and
+    configuration, and what is given while the original is missing, is taken for the same one, and its training
+    episodes are not judged.
+
+    Args:
+        module: A model that `checkpoint.load_latent` has opened.
+        data: Dataset folder; by default where the checkpoint says.
+        episodes: Most episodes to judge.
+        seed: Of the draw, if there are more.
+
+    Raises:
+        FormatError: If a dataset is missing or damaged.
+        DatasetError: If it lacks the split's episodes, or cannot serve.
+    """
+    original = Path(module.hparams["training"]["data"])
+    if data is None and not original.exists():
+        raise FormatError(f"{original}: no such folder; the model was trained on it: --data says where it is now")
+    if data is None or not original.exists():
+        home, other = Dataset.open(data or original), None
+    else:
+        home, other = Dataset.open(original), Dataset.open(data)
+        if other.info == home.info:
+            home, other = other, None
+    split = module.hparams["split"]
+    held_out = "valid" if "valid" in split else "test"
+    missing = sorted({*split["train"], *split[held_out]} - set(home.indices))
+    if missing:
+        raise DatasetError(
+            f"{home.path}: the checkpoint's split names {len(missing)} episodes that it lacks, the first is "
+            f"{missing[0]}; it has {len(home)}. Name the dataset that the model was trained on with --data"
+        )
+    recordings = {one.index: one for one in _load(module, home)}
+    learned = Part(home, [recordings[index] for index in sorted(split["train"]) if index in recordings])
+    if other is None:
+        of = f"episodes of {home.path} that the model has not learned from"
+        chosen = [recordings[index] for index in sorted(split[held_out]) if index in recordings]
+        return Material(Part(home, some(chosen, episodes, seed)), learned, of)
+    of = f"episodes of {other.path}, another dataset than {home.path}, which the model was trained on"
+    return Material(Part(other, some(_load(module, other), episodes, seed)), learned, of)
+
+
+def some(recordings: Sequence[Recording], most: int, seed: int) -> list[Recording]:
+    """At most so many of them, drawn, in order."""
+    drawn = np.random.default_rng(seed).permutation(len(recordings))[:most]
+    return [recordings[place] for place in sorted(drawn)]
+
+
+def whole(recording: Recording) -> Batch:
+    """An episode of N steps as one sequence of N + 1 frames, shape (1, N + 1, ...), as `Sequences` describes it."""
+    return Sequences([recording], len(recording), random=False)[[0]]
+
+
+def _load(module: LatentModule, dataset: Dataset) -> list[Recording]:
+    training = module.hparams["training"]
+    found = [one for one in load_recordings(dataset, training["contact_n"], training["mixed"]) if len(one)]
+    if not found:
+        raise DatasetError(f"{dataset.path}: no episode has any step")
+    return found

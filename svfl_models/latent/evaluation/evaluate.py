@@ -1,0 +1,133 @@
+"""All questions to one model, in turn."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+
+from svfl_models.latent.checkpoint import load_latent, read_latent
+from svfl_models.latent.evaluation.alignment import alignment
+from svfl_models.latent.evaluation.attention import Attention, attention, looks, over_image
+from svfl_models.latent.evaluation.contact import detection
+from svfl_models.latent.evaluation.episodes import material, some, whole
+from svfl_models.latent.evaluation.experts import experts
+from svfl_models.latent.evaluation.following import next_hand
+from svfl_models.latent.evaluation.frames import Encoded, Followed, Frames, encode, encoded, follow, frames_of, spread
+from svfl_models.latent.evaluation.probing import Probing
+from svfl_models.latent.evaluation.reconstruction import mean_picture, pictures, reconstruction
+from svfl_models.latent.evaluation.results import Album, Evaluation
+from svfl_models.latent.evaluation.symmetry import symmetry
+from svfl_models.latent.network import LatentNetwork
+from svfl_models.latent.poe import PoEEncoder
+from svfl_models.latent.vtt import VTTEncoder
+
+LEARNED_EPISODES, LEARNED_FRAMES = 200, 1200
+"""What linear maps are fitted on: at most so many training episodes, drawn, and frames, evenly over all of those."""
+MISSING_EPISODES = 12
+"""Judged episodes that are followed again without some modalities, evenly over all."""
+LOOKED_AT = 250
+"""Judged frames whose attention is summed, evenly over all."""
+TURNED_LEARNED, TURNED_JUDGED = 500, 150
+"""Frames that are turned and flipped, evenly over all: each is encoded seven times more."""
+SHOWN = 6
+"""Frames of one episode in the pictures."""
+HEADS = {
+    "contact": "contact of the frame",
+    "next_contact": "contact of the next frame",
+    "mismatch": "alignment",
+    "next_proprio": "the next proprioception",
+}
+"""Terms of the loss, and what a model of weight 0 was not trained to say."""
+
+
+def evaluate(
+    checkpoint: Path, data: Path | None, episodes: int, seed: int, say: Callable[[str], None] = lambda stage: None
+) -> tuple[Evaluation, Album]:
+    """Judge a pretrained model on episodes that it has not learned from.
+
+    Args:
+        checkpoint: Written by ``svfl-train latent``.
+        data: Dataset folder; by default the one of the training (see `episodes.material`).
+        episodes: Most episodes to judge.
+        seed: Of all that is drawn.
+        say: Told what is being done.
+
+    Raises:
+        SvflError: If the checkpoint or the data cannot serve.
+    """
+    say("reading episodes")
+    module = load_latent(checkpoint)
+    network, encoder, given = module.network, module.network.encoder, material(module, data, episodes, seed)
+    trained = {name for name in HEADS if module.objective.weights.get(name, 0) > 0}
+    left_out = [f"{words}: the model was trained without it" for name, words in HEADS.items() if name not in trained]
+
+    say("following episodes")
+    followed = follow(network, given.judged.recordings)
+    frames, seen = frames_of([one.batch for one in followed]), encoded(followed)
+    some_learned = some(given.learned.recordings, LEARNED_EPISODES, seed)
+    learned = frames_of([whole(one) for one in some_learned], LEARNED_FRAMES)
+    next_contact = torch.cat([one.seen.next_contact[0] for one in followed]).sigmoid()
+    came = torch.cat([one.batch["next_contact"][0] for one in followed]) > 0
+    say("imagining pictures")
+    near = reconstruction(network, followed, mean_picture(learned))
+    say("showing foreign wrenches")
+    aligned = alignment(network, frames, seen, seed) if "mismatch" in trained else None
+    say("fitting probes")
+    probing = Probing(network, given, learned, frames)
+    if not probing.posed:
+        left_out.append("object pose: it was not recorded with every episode")
+    readings = probing.readings(seen)
+    say("taking modalities away")
+    again = [followed[place] for place in spread(len(followed), MISSING_EPISODES).tolist()]
+    remaining = probing.missing(again)
+    say("turning the world")
+    asymmetry = symmetry(
+        lambda observations: encode(network, observations), learned.spread(TURNED_LEARNED), frames.spread(TURNED_JUDGED)
+    )
+    say("listening to modalities")
+    found = Evaluation(
+        checkpoint=str(checkpoint),
+        model=module.hparams["training"]["model"],
+        steps=int(read_latent(checkpoint)["svfl"]["steps"]),
+        of=given.of,
+        episodes=len(followed),
+        frames=len(frames),
+        learned_frames=len(learned),
+        missing_episodes=len(again),
+        reconstruction=near,
+        contact=detection(seen.contact, frames.contact) if "contact" in trained else None,
+        next_contact=detection(next_contact, came) if "next_contact" in trained else None,
+        alignment=aligned,
+        next_hand=next_hand(network, followed) if "next_proprio" in trained else None,
+        probes=readings,
+        missing=remaining,
+        attention=_attention(encoder, seen, frames) if isinstance(encoder, VTTEncoder) else None,
+        experts=experts(encoder, seen.parts, frames.contact) if isinstance(encoder, PoEEncoder) else None,
+        symmetry=asymmetry,
+        left_out=left_out,
+    )
+    return found, _album(network, followed)
+
+
+def _attention(encoder: VTTEncoder, seen: Encoded, frames: Frames) -> Attention:
+    rows = spread(len(frames), LOOKED_AT)
+    parts = {name: part[rows] for name, part in seen.parts.items()}
+    return attention(looks(encoder, parts), parts, frames.contact[rows])
+
+
+def _album(network: LatentNetwork, followed: list[Followed]) -> Album:
+    """The first episode in which there is contact."""
+    one = next((one for one in followed if one.batch["contact"].any()), followed[0])
+    rows = spread(one.batch["step"].shape[1], SHOWN)
+    looked = None
+    if isinstance(network.encoder, VTTEncoder):
+        parts = {name: part[rows] for name, part in one.seen.parts.items()}
+        looked = over_image(looks(network.encoder, parts), parts["image"].shape[1])
+    return Album(
+        episode=int(one.batch["episode"][0]),
+        step=rows,
+        original=one.batch["image"][0, rows],
+        picture=pictures(network, one.seen.states.state[0, rows]),
+        contact=one.batch["contact"][0, rows] > 0,
+        looked=looked,
+    )

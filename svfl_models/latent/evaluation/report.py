@@ -1,0 +1,66 @@
+"""What an evaluation leaves: a page, the numbers, and pictures."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from svfl_data.errors import StorageError
+from svfl_models.latent.evaluation import figures
+from svfl_models.latent.evaluation.results import Album, Evaluation
+from svfl_models.latent.evaluation.tables import tables
+
+NUMBERS, PAGE = "evaluation.json", "report.md"
+
+
+def prepare(out: Path) -> None:
+    """Make a folder, before minutes are spent on what is to be written there.
+
+    Raises:
+        StorageError: If it cannot be made.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"{out}: {error.strerror or error}") from error
+
+
+def write(out: Path, found: Evaluation, album: Album) -> list[Path]:
+    """Write numbers, page and pictures into a folder that exists; what an earlier evaluation left there is replaced.
+
+    Returns:
+        The files, the page first.
+
+    Raises:
+        StorageError: If the folder cannot be written.
+    """
+    try:
+        pictures = figures.draw(out, found, album)
+        (out / NUMBERS).write_text(json.dumps(plain(found.plain()), indent=2, allow_nan=False) + "\n")
+        (out / PAGE).write_text(page(found, pictures))
+    except OSError as error:
+        raise StorageError(f"{out}: {error.strerror or error}") from error
+    return [out / PAGE, out / NUMBERS, *pictures]
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
+    """Values as JSON knows them: it has no infinity (the PSNR of equal pictures), which becomes null."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def page(found: Evaluation, pictures: list[Path]) -> str:
+    """The evaluation in Markdown."""
+    left_out = "".join(f"- Not judged: {line}.\n" for line in found.left_out)
+    shown = "\n".join(f"![{path.stem}]({path.name})" for path in pictures)
+    return f"""# What {found.model} is worth after {found.steps:,} steps
+
+- Checkpoint: `{found.checkpoint}`.
+- Judged: {found.episodes} {found.of}; {found.frames} frames, each episode followed from its first.
+{left_out}
+{shown}
+
+{chr(10).join(table.markdown() for table in tables(found))}"""

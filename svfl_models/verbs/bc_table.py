@@ -1,0 +1,76 @@
+"""``svfl-train bc-table``: SVFL and CNN cloned on several tasks, and how often they succeed."""
+
+import argparse
+import shlex
+import shutil
+from pathlib import Path
+
+from svfl_data.cli import Commands, positive
+from svfl_models.cloning.config import ENCODERS, CloningConfig
+from svfl_models.presets import PRESETS
+
+EXAMPLE = """\
+svfl-train bc-table --data data/shoved/block_picking data/shoved/block_pushing data/shoved/drawer_closing --workers 2
+svfl-train bc-table --data data/shoved/block_picking --episodes 10 25 50 --seeds 1 --trials 50 --out out/bc_curve"""
+DEFAULT = CloningConfig(data="")
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "bc-table", help="behaviour cloning on several tasks: SVFL against CNN, success and learning curves",
+        example=EXAMPLE,
+        description="Clone and try many policies. What has finished is kept; the same command goes on after Ctrl-C, "
+        "trainings after their last whole epoch.",
+    )  # fmt: skip
+    add = verb.add_argument
+    add("--data", type=Path, nargs="+", required=True, metavar="FOLDER", help="datasets of demonstrations")
+    add("--episodes", type=positive, nargs="+", default=[DEFAULT.episodes], metavar="N",
+        help="demonstrations to learn from (default: 50)")  # fmt: skip
+    add("--seeds", type=positive, default=3, metavar="N", help="0 to N-1 (default: %(default)s)")
+    add("--trials", type=positive, default=100, metavar="N", help="episodes to try each policy in (default: 100)")
+    add("--encoder", choices=ENCODERS, default=DEFAULT.encoder, help="default: %(default)s")
+    add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset, help="default: %(default)s")
+    add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N", help="default: %(default)s")
+    add("--workers", type=positive, default=1, metavar="N", help="policies at a time (default: %(default)s)")
+    add("--out", type=Path, default=Path("out/bc_table"), metavar="FOLDER", help="default: %(default)s")
+    add("--docs", type=Path, metavar="FOLDER", help="copy page, figures and figures of the runs there too")
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Do the table, or what is left of it, and print its page."""
+    from rich.console import Console
+
+    from svfl_models.cloning import table, table_page  # torch, lightning and escnn take seconds to import
+    from svfl_models.fitting import storage_errors
+
+    base = CloningConfig("", encoder=arguments.encoder, preset=arguments.preset, epochs=arguments.epochs)
+    episodes, data = sorted(set(arguments.episodes)), list(map(str, arguments.data))
+    runs = table.runs(base, data, episodes, arguments.seeds, arguments.out)
+    try:
+        table.complete(runs, arguments.trials, arguments.workers, Console(stderr=True))
+    finally:
+        with storage_errors(arguments.out):
+            arguments.out.mkdir(parents=True, exist_ok=True)
+            made = table_page.Table(runs, arguments.trials)
+            words, files = table_page.write(made, _command_line(arguments), arguments.out)
+    if arguments.docs:
+        with storage_errors(arguments.docs):
+            arguments.docs.mkdir(parents=True, exist_ok=True)
+            for file in files:
+                shutil.copyfile(file, arguments.docs / (file.name if file.name != "runs.csv" else "bc_table.csv"))
+    print(words)
+    print(*files, sep="\n")
+
+
+def _command_line(arguments: argparse.Namespace) -> str:
+    """The command that gives the same numbers."""
+    words = ["svfl-train", "bc-table", "--data", *map(str, arguments.data)]
+    if arguments.episodes != [DEFAULT.episodes]:
+        words += ["--episodes", *map(str, arguments.episodes)]
+    words += ["--seeds", str(arguments.seeds), "--trials", str(arguments.trials)]
+    for option in ("encoder", "preset", "epochs"):
+        if getattr(arguments, option) != getattr(DEFAULT, option):
+            words += [f"--{option}", str(getattr(arguments, option))]
+    return shlex.join(words)
