@@ -2,11 +2,11 @@
 
 import functools
 
-from collectors.verbs import centering, expert, policy, replay
+from collectors.verbs import calibrate, centering, expert, policy, replay, tags, teleop
 from svfl_data.cli import Parser, run
 
 PROGRAM = "svfl-collect"
-VERBS = (expert, centering, policy, replay)
+VERBS = (expert, centering, policy, replay, teleop, tags, calibrate)
 
 
 def main() -> int:

@@ -1,6 +1,8 @@
 """The one recording loop: whoever acts, whatever the robot, an episode is recorded here."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,25 @@ State = Mapping[str, np.ndarray]
 """True values that only a simulation knows, by name."""
 OBJECT = "object"
 """Name of the state that is the pose of the task's object, (7,): position [m], quat_xyzw, base axes."""
+Watch = Callable[[Rig, Observation, NDArray[np.float32] | None], None]
+"""Is told of every observation and the action that led to it, None at the first; what it does is not recorded."""
+
+
+def _nobody(rig: Rig, observation: Observation, action: NDArray[np.float32] | None) -> None:
+    """Watch nothing."""
+
+
+_watch: ContextVar[Watch] = ContextVar("watch", default=_nobody)
+
+
+@contextmanager
+def watching(watch: Watch) -> Iterator[None]:
+    """Have somebody watch what is recorded in this block, however deep inside."""
+    before = _watch.set(watch)
+    try:
+        yield
+    finally:
+        _watch.reset(before)
 
 
 def record(
@@ -32,7 +53,9 @@ def record(
     Returns:
         The arrays of the episode without labels, by dataset path.
     """
+    watch = _watch.get()
     observations = [rig.observe()]
+    watch(rig, observations[-1], None)
     states = [state()]
     actions: list[NDArray[np.float32]] = []
     while len(actions) < max_steps and (chosen := policy(observations[-1])) is not None:
@@ -40,6 +63,7 @@ def record(
         rig.step(actions[-1])
         observations.append(rig.observe())
         states.append(state())
+        watch(rig, observations[-1], actions[-1])
         if done():
             break
     t_ns = np.array([observation.t_ns for observation in observations], dtype=np.int64)

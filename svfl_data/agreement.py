@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from svfl_data.atomically import write_atomically
 from svfl_data.claims import inflight, locked
 from svfl_data.dataset import INFO, Dataset
 from svfl_data.errors import DatasetError
-from svfl_data.store import write_atomically
 
 KEY = "recording"
 

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from svfl_data import plot
+from svfl_data.atomically import write_atomically
 from svfl_data.checks import check_episode
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode
@@ -19,7 +20,6 @@ from svfl_data.fields import FIELDS
 from svfl_data.index import Summary, entries, summary
 from svfl_data.progress import progress
 from svfl_data.split import FOLDER as SPLITS
-from svfl_data.store import write_atomically
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.transforms import processed_wrench
 

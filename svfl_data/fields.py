@@ -73,6 +73,11 @@ FIELDS = (
         axes="base", components=("opening", "dx", "dy", "dz", "dtheta"), parts=ACTION_PARTS,
     ),
     Field(
+        "actions/intended", "intended", "float32", ("N", 5), "-, m, m, m, rad",
+        "What an expert meant when its hand was pushed off its way now and then; `action` is what was commanded.",
+        axes="base", components=("opening", "dx", "dy", "dz", "dtheta"), parts=ACTION_PARTS, optional=True,
+    ),
+    Field(
         "streams/wrench/t_ns", "wrench_t_ns", "int64", ("M",), "ns", "Time of each wrench reading, episode clock.",
     ),
     Field(
@@ -105,6 +110,30 @@ FIELDS = (
     Field(
         "streams/object/half_extents", "object_half", "float64", (3,), "m",
         "Half the edges of the task's object, a box.", axes="object", optional=True,
+    ),
+    Field(
+        "streams/tags/t_ns", "tags_t_ns", "int64", ("Q",), "ns",
+        "Time of each look of the tag cameras from the first sighting on, episode clock.", optional=True,
+    ),
+    Field(
+        "streams/tags/pose", "tags_pose", "float64", ("Q", 7), "m, -",
+        "Last pose of the task's object that its fiducial tags gave: position, then quat_xyzw.",
+        axes="base", about="base origin", components=("x", "y", "z", "qx", "qy", "qz", "qw"), optional=True,
+    ),
+    Field(
+        "streams/tags/age", "tags_age", "float64", ("Q",), "s",
+        "Time since the object was seen at `pose`; 0 where it was seen now, larger while it is hidden.", optional=True,
+    ),
+    Field(
+        "streams/tags/error", "tags_error", "float64", ("Q",), "px",
+        "Root mean square reprojection error of that sighting.", optional=True,
+    ),
+    Field(
+        "streams/tags/margin", "tags_margin", "float64", ("Q",), "grey levels",
+        "Smallest decision margin of its tags.", optional=True,
+    ),
+    Field(
+        "streams/tags/count", "tags_count", "int64", ("Q",), "-", "Number of tags that gave it.", optional=True,
     ),
     Field(
         "cameras/{camera}/t_ns", "t_ns", "int64", ("F",), "ns", "Time of each frame, episode clock.",

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from svfl_data.atomically import write_atomically
 from svfl_data.chunks import Extent
 from svfl_data.dataset import Dataset
 from svfl_data.episode import canonical_json
@@ -22,7 +23,6 @@ from svfl_data.fields import EXTRA
 from svfl_data.progress import progress
 from svfl_data.reader import EpisodeReader
 from svfl_data.shards import MEMBER, members, shard_files
-from svfl_data.store import write_atomically
 
 INDEX = "index.jsonl"
 

@@ -1,19 +1,17 @@
 """Packing thousands of episode files into a few large shards, and back; each episode stays the same to the byte."""
 
-import os
-import tempfile
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from svfl_data.atomically import write_atomically, written_aside
 from svfl_data.chunks import Extent
 from svfl_data.dataset import Dataset
-from svfl_data.errors import DatasetError, StorageError, UsageError
+from svfl_data.errors import DatasetError, UsageError
 from svfl_data.header import checked_seal
 from svfl_data.progress import progress
 from svfl_data.shards import shard_files
 from svfl_data.split import FOLDER as SPLITS
-from svfl_data.store import write_atomically
 
 SHARD_BYTES = 2**30
 """Large enough for disks and networks to run at full speed, small enough to be sent again after a failure."""
@@ -105,31 +103,11 @@ def _copy_of(dataset: Dataset, out: Path | str) -> Dataset:
 def _write_shard(file: Path, episodes: Sequence[tuple[int, Extent]]) -> None:
     """Write a shard so that it is either whole or absent."""
     size = sum(extent.size for _, extent in episodes)
-    aside = None
-    try:
-        descriptor, aside = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.", suffix=".part")
-        with os.fdopen(descriptor, "wb") as whole:
-            with zipfile.ZipFile(whole, "w", zipfile.ZIP_STORED) as archive:
-                for index, extent in episodes:
-                    info = zipfile.ZipInfo(Dataset.file_name(index), EARLIEST)
-                    info.external_attr = 0o644 << 16
-                    info.file_size = extent.size
-                    with archive.open(info, "w") as member:
-                        for block in extent.blocks():
-                            member.write(block)
-            whole.flush()
-            os.fsync(whole.fileno())
-        os.chmod(aside, 0o644)
-        os.replace(aside, file)
-        folder = os.open(file.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
-    except OSError as error:
-        raise StorageError(
-            f"cannot write {file} ({size} bytes): {error.strerror}; everything written before is intact"
-        ) from error
-    finally:
-        if aside and os.path.exists(aside):
-            os.unlink(aside)
+    with written_aside(file, size) as whole, zipfile.ZipFile(whole, "w", zipfile.ZIP_STORED) as archive:
+        for index, extent in episodes:
+            info = zipfile.ZipInfo(Dataset.file_name(index), EARLIEST)
+            info.external_attr = 0o644 << 16
+            info.file_size = extent.size
+            with archive.open(info, "w") as member:
+                for block in extent.blocks():
+                    member.write(block)

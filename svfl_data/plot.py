@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
+from svfl_data.atomically import write_atomically
 from svfl_data.episode import Camera, Episode
-from svfl_data.store import write_atomically
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.transforms import processed_wrench, recorded_transforms
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from svfl_data.atomically import write_atomically
 from svfl_data.claims import INFLIGHT, PART, build, claim, inflight, locked, publish, take_over
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Meta
@@ -21,7 +22,7 @@ from svfl_data.fields import CAMERA, FIELDS, camera_names, check_arrays
 from svfl_data.growth import grows
 from svfl_data.journal import SUFFIX, Journal, read_journal
 from svfl_data.seal import check_seal, has_seal
-from svfl_data.store import Rows, read_unsealed, resealed_bytes, write_atomically
+from svfl_data.store import Rows, read_unsealed, resealed_bytes
 
 DAMAGED = "damaged"
 READ_SECONDS = 60.0

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from svfl_data.atomically import write_atomically
 from svfl_data.dataset import Dataset
 from svfl_data.episode import canonical_json
 from svfl_data.errors import DatasetError, FormatError, StorageError, UsageError
-from svfl_data.store import write_atomically
 
 FOLDER = "splits"
 FORMAT = "svfl-split"
@@ -59,14 +59,18 @@ class Split:
             StorageError: If the disk refuses.
         """
         file = split_file(dataset, self.name)
-        if file.exists() and load_split(dataset, self.name).sha256 != self.sha256:
-            raise DatasetError(f"{file} holds another split; choose another name, or delete it first")
         try:
             file.parent.mkdir(exist_ok=True)
         except OSError as error:
             raise StorageError(f"cannot create {file.parent}: {error.strerror}") from error
         content = {"format": FORMAT, "format_version": FORMAT_VERSION, "sha256": self.sha256, **asdict(self)}
-        write_atomically(file, (canonical_json(content) + "\n").encode())
+        try:
+            write_atomically(file, (canonical_json(content) + "\n").encode(), replace=False)
+        except StorageError:
+            if not file.exists():
+                raise  # else it is stored already, perhaps by a process that was first by an instant
+            if load_split(dataset, self.name).sha256 != self.sha256:
+                raise DatasetError(f"{file} holds another split; choose another name, or delete it first") from None
         return file
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from svfl_data.atomically import write_atomically
 from svfl_data.dataset import Dataset
 from svfl_data.episode import canonical_json
 from svfl_data.errors import DatasetError, FormatError
@@ -23,7 +24,6 @@ from svfl_data.fields import field_at
 from svfl_data.progress import progress
 from svfl_data.reader import EpisodeReader
 from svfl_data.split import Split, split_file
-from svfl_data.store import write_atomically
 from svfl_data.symmetry import Part
 
 FORMAT = "svfl-statistics"

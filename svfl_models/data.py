@@ -121,11 +121,25 @@ def random_crop(image: Tensor, side: int, beyond: int = 0) -> Tensor:
         side: Height and width of the crops, [px].
         beyond: How far crops may reach beyond the edges, which are continued outwards, [px].
     """
-    height = image.shape[-1]
-    corner = torch.randint(-beyond, height - side + beyond + 1, (len(image), 2))
-    places = (corner[..., None] + torch.arange(side)).clamp(0, height - 1)  # (B, 2, side)
+    corner = torch.randint(-beyond, image.shape[-1] - side + beyond + 1, (len(image), 2))
+    return crop_at(image, corner, side)
+
+
+def crop_at(image: Tensor, corner: Tensor, side: int) -> Tensor:
+    """A part of each square image at a place of its own, which may reach beyond the edges: they are continued outwards.
+
+    Args:
+        image: Shape (B, C, H, H).
+        corner: Row and column of the first pixel, shape (B, 2), int64.
+        side: Height and width of the crops, [px].
+
+    Returns:
+        Shape (B, C, side, side).
+    """
+    places = corner[..., None] + torch.arange(side, device=image.device)
+    places = places.clamp(0, image.shape[-1] - 1)  # (B, 2, side)
     rows, columns = places[:, 0, :, None], places[:, 1, None]
-    sample = torch.arange(len(image))[:, None, None]
+    sample = torch.arange(image.shape[0], device=image.device)[:, None, None]
     return image.movedim(1, -1)[sample, rows, columns].movedim(-1, 1)  # (B, side, side, C) -> (B, C, side, side)
 
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from collectors.engines.worker import Collected, Deaths, Worker
+from svfl_data.atomically import write_atomically
 from svfl_data.errors import CollectError, SvflError
-from svfl_data.store import write_atomically
 
 
 @dataclass(frozen=True)

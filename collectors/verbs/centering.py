@@ -32,6 +32,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Collect and say what there is."""
     from collectors.centering import TASK, CenteringCollector, summary
     from collectors.dataset import collect_dataset
+    from collectors.live import watched
     from collectors.simulation.centering import CenteringConfig
     from svfl_data.dataset import Dataset
 
@@ -39,7 +40,7 @@ def run(arguments: argparse.Namespace) -> None:
     collector = CenteringCollector(arguments.seed, CenteringConfig(border_deg=arguments.border), world(arguments))
     dataset = Dataset.create_or_resume(arguments.out, TASK, arguments.seed, collector.config())
     start = time.perf_counter()
-    done = collect_dataset(dataset, arguments.samples, arguments.workers, collector, where)
+    done = collect_dataset(dataset, arguments.samples, arguments.workers, watched(arguments, collector), where)
     seconds = time.perf_counter() - start
     if done:
         rate = sum(finished.steps for finished in done) / seconds

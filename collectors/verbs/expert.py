@@ -19,6 +19,8 @@ def add(commands: Commands) -> None:
         example="svfl-collect expert --task block_picking --episodes 50 --workers 2 --seed 0 --out data/block_picking\n"
         "svfl-collect expert --task all --episodes 50 --workers 2 --out data/tasks   # a folder for each task\n"
         "svfl-collect expert --task block_picking --cameras front,top --image-size 128 --out data/two_views\n"
+        "svfl-collect expert --task block_picking --shoves 0.15 --out data/picking_shoved   # to clone a policy from\n"
+        "svfl-collect expert --task block_picking --out data/seen --rerun   # watch it, after starting: rerun\n"
         "svfl-collect expert --task block_picking --engine ray --address head:6379 --workers 64 --out data/large",
     )
     verb.add_argument(
@@ -33,6 +35,11 @@ def add(commands: Commands) -> None:
     verb.add_argument(
         "--noise", type=between(0, 2, "a number"), default=1.0, metavar="X",
         help="how much demonstrations differ, 0 to 2 (default 1)",
+    )  # fmt: skip
+    verb.add_argument(
+        "--shoves", type=between(0, 1, "a number"), default=0.0, metavar="P",
+        help="how likely the hand is to be pushed off its way at an action; policies that are cloned from such "
+        "demonstrations have seen the way back (default 0)",
     )  # fmt: skip
     verb.add_argument(
         "--keep-failures",
@@ -51,6 +58,7 @@ def run(arguments: argparse.Namespace) -> None:
     """
     from collectors.dataset import collect_dataset
     from collectors.expert import ExpertCollector, summary
+    from collectors.live import watched
     from collectors.progress import CollectionProgress
     from svfl_data.dataset import INFO, Dataset
     from svfl_data.errors import DatasetError
@@ -59,7 +67,9 @@ def run(arguments: argparse.Namespace) -> None:
         raise DatasetError(f"{arguments.out} holds a dataset; --task all needs a folder for one dataset of each task")
     tasks = {name: arguments.out / name for name in PAPER} if arguments.task == ALL else {arguments.task: arguments.out}
     where, config, workers = engine(arguments), world(arguments), arguments.workers
-    collectors = {name: ExpertCollector(arguments.seed, name, arguments.noise, config) for name in tasks}
+    collectors = {
+        name: ExpertCollector(arguments.seed, name, arguments.noise, arguments.shoves, config) for name in tasks
+    }
     datasets = {
         name: Dataset.create_or_resume(tasks[name], name, arguments.seed, collector.config())
         for name, collector in collectors.items()
@@ -67,6 +77,12 @@ def run(arguments: argparse.Namespace) -> None:
     with CollectionProgress() as progress:
         for name, collector in collectors.items():
             collect_dataset(
-                datasets[name], arguments.episodes, workers, collector, where, arguments.keep_failures, progress
+                datasets[name],
+                arguments.episodes,
+                workers,
+                watched(arguments, collector),
+                where,
+                arguments.keep_failures,
+                progress,
             )
     print(*map(summary, datasets.values()), sep="\n")

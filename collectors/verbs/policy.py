@@ -29,6 +29,7 @@ def add(commands: Commands) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Record and say how often it succeeded."""
     from collectors.dataset import collect_dataset
+    from collectors.live import watched
     from collectors.policy import PolicyCollector, summary
     from svfl_data.dataset import Dataset
 
@@ -36,5 +37,5 @@ def run(arguments: argparse.Namespace) -> None:
     collector = PolicyCollector(arguments.seed, arguments.task, arguments.checkpoint, world(arguments))
     _ = collector.policy  # what is wrong with it is said before a folder is begun
     dataset = Dataset.create_or_resume(arguments.out, arguments.task, arguments.seed, collector.config())
-    collect_dataset(dataset, arguments.episodes, arguments.workers, collector, where)
+    collect_dataset(dataset, arguments.episodes, arguments.workers, watched(arguments, collector), where)
     print(summary(dataset))

@@ -1,13 +1,14 @@
 """Prioritised replay of whole episodes, preloaded with demonstrations, for agents that go on collecting.
 
-Example, with any of the environments of `collectors.environment`::
+Example, with one of the environments of `collectors.environment`::
 
     buffer = ReplayBuffer.from_demos(Dataset.open("data/block_picking"), episodes=50)
     batch = buffer.sample(64)
     buffer.update_priorities(batch["index"], td_error)
 
+    env = Environment("block_picking")
     observation, _ = env.reset()
-    buffer.begin_episode(observation)
+    buffer.begin_episode(observation, layout=Layout.of_environment(env, "block_picking"))
     buffer.add(action, *env.step(action)[:4])
 """
 

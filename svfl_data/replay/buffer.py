@@ -1,5 +1,6 @@
 """The replay buffer: what an agent has lived through and was shown, drawn by how much there is to learn from it."""
 
+import operator
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -10,13 +11,14 @@ from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError, UsageError
 from svfl_data.frames import corners
 from svfl_data.replay import demos, saving
-from svfl_data.replay.batches import D4, Batch, images, turned, vectors
+from svfl_data.replay.batches import Batch, images, turned, vectors
 from svfl_data.replay.config import ReplayConfig
 from svfl_data.replay.growing import Growing, Observation
 from svfl_data.replay.layout import Layout
 from svfl_data.replay.priorities import Priorities
 from svfl_data.replay.recorded import ARRAYS, Recorded
 from svfl_data.replay.ring import Ring
+from svfl_data.replay.turns import Turns
 
 CAPACITY = 50_000
 """Transitions; with images of 76 x 76 pixels 1.5 GB when full."""
@@ -40,12 +42,13 @@ class ReplayBuffer:
     """
 
     def __init__(self, capacity: int, layout: Layout, config: ReplayConfig | None = None) -> None:
-        self.capacity, self.layout, self.config = capacity, layout, config or ReplayConfig()
+        self.capacity, self.layout, self.config = operator.index(capacity), layout, config or ReplayConfig()
         if capacity < 1:
             raise UsageError(f"capacity is {capacity}; it must be at least 1")
         if self.config.crop > min(layout.size):
             raise UsageError(f"crop is {self.config.crop} px; the images have {layout.size[0]} x {layout.size[1]} px")
-        self._ring, self._priorities = Ring(capacity), Priorities(capacity, self.config)
+        self._ring, self._priorities = Ring(self.capacity), Priorities(self.capacity, self.config)
+        self._turns = Turns(self.config.turns)
         self._rng = np.random.default_rng(self.config.seed)
         self._powers = self.config.gamma ** np.arange(self.config.n_step + 1)
         self._growing: Growing | None = None
@@ -71,9 +74,10 @@ class ReplayBuffer:
             camera: Whose images; may be left out if there is only one.
 
         Raises:
-            UsageError: If the demonstrations do not fit into the capacity, or crops not into the images.
+            UsageError: If the demonstrations do not fit into the capacity, crops not into the images, or an episode is
+                named twice.
             DatasetError: If there are too few episodes, or two that cannot be mixed: other task, image size, depth
-                scale, camera axes, workspace or bounds of actions.
+                scale, camera, workspace or bounds of actions.
             FieldError: If an episode lacks a field, or the camera.
             FormatError: If an episode is damaged.
         """
@@ -114,7 +118,7 @@ class ReplayBuffer:
         """Power of the importance weights now."""
         return self._priorities.beta
 
-    def begin_episode(self, observation: Observation, expert: bool = False) -> None:
+    def begin_episode(self, observation: Observation, expert: bool = False, layout: Layout | None = None) -> None:
         """Begin to add an episode.
 
         Args:
@@ -122,11 +126,15 @@ class ReplayBuffer:
                 ``image`` (4, H, W), RGB 0..1 and depth in [m]; ``wrench`` (T, 6), the last readings, tared; ``proprio``
                 (5,).
             expert: Whether it is a demonstration.
+            layout: What the observations show, as `Layout.of_environment` tells; None trusts that it is the buffer's.
 
         Raises:
+            DatasetError: If they are of another view, camera, task or bounds.
             UsageError: If the last episode has neither terminated nor been truncated.
             FieldError: If the observation does not fit.
         """
+        if layout is not None:
+            self.layout.require_equal(layout, "the replay buffer", "the environment")
         if self._growing is not None and len(self._growing):
             raise UsageError(
                 f"the last episode has not ended after {len(self._growing)} steps; its last step must be terminated or "
@@ -165,16 +173,17 @@ class ReplayBuffer:
         """Draw transitions by their priorities, with replacement.
 
         s' is the observation `n_step` steps after s, or the last of the episode. All vectors are in image-aligned axes,
-        positions relative to the workspace centre. One random crop serves s and s'.
+        positions relative to the workspace centre. One random crop, and one turn, serves all images of s and s'.
 
         Args:
             batch_size: How many, B.
 
         Returns:
-            ``image`` (B, 4, h, h), ``wrench`` (B, T, 6), ``proprio`` (B, 5): s; the same with ``next_``: s'; ``action``
-            (B, 5); ``reward`` (B,): discounted sum from s to s'; ``discount`` (B,): gamma^n, 0 where the task ended
-            at s' (not where the episode was truncated there); ``weight`` (B,): importance weights, the largest is 1;
-            all float32. ``index`` (B,) int64: number of each transition; ``expert`` (B,) bool.
+            ``image`` (B, 4, h, h), or (B, K, 4, h, h), latest last, with K > 1 ``frames``; ``wrench`` (B, T, 6),
+            ``proprio`` (B, 5): s; the same with ``next_``: s'; ``action`` (B, 5); ``reward`` (B,): discounted sum from
+            s to s'; ``discount`` (B,): gamma^n, 0 where the task ended at s' (not where the episode was truncated
+            there); ``weight`` (B,): importance weights, the largest is 1; all float32. ``index`` (B,) int64: number of
+            each transition; ``expert`` (B,) bool.
 
         Raises:
             UsageError: If `batch_size` is not positive.
@@ -193,12 +202,14 @@ class ReplayBuffer:
         pairs, at = episodes * 2, [*steps, *later]  # s of all samples, then s' of all
         crop, where = self.config.crop, self._rng.random((batch_size, 2))
         places = np.tile(corners(*self.layout.size, (crop, crop), where), (2, 1))
-        moves = self._rng.integers(len(D4) if self.config.rotate else 1, size=batch_size)
+        moves = self._rng.integers(len(self._turns) if self.config.rotate else 1, size=batch_size)
         both = vectors(pairs, at, self.config.window)
         acted = {"action": np.stack([episode.action[step] for episode, step in zip(episodes, steps, strict=True)])}
         if self.config.rotate:
-            both, acted = turned(both, np.tile(moves, 2)), turned(acted, moves)
-        both["image"] = images(pairs, at, places, np.tile(moves, 2), crop, self.layout.depth_scale)
+            both, acted = turned(both, self._turns, np.tile(moves, 2)), turned(acted, self._turns, moves)
+        scale, frames = self.layout.depth_scale, self.config.frames
+        stacks = images(pairs, at, places, self._turns, np.tile(moves, 2), crop, frames, scale)
+        both["image"] = stacks if frames > 1 else stacks[:, 0]
         now = {name: values[:batch_size] for name, values in both.items()}
         after = {f"next_{name}": values[batch_size:] for name, values in both.items()}
         return now | acted | after | {
@@ -252,15 +263,16 @@ class ReplayBuffer:
             FormatError: If the file is missing, foreign, damaged or of another version.
         """
         with saving.reading(Path(path)) as saved:
-            header = saved.header
-            buffer = cls(header["capacity"], Layout.of_json(header["layout"]), ReplayConfig(**header["config"]))
-            buffer._ring = Ring(buffer.capacity, header["first"])
+            header, layout = saved.header, Layout.of_json(saved.header["layout"])
+            buffer = cls(saved.count("capacity"), layout, ReplayConfig(**header["config"]))
+            buffer._ring = Ring(buffer.capacity, saved.count("first"))
             for number, one in enumerate(header["episodes"]):
                 arrays = {name: saved.array(f"{number}/{name}") for name in ARRAYS}
-                buffer._append(Recorded(**arrays, terminated=one["terminated"], expert=one["expert"]))
+                recorded = Recorded(**arrays, terminated=one["terminated"], expert=one["expert"])
+                recorded.require_fit(layout)
+                buffer._append(recorded)
             slots = np.arange(buffer._ring.first, buffer._ring.next) % buffer.capacity
-            buffer._priorities.tree[slots] = saved.array("priority")
-            buffer._priorities.drawn, buffer._priorities.largest = header["drawn"], header["largest"]
+            buffer._priorities.restore(slots, saved.array("priority"), saved.count("drawn"), header["largest"])
             buffer._rng.bit_generator.state = header["random"]
             return buffer
 

@@ -1,6 +1,8 @@
 """Demonstrations from episode files, as a replay buffer keeps them."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
+from numbers import Integral
 
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Camera, Episode
@@ -19,20 +21,22 @@ def choose(dataset: Dataset, episodes: int | Sequence[int], failures: bool) -> l
         failures: Whether to take those without success, too.
 
     Raises:
-        UsageError: If the number is not positive.
+        UsageError: If the number is not positive, or an episode is named twice.
         DatasetError: If there are too few.
         FormatError: If an episode is damaged.
     """
     kind = "episodes" if failures else "successful episodes"
-    counted = isinstance(episodes, int)
-    wanted = episodes if isinstance(episodes, int) else len(episodes)
+    counted = isinstance(episodes, Integral)  # NumPy's integers, too
+    named = [] if isinstance(episodes, int | Integral) else [int(index) for index in episodes]
+    wanted = int(episodes) if isinstance(episodes, int | Integral) else len(named)
     if wanted < 1:
         raise UsageError(f"asked for {wanted} episodes; at least 1 is needed")
-    found = dataset.indices
-    if not found:
+    candidates = dataset.indices if counted else named
+    if twice := [index for index, times in Counter(candidates).items() if times > 1]:
+        raise UsageError(f"episode {twice[0]} is named more than once; expert_bonus makes demonstrations count more")
+    if not dataset.indices:
         raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
     chosen: list[int] = []
-    candidates = found if isinstance(episodes, int) else episodes
     for index in candidates:
         if failures or dataset.episode(index).meta.success:
             chosen.append(index)

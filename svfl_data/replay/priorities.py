@@ -52,6 +52,24 @@ class Priorities:
             self.largest = max(self.largest, float(np.abs(errors).max()))
             self.tree[slots] = self._of(np.abs(errors), self.expert[slots])
 
+    def restore(self, slots: np.ndarray, priority: np.ndarray, drawn: int, largest: float) -> None:
+        """Go on where others were.
+
+        Args:
+            slots: Those that are taken, shape (S,).
+            priority: Their priorities, shape (S,).
+            drawn: As the attribute.
+            largest: As the attribute.
+
+        Raises:
+            ValueError: If priorities cannot have been these.
+        """
+        if priority.shape != slots.shape or not (np.isfinite(priority) & (priority >= 0)).all():
+            raise ValueError(f"{priority.shape} priorities of {len(slots)} transitions, or some below 0 or not finite")
+        if not 1 <= largest < np.inf:
+            raise ValueError(f"largest is {largest}")
+        self.tree[slots], self.drawn, self.largest = priority, drawn, float(largest)
+
     def draw(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Draw slots in proportion to their priorities, with replacement, one from each of `count` equal shares.
 

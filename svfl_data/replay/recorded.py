@@ -79,6 +79,24 @@ class Recorded:
     def __len__(self) -> int:
         return len(self.action)
 
+    def require_fit(self, layout: Layout) -> None:
+        """Refuse arrays that do not belong together, or not to a layout.
+
+        Raises:
+            ValueError: If one has another shape or type.
+        """
+        steps, readings = len(self.action), len(self.wrench)
+        expected = {
+            "color": ((steps + 1, 3, *layout.size), "u1"), "depth": ((steps + 1, *layout.size), "u2"),
+            "wrench": ((readings, 6), "f4"), "wrench_end": ((steps + 1,), "i8"), "proprio": ((steps + 1, 5), "f4"),
+            "action": ((steps, 5), "f4"), "reward": ((steps,), "f4"),
+        }  # fmt: skip
+        for name, array in self.arrays.items():
+            if (array.shape, array.dtype) != (expected[name][0], np.dtype(expected[name][1])):
+                raise ValueError(f"{name} is {array.dtype} {array.shape}, expected {expected[name]}")
+        if not steps or ((self.wrench_end < 0) | (self.wrench_end > readings)).any():
+            raise ValueError(f"{steps} steps, or readings beyond the {readings} that there are")
+
     @property
     def arrays(self) -> dict[str, np.ndarray]:
         """Its arrays, by name."""

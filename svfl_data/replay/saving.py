@@ -6,9 +6,7 @@ a CRC-32, which is checked before anything in it is believed. Equal buffers give
 
 import io
 import json
-import os
 import struct
-import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -17,19 +15,19 @@ from typing import Any
 
 import numpy as np
 
+from svfl_data.atomically import written_aside
 from svfl_data.episode import canonical_json
-from svfl_data.errors import FormatError, StorageError
-from svfl_data.store import sync_folder
+from svfl_data.errors import FormatError, UsageError
 
 FORMAT = "svfl-replay"
-FORMAT_VERSION = "1.0"
+FORMAT_VERSION = "2.0"
 HEADER = "replay.json"
 EARLIEST = (1980, 1, 1, 0, 0, 0)  # times would make equal buffers differ
 DAMAGE = (
     zipfile.BadZipFile, struct.error, OSError, EOFError, RuntimeError,
-    ArithmeticError, AttributeError, LookupError, TypeError, ValueError,
+    ArithmeticError, AttributeError, LookupError, MemoryError, TypeError, ValueError, UsageError,
 )  # fmt: skip
-"""What zipfile, json and NumPy raise when they are given something else, or half of it."""
+"""What zipfile, json, NumPy and the buffer raise when they are given something else, or half of it."""
 
 
 def write(path: Path, header: dict[str, Any], arrays: Iterable[tuple[str, np.ndarray]]) -> None:
@@ -43,27 +41,13 @@ def write(path: Path, header: dict[str, Any], arrays: Iterable[tuple[str, np.nda
     Raises:
         StorageError: If the disk refuses; nothing is left behind.
     """
-    aside = None
-    try:
-        descriptor, aside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-        with os.fdopen(descriptor, "wb") as file:
-            with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
-                text = canonical_json({"format": FORMAT, "format_version": FORMAT_VERSION, **header})
-                archive.writestr(zipfile.ZipInfo(HEADER, EARLIEST), text)
-                for name, array in arrays:
-                    content = io.BytesIO()
-                    np.lib.format.write_array(content, array, allow_pickle=False)
-                    archive.writestr(zipfile.ZipInfo(f"{name}.npy", EARLIEST), content.getbuffer())
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(aside, 0o644)
-        os.replace(aside, path)
-        sync_folder(path.parent)
-    except OSError as error:
-        raise StorageError(f"cannot write {path}: {error.strerror}; everything written before is intact") from error
-    finally:
-        if aside and os.path.exists(aside):
-            os.unlink(aside)
+    with written_aside(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+        text = canonical_json({"format": FORMAT, "format_version": FORMAT_VERSION, **header})
+        archive.writestr(zipfile.ZipInfo(HEADER, EARLIEST), text)
+        for name, array in arrays:
+            content = io.BytesIO()
+            np.lib.format.write_array(content, array, allow_pickle=False)
+            archive.writestr(zipfile.ZipInfo(f"{name}.npy", EARLIEST), content.getbuffer())
 
 
 class Saved:
@@ -75,6 +59,13 @@ class Saved:
 
     def __init__(self, archive: zipfile.ZipFile, header: dict[str, Any]) -> None:
         self._archive, self.header = archive, header
+
+    def count(self, name: str) -> int:
+        """A whole number of the header, at least 0."""
+        value = self.header[name]
+        if type(value) is not int or value < 0:
+            raise ValueError(f"{name} is {value!r}")
+        return value
 
     def array(self, name: str) -> np.ndarray:
         """An array by its name."""
@@ -105,7 +96,9 @@ def reading(path: Path) -> Iterator[Saved]:
             if header["format"] != FORMAT:
                 raise FormatError(f"{path}: not a saved replay buffer (format is {header['format']!r})")
             if header["format_version"].split(".")[0] != FORMAT_VERSION.split(".")[0]:
-                raise FormatError(f"{path}: format version {header['format_version']}; this software reads 1.x")
+                raise FormatError(
+                    f"{path}: format version {header['format_version']}; this software reads {FORMAT_VERSION[0]}.x"
+                )
             yield Saved(archive, header)
     except DAMAGE as error:
         words = str(error) or type(error).__name__

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from svfl_data.atomically import write_atomically
 from svfl_data.cli import Commands, natural, positive
 from svfl_data.episode import Episode
 from svfl_data.errors import UsageError
-from svfl_data.store import write_atomically
 from svfl_data.topdown import SIZE, TopDown, latest_frame, topdown
 from svfl_data.verbs.plot import plotting
 from svfl_data.verbs.source import add_episode, add_path, read

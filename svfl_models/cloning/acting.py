@@ -12,9 +12,10 @@ from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.windows import WINDOW
 from svfl_models import exported_policy
 from svfl_models.cloning.checkpoint import load_policy
+from svfl_models.cloning.hand_view import corners
 from svfl_models.cloning.module import CloningModule
 from svfl_models.cloning.workplace import Workplace
-from svfl_models.data import centre_crop, crop_side, scaled
+from svfl_models.data import centre_crop, crop_at, crop_side, scaled
 from svfl_models.export import TOLERANCE, plain
 from svfl_models.fitting import storage_errors
 from svfl_models.policy import Policy
@@ -33,6 +34,7 @@ class ActingPolicy(nn.Module):
     Args:
         policy: The network, in image-aligned axes.
         workplace: Of its demonstrations.
+        view: One of `cloning.config.VIEWS`.
     """
 
     wrench_map: Tensor
@@ -40,10 +42,11 @@ class ActingPolicy(nn.Module):
     action_map: Tensor
     centre: Tensor
     turn: Tensor
+    projection: Tensor
 
-    def __init__(self, policy: Policy, workplace: Workplace) -> None:
+    def __init__(self, policy: Policy, workplace: Workplace, view: str) -> None:
         super().__init__()
-        self.policy, self.workplace = policy, workplace
+        self.policy, self.workplace, self.view = policy, workplace, view
         axes = np.array(workplace.image_axes)
         turn = act(axes, np.zeros(5), PROPRIO_PARTS)  # of the yaw; the rest of all this is linear
         maps = {
@@ -52,6 +55,7 @@ class ActingPolicy(nn.Module):
             "action_map": act(axes.T, np.eye(5), ACTION_PARTS),
             "centre": np.array([0.0, *workplace.centre, 0.0, 0.0]),
             "turn": turn,
+            "projection": np.array(workplace.projection),
         }
         for name, values in maps.items():
             self.register_buffer(name, torch.tensor(values, dtype=torch.float32))
@@ -64,9 +68,8 @@ class ActingPolicy(nn.Module):
             wrench: Shape (B, T, 6), tared, [N] and [N m], base axes, about the sensor origin.
             proprio: Shape (B, 5): gripper opening 0..1, TCP x, y, z [m], yaw [rad], base.
         """
-        size = self.policy.trunk.image_size
         batch = {
-            "image": scaled(centre_crop(image, crop_side(image.shape[-1], size)), size),
+            "image": self._cropped(image, proprio),
             "wrench": wrench @ self.wrench_map,
             "proprio": (proprio - self.centre) @ self.proprio_map + self.turn,
         }
@@ -75,10 +78,17 @@ class ActingPolicy(nn.Module):
             action = torch.cat([(action[:, :1] > 0.5).to(action), action[:, 1:]], dim=1)
         return action
 
+    def _cropped(self, image: Tensor, proprio: Tensor) -> Tensor:
+        size, height = self.policy.trunk.image_size, image.shape[-1]
+        side = crop_side(height, size)
+        if self.view == "camera":
+            return scaled(centre_crop(image, side), size)
+        return scaled(crop_at(image, corners(proprio, self.projection, self.workplace.table, height, side), side), size)
+
 
 def acting(module: CloningModule) -> ActingPolicy:
     """A trained policy, ready to act, made of ordinary layers."""
-    return ActingPolicy(plain(module.policy), module.workplace).eval()  # type: ignore[arg-type] # a copy of a Policy
+    return ActingPolicy(plain(module.policy), module.workplace, module.view).eval()  # type: ignore[arg-type] # a copy of a Policy
 
 
 def load(file: Path | str) -> exported_policy.ExportedPolicy:
@@ -128,7 +138,10 @@ def export(module: CloningModule, file: Path) -> float:
 @torch.no_grad()
 def _difference(module: CloningModule, file: Path) -> float:
     """How far the actions of a file are from its network's, component by component, in units of the bounds."""
-    network, program = ActingPolicy(module.policy, module.workplace).eval(), torch.export.load(file).module()
+    network, program = (
+        ActingPolicy(module.policy, module.workplace, module.view).eval(),
+        torch.export.load(file).module(),
+    )
     generator = torch.Generator().manual_seed(0)
     worst = torch.zeros(())
     for _ in range(TRIALS):

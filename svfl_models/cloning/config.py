@@ -5,6 +5,7 @@ from typing import Any
 
 ENCODERS = ("v", "f", "p", "vf", "vp", "vfp")
 LOSSES = ("action", "likelihood")
+VIEWS = ("hand", "camera")
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,7 @@ class CloningConfig:
         loss: How far the policy is from a demonstrated action, see `cloning.loss`.
         augment: Colours and places of training images change at random (`augmentation`); without, only the paper's
             crops.
+        view: Where the picture has its middle, one of `VIEWS`: ``hand``, at the hand, or ``camera``, as it was taken.
         image_size: Height and width of what the network sees, [px].
         camera: Whose images it sees; by default the first one's, in alphabetical order.
         valid: Share of the demonstrations that is held out, to see whether what was learned holds elsewhere.
@@ -37,10 +39,11 @@ class CloningConfig:
     preset: str = "default"
     loss: str = "action"
     augment: bool = True
+    view: str = "hand"
     image_size: int = 64
     camera: str | None = None
     valid: float = 0.1
-    epochs: int = 100
+    epochs: int = 60
     batch_size: int = 64
     learning_rate: float = 1e-3
 

@@ -17,8 +17,9 @@ from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.torch_samples import EpochSampler, as_it_is
 from svfl_models.augmentation import MARGIN, recoloured
 from svfl_models.cloning.config import CloningConfig
+from svfl_models.cloning.hand_view import JITTER, corners
 from svfl_models.cloning.workplace import Workplace, workplace_of
-from svfl_models.data import centre_crop, crop_side, random_crop, scaled
+from svfl_models.data import centre_crop, crop_at, crop_side, random_crop, scaled
 from svfl_models.visual_force import Batch
 
 VALID_BATCH = 256
@@ -54,6 +55,7 @@ class Demonstrations(TorchDataset[Batch]):
         self.samples = Samples(dataset, episodes, cameras=cameras, intended=True, cache=True)
         self.workplace, self.config, self.random = workplace, config, random
         self.axes = np.array(workplace.image_axes)
+        self.projection = torch.tensor(workplace.projection, dtype=torch.float32)
         self.side = crop_side(workplace.image_side, config.image_size) if self.sees else 0
 
     def __len__(self) -> int:
@@ -69,6 +71,7 @@ class Demonstrations(TorchDataset[Batch]):
         """Many steps as one batch."""
         recorded = self.samples.batch(np.asarray(keys) % len(self))
         proprio = recorded[PROPRIO]
+        known = torch.from_numpy(proprio.copy())
         proprio[:, 1:3] -= np.array(self.workplace.centre, np.float32)
         batch = {
             "wrench": torch.from_numpy(act(self.axes, recorded[WRENCH], WRENCH_PARTS)),
@@ -79,7 +82,7 @@ class Demonstrations(TorchDataset[Batch]):
             color, depth = (recorded[f"cameras/{self.workplace.camera}/{name}"][:, 0] for name in ("color", "depth"))
             with torch.random.fork_rng(devices=[]):
                 torch.manual_seed(int(np.random.SeedSequence([self.config.seed, keys[0]]).generate_state(1)[0]))
-                batch["image"] = self._image(_picture(color, depth, self.workplace.depth_scale))
+                batch["image"] = self._image(_picture(color, depth, self.workplace.depth_scale), known)
         return batch
 
     def loader(self, batch_size: int) -> DataLoader[Batch]:
@@ -91,8 +94,14 @@ class Demonstrations(TorchDataset[Batch]):
         """Steps from all over the episodes, at most `STATISTICS`, to take the scales of the inputs from."""
         return self.__getitems__(np.linspace(0, len(self) - 1, min(len(self), STATISTICS)).astype(int).tolist())
 
-    def _image(self, image: Tensor) -> Tensor:
+    def _image(self, image: Tensor, proprio: Tensor) -> Tensor:
         size = self.config.image_size
+        if self.config.view == "hand":
+            corner = corners(proprio, self.projection, self.workplace.table, image.shape[-1], self.side)
+            if not self.random:
+                return scaled(crop_at(image, corner, self.side), size)
+            image = scaled(crop_at(image, corner + torch.randint(-JITTER, JITTER + 1, corner.shape), self.side), size)
+            return recoloured(image) if self.config.augment else image
         if not self.random:
             return scaled(centre_crop(image, self.side), size)
         if not self.config.augment:

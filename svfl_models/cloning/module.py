@@ -28,6 +28,7 @@ class CloningModule(pl.LightningModule):
     Args:
         network: Arguments of `policy.Policy`.
         workplace: The fields of `cloning.workplace.Workplace`.
+        view: One of `cloning.config.VIEWS`.
         loss: One of `cloning.config.LOSSES`.
         learning_rate: Of Adam, at the start.
         steps: Over which the learning rate falls to zero along a cosine (Loshchilov & Hutter, ICLR 2017, one cycle).
@@ -38,6 +39,7 @@ class CloningModule(pl.LightningModule):
         self,
         network: dict[str, Any],
         workplace: dict[str, Any],
+        view: str = "hand",
         loss: str = "action",
         learning_rate: float = 1e-3,
         steps: int = 1000,
@@ -48,6 +50,7 @@ class CloningModule(pl.LightningModule):
         if loss not in LOSSES:
             raise TrainingError(f"unknown loss {loss!r}; possible: {', '.join(LOSSES)}")
         self.policy, self.workplace = Policy(**network), Workplace(**workplace)
+        self.view = view
         self.loss, self.learning_rate, self.steps = LOSSES[loss], learning_rate, steps
 
     def forward(self, batch: Batch) -> SquashedGaussian:

@@ -75,7 +75,7 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
     pl.seed_everything(config.seed, verbose=False)
     steps = config.epochs * math.ceil(len(data.train_set) / config.batch_size)
     module = CloningModule(
-        config.network(), data.workplace.plain(), config.loss, config.learning_rate, steps, config.plain()
+        config.network(), data.workplace.plain(), config.view, config.loss, config.learning_rate, steps, config.plain()
     )
     typical = data.train_set.typical()
     module.policy.trunk.normalization.fit(

@@ -9,6 +9,7 @@ import numpy as np
 from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.reader import EpisodeReader
+from svfl_models.cloning.hand_view import projection
 from svfl_models.squashed_gaussian import CENTRE, SCALE
 
 STEP_TOLERANCE = 0.1
@@ -26,7 +27,9 @@ class Workplace:
         task: Name of the task.
         camera: Name of the camera.
         image_axes: Base (x, y) to image (right, up), 2 x 2.
+        projection: Base point to pixel of the camera, 3 x 4 (`hand_view.projection`).
         centre: Of the workspace, base (x, y), [m].
+        table: Height of the table, base z, [m]: the lower bound of the workspace.
         image_side: Height and width of the camera's images, [px].
         depth_scale: Metres per unit of depth, [m].
         step_ms: Time between two actions, [ms].
@@ -36,7 +39,9 @@ class Workplace:
     task: str
     camera: str
     image_axes: list[list[float]]
+    projection: list[list[float]]
     centre: list[float]
+    table: float
     image_side: int
     depth_scale: float
     step_ms: float
@@ -92,12 +97,18 @@ def _of_episode(reader: EpisodeReader, camera: str) -> Workplace:
         task=reader.meta.task,
         camera=camera,
         image_axes=np.round(reader[f"cameras/{camera}/image_axes"][:], 9).tolist(),
+        projection=np.round(_projection(reader, camera), 6).tolist(),
         centre=np.round(reader["workspace"][:2].mean(axis=1), 9).tolist(),
+        table=round(float(reader["workspace"][:][2, 0]), 9),
         image_side=int(height),
         depth_scale=float(reader[f"cameras/{camera}/depth_scale"][()]),
         step_ms=float(np.median(np.diff(reader["observations/t_ns"][:])) / 1e6) if len(reader) else 0.0,
         switch=bool(np.isin(action[:, 0], (0, 1)).all()),
     )
+
+
+def _projection(reader: EpisodeReader, camera: str) -> np.ndarray:
+    return projection(*(reader[f"cameras/{camera}/{name}"][:] for name in ("intrinsics", "T_base_camera")))
 
 
 def _check_bounds(action: np.ndarray, where: str) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from svfl_data.cli import Commands, natural, positive
 from svfl_data.errors import UsageError
-from svfl_models.cloning.config import ENCODERS, LOSSES, CloningConfig
+from svfl_models.cloning.config import ENCODERS, LOSSES, VIEWS, CloningConfig
 from svfl_models.config import IMAGE_SIZES, MODELS
 from svfl_models.groups import GROUPS
 from svfl_models.presets import PRESETS
@@ -39,6 +39,8 @@ def add(commands: Commands) -> None:
         help="action: error of the action; likelihood: learns deviations too (default: %(default)s)")  # fmt: skip
     add("--plain-images", dest="augment", action="store_false",
         help="only the paper's crops: no random colours, no larger shifts")  # fmt: skip
+    add("--view", choices=VIEWS, default=DEFAULT.view,
+        help="middle of the picture: the hand, or the camera's own (default: %(default)s)")  # fmt: skip
     add("--image-size", type=int, choices=IMAGE_SIZES, default=DEFAULT.image_size, help="[px] (default: %(default)s)")
     add("--camera", metavar="NAME", help="whose images to use (default: the first one's)")
     add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N", help="default: %(default)s")

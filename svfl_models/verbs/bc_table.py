@@ -6,13 +6,15 @@ import shutil
 from pathlib import Path
 
 from svfl_data.cli import Commands, positive
-from svfl_models.cloning.config import ENCODERS, CloningConfig
+from svfl_models.cloning.config import ENCODERS, VIEWS, CloningConfig
 from svfl_models.presets import PRESETS
 
 EXAMPLE = """\
 svfl-train bc-table --data data/shoved/block_picking data/shoved/block_pushing data/shoved/drawer_closing --workers 2
 svfl-train bc-table --data data/shoved/block_picking --episodes 10 25 50 --seeds 1 --trials 50 --out out/bc_curve"""
 DEFAULT = CloningConfig(data="")
+RECIPE = ("encoder", "view", "preset", "epochs")
+"""Options that become part of every policy's configuration."""
 
 
 def add(commands: Commands) -> None:
@@ -30,6 +32,7 @@ def add(commands: Commands) -> None:
     add("--seeds", type=positive, default=3, metavar="N", help="0 to N-1 (default: %(default)s)")
     add("--trials", type=positive, default=100, metavar="N", help="episodes to try each policy in (default: 100)")
     add("--encoder", choices=ENCODERS, default=DEFAULT.encoder, help="default: %(default)s")
+    add("--view", choices=VIEWS, default=DEFAULT.view, help="default: %(default)s")
     add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset, help="default: %(default)s")
     add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N", help="default: %(default)s")
     add("--workers", type=positive, default=1, metavar="N", help="policies at a time (default: %(default)s)")
@@ -45,7 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_models.cloning import table, table_page  # torch, lightning and escnn take seconds to import
     from svfl_models.fitting import storage_errors
 
-    base = CloningConfig("", encoder=arguments.encoder, preset=arguments.preset, epochs=arguments.epochs)
+    base = CloningConfig("", **{option: getattr(arguments, option) for option in RECIPE})
     episodes, data = sorted(set(arguments.episodes)), list(map(str, arguments.data))
     runs = table.runs(base, data, episodes, arguments.seeds, arguments.out)
     try:
@@ -70,7 +73,7 @@ def _command_line(arguments: argparse.Namespace) -> str:
     if arguments.episodes != [DEFAULT.episodes]:
         words += ["--episodes", *map(str, arguments.episodes)]
     words += ["--seeds", str(arguments.seeds), "--trials", str(arguments.trials)]
-    for option in ("encoder", "preset", "epochs"):
+    for option in RECIPE:
         if getattr(arguments, option) != getattr(DEFAULT, option):
             words += [f"--{option}", str(getattr(arguments, option))]
     return shlex.join(words)

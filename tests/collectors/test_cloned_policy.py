@@ -75,7 +75,7 @@ def test_three_ways_to_act_are_one(checkpoint, file, monkeypatch):
 def test_a_loaded_policy_says_what_its_network_says(checkpoint, file):
     """In base axes, from what a collector sees; the network is the one with symmetric layers."""
     module = load_policy(checkpoint)
-    network = acting.ActingPolicy(module.policy, module.workplace).eval()
+    network = acting.ActingPolicy(module.policy, module.workplace, module.view).eval()
     assert any(isinstance(part, export.SymmetricConv) for part in network.modules())
     for policy in (acting.load(checkpoint), exported_policy.load(file)):
         for observation, action in seen_and_said(network):

@@ -23,12 +23,13 @@ def one_line(text):
 
 @pytest.mark.parametrize(("words", "shown"), [((), 2), (("--episode", 5), 5)])
 def test_view_saves_the_chosen_or_the_first_episode(command, dataset, tmp_path, monkeypatch, words, shown):
-    from svfl_data import viewer
+    from svfl_data.viewer import show
 
     saved = []
-    monkeypatch.setattr(viewer, "save", lambda episode, path: saved.append((episode.meta.index, path)))
+    monkeypatch.setattr(show, "content", lambda episodes, urdf: [shown.meta.index for shown, _ in episodes])
+    monkeypatch.setattr(show, "save", lambda content, path: saved.append((content, path)))
     code, out, _ = command("view", dataset.path, *words, "--save", tmp_path / "a.rrd")
-    assert (code, saved) == (0, [(shown, tmp_path / "a.rrd")])
+    assert (code, saved) == (0, [([shown], tmp_path / "a.rrd")])
     assert f"rerun {tmp_path / 'a.rrd'}" in out
 
 
@@ -50,11 +51,11 @@ def test_every_mistake_is_one_line_with_its_exit_code(command, dataset, tmp_path
     target = tmp_path / "out.rrd"
     for words, code, said in (
         ((tmp_path / "nowhere",), 1, "no such folder"),
-        ((tmp_path / "nowhere.hdf5",), 1, "no such file"),
+        ((tmp_path / "nowhere.hdf5",), 1, "No such file"),
         ((no_dataset,), 1, "not a dataset"),
         ((empty,), 1, "no episodes yet"),
         ((truncated,), 1, "truncated"),
-        ((foreign,), 1, "written by other software"),
+        ((foreign,), 1, "not a sealed episode"),
         ((dataset.path, "--episode", 7), 1, "2 episodes, 2 to 5"),
         ((dataset.path, "--episode", -1), 2, "integer of at least 0"),
         ((dataset.episode_path(2), "--episode", 2), 2, "--episode chooses from a dataset"),

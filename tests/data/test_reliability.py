@@ -80,6 +80,7 @@ def step_by_step(writer: EpisodeWriter, arrays: dict[str, np.ndarray]):
             ("cameras/front", ["t_ns", "color", "depth"]),
             ("streams/joints", ["t_ns", "position"]),
             ("streams/object", ["t_ns", "pose"]),
+            ("streams/tags", ["t_ns", "pose", "age", "error", "margin", "count"]),
             ("observations", ["t_ns", "proprio"]),
         ):
             writer.append(group, **{name: arrays[f"{group}/{name}"][row] for name in names})

@@ -1,5 +1,7 @@
 """Episodes that come from files or from an agent: kept once and the same, and refused if they do not fit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,6 +12,13 @@ from svfl_data.errors import DatasetError, FieldError, UsageError
 from svfl_data.replay import ReplayBuffer, ReplayConfig
 from svfl_data.replay.growing import unseen
 from tests.data.replay_episodes import layout_of, live_through, make_demo, observation, small, store
+
+
+def moved(up: float) -> np.ndarray:
+    """A pose of the camera that is higher than that of the demonstrations, [m]."""
+    pose = make_demo(0).cameras["front"].T_base_camera.copy()
+    pose[2, 3] += up
+    return pose
 
 
 def test_a_file_and_an_agent_that_lived_through_it_give_the_same(tmp_path):
@@ -99,13 +108,40 @@ def test_what_cannot_be_preloaded_is_named(tmp_path):
             r"its action_bounds is \(0\.05, 0\.2\), but \(0\.",
         ),
         ({"config": {}}, r"its action_bounds is None"),
-        ({"arrays": {"cameras/front/image_axes": np.eye(2)}}, "its image_axes is"),
+        ({"arrays": {"cameras/front/image_axes": np.eye(2)}}, r"its image_axes\[0\] is \(1\.0, 0\.0\), but \(0\.0, "),
         ({"arrays": {"cameras/front/depth_scale": np.array(1e-3)}}, r"its depth_scale is 0\.001, but 0\.0001"),
+        (
+            {"arrays": {"cameras/front/T_base_camera": moved(0.01)}},
+            r"its T_base_camera\[2\] is .*, but .* in episode 0",
+        ),
+        ({"arrays": {"cameras/front/intrinsics": 2 * np.eye(3)}}, r"its intrinsics\[0\] is \(2\.0, "),
     ],
 )
 def test_episodes_of_different_kinds_are_not_mixed(tmp_path, other, message):
     with pytest.raises(DatasetError, match=message):
         ReplayBuffer.from_demos(store(tmp_path / "d", make_demo(0), make_demo(1, **other)), 2, config=small())
+
+
+def test_what_shows_another_view_is_refused_before_anything_is_kept(tmp_path):
+    demo = make_demo(0)
+    buffer = ReplayBuffer.from_demos(store(tmp_path / "d", demo), 1, config=small())
+    buffer.begin_episode(observation(demo, 0), layout=layout_of(demo))
+    above = replace(layout_of(demo), view="top, seen from 0.5 m")
+    with pytest.raises(
+        DatasetError, match=r"^the environment: its view is top, seen from 0\.5 m, but camera in the rep"
+    ):
+        buffer.begin_episode(observation(demo, 0), layout=above)
+
+
+def test_a_number_may_be_numpys_and_no_episode_counts_twice(tmp_path):
+    dataset = store(tmp_path / "d", make_demo(0), make_demo(1))
+    config = small(crop=np.int64(10))
+    buffer = ReplayBuffer.from_demos(dataset, np.int64(2), capacity=np.int64(20), config=config)
+    assert len(buffer) == len(ReplayBuffer.from_demos(dataset, np.array([1, 0]), config=config)) == 8
+    buffer.save(tmp_path / "b.replay")
+    assert ReplayBuffer.load(tmp_path / "b.replay").config == config
+    with pytest.raises(UsageError, match=r"episode 1 is named more than once; expert_bonus makes"):
+        ReplayBuffer.from_demos(dataset, [0, 1, np.int64(1)], config=config)
 
 
 @pytest.mark.parametrize("missing", ["depth", "depth_scale"])
@@ -160,6 +196,9 @@ def test_what_an_agent_cannot_add_is_named_and_not_kept():
     ("setting", "message"),
     [
         ({"n_step": 0}, "n_step is 0; it must be at least 1"),
+        ({"frames": 0}, "frames is 0; it must be at least 1"),
+        ({"turns": 2.5}, r"turns is 2\.5; it must be at least 1, and a whole number"),
+        ({"seed": -1}, "seed is -1; it must be at least 0"),
         ({"gamma": 1.5}, r"gamma is 1\.5; it must be from 0 to 1"),
         ({"alpha": -0.1}, r"alpha is -0\.1"),
         ({"expert_bonus": float("nan")}, "expert_bonus is nan"),

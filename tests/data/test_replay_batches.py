@@ -6,13 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from svfl_data.replay import ReplayBuffer
-from svfl_data.replay.batches import D4, PARTS, VIEWS, seen
+from svfl_data.replay.batches import PARTS
 from svfl_data.replay.recorded import Recorded
-from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act, act_on_image
+from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act, act_on_image, dihedral
 from svfl_data.windows import wrench_window
 from tests.data.replay_episodes import agent_buffer, live_through, make_demo, small, store
 
 LENGTHS = (4, 7, 1, 5)
+D4 = dihedral(4)
 
 
 @pytest.fixture
@@ -133,14 +134,6 @@ def test_a_transition_is_turned_as_a_whole(demos):
     assert seen == set(range(8))
     for name in plain.keys() - set(names):
         np.testing.assert_array_equal(plain[name], turned[name])
-
-
-@pytest.mark.parametrize("size", [5, 6])
-def test_images_are_seen_as_they_are_moved(size):
-    image = np.arange(3 * size**2).reshape(3, size, size)
-    for matrix, view in zip(D4, VIEWS, strict=True):
-        np.testing.assert_array_equal(seen(image, view), act_on_image(matrix, image))
-        assert np.shares_memory(seen(image, view), image)
 
 
 def test_a_batch_is_nobodys_memory(demos):

@@ -75,7 +75,7 @@ def test_a_disk_that_refuses_leaves_the_old_file(tmp_path, monkeypatch):
     def full(descriptor):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("svfl_data.replay.saving.os.fsync", full)
+    monkeypatch.setattr("os.fsync", full)
     with pytest.raises(StorageError, match=r"cannot write .*b\.replay: No space left on device; everything written"):
         used(seed=1).save(file)
     assert file.read_bytes() == before
@@ -133,11 +133,43 @@ def test_foreign_files_are_refused(tmp_path):
         ReplayBuffer.load(tmp_path / "a.npz")
     for header, message in (
         ({"format": "svfl-split"}, "format is 'svfl-split'"),
-        ({"format": "svfl-replay", "format_version": "2.0"}, r"format version 2\.0; this software reads 1\.x"),
-        ({"format": "svfl-replay", "format_version": "1.0"}, "damaged"),
+        ({"format": "svfl-replay", "format_version": "1.0"}, r"format version 1\.0; this software reads 2\.x"),
+        ({"format": "svfl-replay", "format_version": "2.0"}, "damaged"),
         ([1], "damaged"),
     ):
         with zipfile.ZipFile(tmp_path / "b.replay", "w") as archive:
             archive.writestr("replay.json", json.dumps(header))
         with pytest.raises(FormatError, match=message):
             ReplayBuffer.load(tmp_path / "b.replay")
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("capacity", 0), ("capacity", -3), ("capacity", 2.5), ("capacity", 2**80), ("capacity", 14),
+        ("first", -1), ("drawn", -1), ("drawn", 0.5), ("largest", float("nan")), ("largest", 0.5),
+        ("config/crop", 0), ("config/crop", 17), ("config/gamma", 2), ("config/beta_samples", -1),
+        ("config/seed", -1), ("config/frames", 0), ("config/turns", None),
+        ("layout/size", [99, 99]), ("layout/size", [0, 0]), ("layout/depth_scale", 0), ("layout/centre", [0, 1e999]),
+        ("episodes", []), ("random", {}),
+    ],
+)  # fmt: skip
+def test_a_header_with_impossible_numbers_is_refused(saved, path, value):
+    """Also one that is whole, as a program that writes such files wrongly would leave it."""
+    file, _ = saved
+    other = file.with_name("impossible.replay")
+    with zipfile.ZipFile(file) as archive, zipfile.ZipFile(other, "w") as forged:
+        header = json.loads(archive.read("replay.json"))
+        *folders, name = path.split("/")
+        owner = header
+        for folder in folders:
+            owner = owner[folder]
+        owner[name] = value
+        forged.writestr("replay.json", json.dumps(header))
+        for member in archive.namelist()[1:]:
+            forged.writestr(member, archive.read(member))
+    if (path, value) == ("capacity", 14):
+        assert len(ReplayBuffer.load(other)) == 11  # larger than needed is possible
+        return
+    with pytest.raises(FormatError, match=r"impossible\.replay: not a saved replay buffer, or damaged \([^\n]+\)$"):
+        ReplayBuffer.load(other)

@@ -16,11 +16,12 @@ from hypothesis import strategies as st
 from rerun.chunk import IndexColumn
 from rerun.experimental import Hdf5Reader
 
+from svfl_data.atomically import write_atomically
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FieldError, FormatError, StorageError
 from svfl_data.fields import CAMERA, FIELDS
 from svfl_data.seal import seal
-from svfl_data.store import episode_bytes, read_episode, write_atomically, write_episode
+from svfl_data.store import episode_bytes, read_episode, write_episode
 from tests.builders import episode_arrays, make_episode
 
 OPTIONAL = [field.path.replace(CAMERA, "front") for field in FIELDS if field.optional]
@@ -51,7 +52,7 @@ def test_what_is_written_is_read(tmp_path_factory, steps, size, seed, text, drop
     rng = np.random.default_rng(seed)
     arrays = episode_arrays(rng, steps=steps, size=size)
     for name in dropped:
-        del arrays[name]
+        arrays.pop(name, None)
     arrays["streams/wrench/t_ns"] = np.cumsum(gaps)[:readings]
     arrays["streams/wrench/wrench"] = arrays["streams/wrench/wrench"][:readings]
     arrays[f"extra/{own}/reading"] = rng.normal(size=shape)

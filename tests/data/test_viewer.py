@@ -1,16 +1,23 @@
+import io
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rerun as rr
+from PIL import Image
 from rerun.chunk import RrdReader
 
-from svfl_data import recording, scene, viewer
-from svfl_data.blueprint import axis_range
 from svfl_data.episode import Episode, Meta
 from svfl_data.fields import OF_EPISODE
+from svfl_data.transforms import LowPass, Tare, as_record, processed_wrench
+from svfl_data.viewer import recording, scene, show
+from svfl_data.viewer.about import about
+from svfl_data.viewer.blueprint import axis_range
+from svfl_data.viewer.shown import Shown
+from svfl_data.windows import WINDOW
 from tests.builders import episode_arrays, make_episode
 
 RERUN = Path(sys.executable).parent / "rerun"
@@ -29,6 +36,18 @@ def verify(path):
     return subprocess.run([RERUN, "rrd", "verify", path], capture_output=True, text=True, check=False)
 
 
+def save(episode, path, root=""):
+    show.save(show.content([(Shown.of(episode, root), None)]), path)
+
+
+def without(episode, *paths):
+    return Episode(episode.meta, {path: array for path, array in episode.arrays.items() if path not in paths})
+
+
+def entities(path):
+    return {chunk.entity_path for chunk in RrdReader(path).stream().to_chunks()}
+
+
 def logged(path, entity, component, timed=True):
     """Rows of one component and their times, as written in the file."""
     for chunk in RrdReader(path).stream().to_chunks():
@@ -36,6 +55,14 @@ def logged(path, entity, component, timed=True):
         if chunk.entity_path == f"/{entity}" and component in batch.schema.names and chunk.is_static != timed:
             rows = batch.column(component).to_pylist()
             return (batch.column("time").cast("int64").to_numpy(), np.array(rows)) if timed else rows[0]
+    raise AssertionError(f"{entity} has no {component}")
+
+
+def encoded(path, entity, component):
+    for chunk in RrdReader(path).stream().to_chunks():
+        batch = chunk.to_record_batch()
+        if chunk.entity_path == f"/{entity}" and component in batch.schema.names and not chunk.is_static:
+            return [bytes(row[0]) for row in batch.column(component).to_pylist()]
     raise AssertionError(f"{entity} has no {component}")
 
 
@@ -47,7 +74,7 @@ def episode():
 @pytest.fixture(scope="module")
 def saved(episode, tmp_path_factory):
     path = tmp_path_factory.mktemp("viewer") / "episode.rrd"
-    viewer.save(episode, path)
+    save(episode, path)
     return path
 
 
@@ -79,12 +106,99 @@ def test_every_wrench_reading_is_there_exactly(saved, episode, name, part):
 
 
 def test_actions_are_there_with_the_time_of_their_observation(saved, episode):
-    t_ns, displacement = logged(saved, "action/displacement", "Scalars:scalars")
+    t_ns, displacement = logged(saved, "motion/commanded", "Scalars:scalars")
     np.testing.assert_array_equal(t_ns, episode.t_ns[:-1])
     np.testing.assert_array_equal(displacement, episode.action[:, 1:4])
-    np.testing.assert_array_equal(
-        logged(saved, "action/opening_and_turn", "Scalars:scalars")[1], episode.action[:, [0, 4]]
-    )
+    _, turn = logged(saved, "motion/commanded_turn", "Scalars:scalars")
+    np.testing.assert_array_equal(turn, episode.action[:, 4:])
+
+
+def test_what_was_achieved_is_the_next_observation_minus_this_one(saved, episode):
+    t_ns, moved = logged(saved, "motion/achieved", "Scalars:scalars")
+    np.testing.assert_array_equal(t_ns, episode.t_ns[:-1])
+    np.testing.assert_allclose(moved, np.diff(episode.proprio[:, 1:4], axis=0))
+
+
+def test_reward_is_one_for_the_last_action_of_a_success(saved, episode):
+    t_ns, values = logged(saved, "reward", "Scalars:scalars")
+    np.testing.assert_array_equal(t_ns, episode.t_ns)
+    assert values[:, 0].tolist() == [0.0] * (len(episode) - 1) + [1.0, 0.0]
+    assert values[-1, 1] == 1.0
+
+
+def test_raw_readings_are_there_and_the_window_of_the_cursor_is_64_of_them(saved, episode):
+    t_ns, raw = logged(saved, "wrench/raw/force", "Scalars:scalars")
+    np.testing.assert_array_equal(raw, episode.wrench[:, :3])
+    np.testing.assert_array_equal(logged(saved, "wrench/window/force", "Scalars:scalars")[0], t_ns)
+    reach_ns = (WINDOW - 0.5) * 2_000_000  # as the blueprint shows them before the cursor
+    now = episode.t_ns[-1]
+    assert ((t_ns > now - reach_ns) & (t_ns <= now)).sum() == WINDOW
+
+
+@pytest.mark.parametrize("at_once", [7, 50, 10_000])
+def test_readings_in_pieces_are_those_of_the_whole_stream(episode, monkeypatch, at_once):
+    filters = [Tare(), LowPass(20.0)]
+    filtered = Episode(replace(episode.meta, transforms=[as_record(one) for one in filters]), episode.arrays)
+    monkeypatch.setattr("svfl_data.viewer.shown.READINGS_AT_ONCE", at_once)
+    pieces = list(Shown.of(filtered).readings(recording.RULE))
+    np.testing.assert_array_equal(np.concatenate([piece.t_ns for piece in pieces]), episode.wrench_t_ns)
+    whole = processed_wrench(filtered)
+    np.testing.assert_allclose(np.concatenate([piece.wrench for piece in pieces]), whole, atol=1e-5)
+
+
+def test_contact_is_marked_where_the_block_is_touched(episode, tmp_path):
+    wrench = np.array(episode.wrench)
+    wrench[-80:, 2] += 20.0
+    save(Episode(episode.meta, episode.arrays | {"streams/wrench/wrench": wrench}), tmp_path / "touched.rrd")
+    t_ns, level = logged(tmp_path / "touched.rrd", "wrench/marks/contact", "Scalars:scalars")
+    assert 0 <= t_ns[0] - episode.wrench_t_ns[-80] < 10e6  # the low-pass is a little late
+    assert np.isnan(level[-1, 0])
+    assert t_ns[-1] == episode.wrench_t_ns[-1]
+
+
+def test_recorded_contacts_are_shown_as_recorded(episode, tmp_path):
+    mark = {"name": "contact", "start_ns": 210_000_000, "end_ns": 230_000_000}
+    save(Episode(replace(episode.meta, annotations=[mark]), episode.arrays), tmp_path / "marked.rrd")
+    t_ns, _ = logged(tmp_path / "marked.rrd", "wrench/marks/contact", "Scalars:scalars")
+    assert (t_ns[0], t_ns[-1]) == (mark["start_ns"], mark["end_ns"])
+
+
+def test_path_is_brightest_where_the_force_is_largest(saved):
+    colors = logged(saved, "scene/path", "LineStrips3D:colors", timed=False)
+    brightness = [sum((color >> shift) & 255 for shift in (8, 16, 24)) for color in colors]
+    assert int(np.argmax(brightness)) == len(colors) - 1  # the collision ends the episode
+    assert brightness[0] < brightness[-1]
+
+
+def test_long_pictures_are_small_and_their_depth_exact(episode, tmp_path, monkeypatch):
+    monkeypatch.setattr(recording, "EXACT_BYTES", 0)
+    save(episode, tmp_path / "small.rrd")
+    blobs = encoded(tmp_path / "small.rrd", "scene/cameras/front/depth", "EncodedDepthImage:blob")
+    for blob, depth in zip(blobs, episode.cameras["front"].depth, strict=True):
+        np.testing.assert_array_equal(np.array(Image.open(io.BytesIO(blob))), depth)
+    colors = encoded(tmp_path / "small.rrd", "scene/cameras/front/color", "EncodedImage:blob")
+    assert [Image.open(io.BytesIO(blob)).format for blob in colors] == ["JPEG"] * len(blobs)
+
+
+def test_several_episodes_have_folders_of_their_own(episode, tmp_path):
+    pair = [(Shown.of(episode, f"episode_{number}/"), None) for number in (3, 4)]
+    show.save(show.content(pair), tmp_path / "pair.rrd")
+    found = entities(tmp_path / "pair.rrd")
+    for number in (3, 4):
+        assert f"/episode_{number}/wrench/force" in found
+        assert f"/episode_{number}/scene/cameras/front/color" in found
+    assert verify(tmp_path / "pair.rrd").returncode == 0
+
+
+def test_arm_is_drawn_where_joints_are_recorded_and_the_hand_alone_where_not(saved, episode, tmp_path):
+    pytest.importorskip("pybullet_data")
+    arm, hand = "/scene/robot/panda_link0/panda_link1", "/scene/hand"
+    assert arm in entities(saved)
+    with pytest.raises(AssertionError):
+        logged(saved, "scene/hand", "Boxes3D:half_sizes")
+    save(without(episode, "streams/joints/t_ns", "streams/joints/position"), tmp_path / "hand.rrd")
+    assert hand in entities(tmp_path / "hand.rrd")
+    assert arm not in entities(tmp_path / "hand.rrd")
 
 
 def test_images_are_lossless_and_depth_is_metric(saved, episode):
@@ -98,10 +212,10 @@ def test_images_are_lossless_and_depth_is_metric(saved, episode):
     np.testing.assert_allclose(metres, camera.depth_m, rtol=1e-6)
 
 
-def test_the_hand_is_where_proprio_says(saved, episode):
-    _, position = logged(saved, "scene/hand", "Transform3D:translation")
+def test_the_tcp_is_where_proprio_says(saved, episode):
+    _, position = logged(saved, "scene/tcp", "Transform3D:translation")
     np.testing.assert_array_equal(position[:, 0], episode.proprio[:, 1:4])
-    _, quat_xyzw = logged(saved, "scene/hand", "Transform3D:quaternion")
+    _, quat_xyzw = logged(saved, "scene/tcp", "Transform3D:quaternion")
     yaw = 2 * np.arctan2(quat_xyzw[:, 0, 2], quat_xyzw[:, 0, 3])
     np.testing.assert_allclose(np.exp(1j * yaw), np.exp(1j * episode.proprio[:, 4]), atol=1e-6)
 
@@ -117,7 +231,7 @@ def test_force_arrow_has_the_stated_scale_and_starts_at_the_wrist(saved, episode
     expected = episode.tared_wrench[-len(t_ns) :, :3] * scene.METRES_PER_NEWTON
     np.testing.assert_allclose(vectors[:, 0], expected, rtol=1e-6)
     np.testing.assert_array_equal(t_ns, episode.wrench_t_ns[-len(t_ns) :])
-    assert f"{scene.METRES_PER_NEWTON * 1e3:.0f} mm per N;" in recording.about(episode)
+    assert f"{scene.METRES_PER_NEWTON * 1e3:.0f} mm per N;" in about(Shown.of(episode), 1.0)
     _, wrist = logged(saved, "scene/wrist", "Transform3D:translation")
     np.testing.assert_allclose(wrist[:, 0] - episode.proprio[:, 1:4], [[0, 0, 0.105]] * len(wrist), atol=1e-6)
 
@@ -133,8 +247,8 @@ def test_label_arrow_is_the_offset_and_appears_with_the_last_observation(saved, 
 @pytest.mark.parametrize(
     ("entity", "component", "first"),
     [
-        ("scene/hand", "Boxes3D:half_sizes", 0),
-        ("scene/block", "Boxes3D:half_sizes", 0),
+        ("scene/tcp", "Transform3D:translation", 0),
+        ("scene/object", "Boxes3D:half_sizes", 0),
         ("scene/wrist/force", "Arrows3D:vectors", 0),
         ("scene/wrist/torque", "Arrows3D:vectors", 0),
         ("scene/label_target", "Boxes3D:half_sizes", -1),
@@ -151,15 +265,15 @@ def test_block_has_the_recorded_size_or_says_that_it_is_not_known(episode, tmp_p
     unknown = Episode(
         episode.meta, {name: a for name, a in episode.arrays.items() if name != "streams/object/half_extents"}
     )
-    viewer.save(known, tmp_path / "known.rrd")
-    _, sizes = logged(tmp_path / "known.rrd", "scene/block", "Boxes3D:half_sizes")
+    save(known, tmp_path / "known.rrd")
+    _, sizes = logged(tmp_path / "known.rrd", "scene/object", "Boxes3D:half_sizes")
     np.testing.assert_allclose(sizes, [[[0.01, 0.02, 0.03]]] * len(episode.t_ns))
-    assert "size not recorded" in recording.about(unknown)
-    assert "size not recorded" not in recording.about(known)
+    assert "size not recorded" in about(Shown.of(unknown), 1.0)
+    assert "size not recorded" not in about(Shown.of(known), 1.0)
 
 
 def test_text_says_what_it_is_and_what_the_numbers_mean(episode):
-    text = recording.about(episode)
+    text = about(Shown.of(episode), 1.0)
     for words in ("centering, episode 3: success", "seed 0", "500 Hz", "base axes", "sensor origin", "-8.00) N"):
         assert words in text
     dx, dy = episode.label_offset * 1e3
@@ -173,21 +287,21 @@ def test_an_episode_with_nothing_optional_and_nothing_measured_is_shown_too(tmp_
     arrays["cameras/front/depth"] = np.zeros_like(arrays["cameras/front/depth"])
     for path in ("streams/wrench/wrench", "streams/wrench/t_ns"):
         arrays[path] = arrays[path][:0]
-    viewer.save(Episode(Meta("picking", 0, 0, "robot", False), arrays), tmp_path / "bare.rrd")
+    save(Episode(Meta("picking", 0, 0, "robot", False), arrays), tmp_path / "bare.rrd")
     assert verify(tmp_path / "bare.rrd").returncode == 0
 
 
 @pytest.mark.parametrize("top", [3e-4, 0.02, 0.8, 1.0, 2.2, 7.9, 20.0, 80.0, 450.0])
 def test_axis_shows_every_value_and_writes_a_number_beside_zero(top):
     values = np.array([-top, top])
-    low, high = axis_range(values)
+    low, high = axis_range(float(values.min()), float(values.max()))
     assert low < -top
     assert high > top
     written = 10.0 ** np.ceil(np.log10((high - low) / 9))
     assert high > written or low < -written
 
 
-def test_axis_of_constant_and_missing_values_has_a_range():
-    for values in (np.zeros(3), np.full(3, 1.0), np.zeros((0, 3))):
-        low, high = axis_range(values)
+def test_axis_of_a_constant_has_a_range():
+    for value in (0.0, 1.0):
+        low, high = axis_range(value, value)
         assert low < high

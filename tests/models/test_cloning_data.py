@@ -12,14 +12,15 @@ from svfl_data.errors import DatasetError, FieldError, TrainingError
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.windows import wrench_window
 from svfl_models.cloning.acting import ActingPolicy
-from svfl_models.cloning.config import CloningConfig
+from svfl_models.cloning.config import VIEWS, CloningConfig
 from svfl_models.cloning.data import CloningData
+from svfl_models.cloning.hand_view import JITTER
 from svfl_models.cloning.workplace import workplace_of
 from svfl_models.policy import Policy
 from tests.builders import IMAGE_AXES
 from tests.models.demonstrations import demonstration, demonstrations, write
 
-CONFIG = CloningConfig(data="", episodes=6, preset="tiny", image_size=8, valid=1 / 3)
+CONFIG = CloningConfig(data="", episodes=6, preset="tiny", view="camera", image_size=8, valid=1 / 3)
 
 
 @pytest.fixture(scope="module")
@@ -55,12 +56,13 @@ def test_a_batch_is_what_was_known_and_what_was_done_then(folder):
     assert {name: values.dtype for name, values in batch.items()} == dict.fromkeys(batch, torch.float32)
 
 
-def test_acting_sees_what_was_learned_from(folder):
+@pytest.mark.parametrize("view", VIEWS)
+def test_acting_sees_what_was_learned_from(folder, view):
     """What collectors give, in base axes, becomes what the network learned from, and its actions come back."""
-    data = data_of(folder)
+    data = data_of(folder, view=view)
     part, policy = data.valid_set, Policy("vfp", "none", "wide", 8).eval()
     batch, row = part.__getitems__(list(range(len(part)))), 0
-    free = ActingPolicy(policy, replace(data.workplace, switch=False)).eval()
+    free = ActingPolicy(policy, replace(data.workplace, switch=False), view).eval()
     with torch.no_grad():
         expected = act(IMAGE_AXES.T, policy(batch).mode.numpy(), ACTION_PARTS)
         for index in part.samples.episodes:
@@ -73,6 +75,26 @@ def test_acting_sees_what_was_learned_from(folder):
                 np.testing.assert_allclose(action, expected[row], atol=1e-6)
                 row += 1
     assert np.ptp(expected, axis=0).min() > 0
+
+
+def test_the_hand_is_in_the_middle(tmp_path):
+    """A mark on the table below the TCP, wherever that is, is seen at the middle of the crop, whatever its height."""
+    episode = demonstration(size=32)
+    matrix = np.array([[60.0, 0, 0, -17.5], [0, -60.0, 0, 15.5], [0, 0, 0, 1]])  # straight from above, far away
+    camera = {"intrinsics": np.diag([60.0, 60.0, 1.0]), "T_base_camera": np.diag([1.0, -1.0, -1.0, 1.0])}
+    camera["intrinsics"][:2, 2], camera["T_base_camera"][:3, 3] = 15.5, (0.55, 0, 0.99)  # one metre above the table
+    proprio, color = episode.proprio.copy(), np.zeros_like(episode.arrays["cameras/front/color"])
+    proprio[:, 1:3] = [0.55, 0.0] + np.linspace([-0.2, 0.1], [0.2, -0.1], len(proprio))
+    for step, (x, y) in enumerate(proprio[:, 1:3]):
+        column, row = matrix[:2] @ [x, y, -0.01, 1]
+        color[step, round(row), round(column)] = 255
+    folder = write(tmp_path / "marked", [changed(episode, proprio=proprio, color=color, **camera)] * 4)
+    data = data_of(folder, view="hand", episodes=4)
+    for part, off in ((data.valid_set, 0), (data.train_set, JITTER)):
+        image = part.__getitems__(list(range(len(part))))["image"][:, :3].mean(dim=1).flatten(1)
+        places = image.argmax(dim=1)
+        assert (image.amax(dim=1) > image.median(dim=1).values).all()
+        assert (torch.stack([places // 8, places % 8]) - 3.5).abs().max() <= 0.5 + off
 
 
 def test_images_wait_as_they_were_recorded(folder):

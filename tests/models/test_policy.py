@@ -9,7 +9,7 @@ from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS
 from svfl_models.actions import act_on_image, act_on_invariant, act_on_parts
 from svfl_models.classifier import parameter_count
 from svfl_models.cloning.acting import ActingPolicy
-from svfl_models.cloning.config import ENCODERS
+from svfl_models.cloning.config import ENCODERS, VIEWS
 from svfl_models.cloning.workplace import Workplace
 from svfl_models.export import plain
 from svfl_models.groups import GROUPS
@@ -90,18 +90,28 @@ def errors(network, axes, dtype=torch.float32):
 
 
 def workplace(axes, switch=False):
-    return Workplace("block_picking", "front", axes, CENTRE[1:3].tolist(), 10, 1e-4, 50.0, switch)
+    return Workplace(
+        "block_picking", "front", axes, from_above(axes), CENTRE[1:3].tolist(), -0.01, 10, 1e-4, 50.0, switch
+    )
+
+
+def from_above(axes, scale=3.0):
+    """Projection of a camera far above the middle of the workspace, whose picture has these axes and 10 pixels."""
+    turn = scale * np.array(axes) * [[1], [-1]]  # rows run downwards
+    middle = 4.5 - turn @ CENTRE[1:3].numpy()
+    return np.array([[*turn[0], 0, middle[0]], [*turn[1], 0, middle[1]], [0, 0, 0, 1]]).tolist()
 
 
 @pytest.mark.parametrize("axes", [FRONT, MIRRORED])
 @pytest.mark.parametrize("switch", [False, True])
-def test_a_turned_world_gets_the_turned_action_in_base_axes(axes, switch, scene):
+@pytest.mark.parametrize("view", VIEWS)
+def test_a_turned_world_gets_the_turned_action_in_base_axes(axes, switch, view, scene):
     policy = build()
     for _ in range(2):
         for network in (policy, plain(policy)):
             for dtype, tolerance in TOLERANCE.items():
                 for training in (True, False):
-                    acting = ActingPolicy(network, workplace(axes, switch)).train(training)
+                    acting = ActingPolicy(network, workplace(axes, switch), view).train(training)
                     assert max(errors(acting, axes, dtype)) < tolerance
         policy.float().train()
         take_a_step(policy, mean(policy, scene))
@@ -109,7 +119,7 @@ def test_a_turned_world_gets_the_turned_action_in_base_axes(axes, switch, scene)
 
 def test_wrong_axes_are_caught():
     """A policy that believes another camera's axes is not symmetric in this one's."""
-    acting = ActingPolicy(build(), workplace(MIRRORED))
+    acting = ActingPolicy(build(), workplace(MIRRORED), "camera")
     assert max(errors(acting, FRONT)) > 1e-2
 
 
@@ -117,13 +127,13 @@ def test_a_plain_policy_is_caught(scene):
     policy = build(GROUPS["none"], preset="wide")
     with pytest.raises(AssertionError, match="not equivariant"):
         assert_equivariant(policy, scene, D4, act_on_action, function=mode)
-    assert min(errors(ActingPolicy(policy, workplace(FRONT)), FRONT)[1:]) > 1e-2
+    assert min(errors(ActingPolicy(policy, workplace(FRONT), "camera"), FRONT)[1:]) > 1e-2
 
 
 def test_a_switch_is_thrown_and_the_rest_is_what_the_policy_says():
     policy, inputs = build(), (torch.rand(9, 4, 10, 10), torch.randn(9, 64, 6), torch.randn(9, 5))
     with torch.no_grad():
-        free, thrown = (ActingPolicy(policy, workplace(FRONT, switch))(*inputs) for switch in (False, True))
+        free, thrown = (ActingPolicy(policy, workplace(FRONT, switch), "camera")(*inputs) for switch in (False, True))
     assert torch.equal(free[:, 1:], thrown[:, 1:])
     assert torch.equal(thrown[:, 0], (free[:, 0] > 0.5).float())
     assert ((free[:, 0] > 0) & (free[:, 0] < 1)).all()

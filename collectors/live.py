@@ -1,0 +1,65 @@
+"""Episodes on a running viewer while they are collected, in whichever process that is."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from collectors.engines.worker import Collector
+from collectors.record import watching
+from svfl_data.episode import Episode
+from svfl_data.errors import UsageError
+
+if TYPE_CHECKING:
+    from svfl_data.viewer.live import Live
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A collector whose episodes are shown as they are recorded.
+
+    Attributes:
+        collector: Makes the episodes.
+        address: HOST:PORT of the viewer.
+    """
+
+    collector: Collector
+    address: str
+
+    def __call__(self, index: int, *keep: object) -> Episode:
+        """Collect the episode of an index; attempts that fail are shown as well."""
+        live = viewer(self.address)
+        live.name = f"episode {index}"
+        with watching(live):  # type: ignore[arg-type] # its protocols ask for less than ours give
+            try:
+                return self.collector(index, *keep)
+            finally:
+                live.finish()
+
+
+@cache
+def viewer(address: str) -> Live:
+    """This process's connection to a viewer.
+
+    Raises:
+        UsageError: If Rerun is not installed, or nothing listens there.
+    """
+    try:
+        from svfl_data.viewer.live import Live
+    except ModuleNotFoundError as error:
+        raise UsageError(f"--rerun: the viewer is not installed ({error}); run: pip install 'svfl[view]'") from error
+    return Live(address)
+
+
+def watched(arguments: argparse.Namespace, collector: Collector) -> Collector:
+    """The collector, shown live if that is asked for.
+
+    Raises:
+        UsageError: If nothing listens at the address.
+    """
+    if arguments.rerun is None:
+        return collector
+    viewer(arguments.rerun)  # what is wrong with it is said before anything is collected
+    return Watched(collector, arguments.rerun)

@@ -1,0 +1,68 @@
+"""A steady beat, and how steady it was."""
+
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+PERIOD_NS = 50_000_000
+"""Time from one action to the next, [ns]: 20 Hz."""
+
+
+class Clock:
+    """Waits for the beat.
+
+    Args:
+        paced: Whether to wait; without, it only measures.
+    """
+
+    def __init__(self, paced: bool = True) -> None:
+        self.paced = paced
+        self.begin()
+
+    def begin(self) -> None:
+        """The next beat is the first one."""
+        self._beats: list[int] = []
+        self._due: int | None = None
+
+    def wait(self) -> None:
+        """Wait until the next beat; after a delay the beat goes on from there, since a burst would be no control."""
+        now = time.monotonic_ns()
+        due = now if self._due is None else self._due
+        if self.paced and now < due:
+            time.sleep((due - now) / 1e9)
+            now = time.monotonic_ns()
+        self._beats.append(now)
+        self._due = (due if now - due < PERIOD_NS else now) + PERIOD_NS
+
+    def beats_ns(self, count: int) -> NDArray[np.int64]:
+        """When the first beats were, since the first of them, (count,), [ns] of a clock that runs in real time."""
+        beats = np.array(self._beats[:count], np.int64)
+        return beats - beats[:1]
+
+    def words(self) -> str:
+        """How steady the last two seconds were."""
+        found = steadiness(np.array(self._beats[-41:], np.int64))
+        if not (self.paced and found):
+            return ""
+        return f"{found['rate_hz']:.1f} Hz, jitter {found['jitter_ms']['median']:.1f} ms"
+
+
+def steadiness(beats_ns: NDArray[np.int64]) -> dict[str, Any]:
+    """How steady beats were, as JSON values.
+
+    Returns:
+        ``rate_hz``; ``jitter_ms``, the distance of the periods from 50 ms (median, 99th percentile, largest), [ms];
+        ``late``, the number of periods over 75 ms. Nothing of fewer than two beats.
+    """
+    periods = np.diff(beats_ns)
+    if not periods.size:
+        return {}
+    jitter = np.abs(periods - PERIOD_NS) / 1e6
+    median, high, largest = np.percentile(jitter, [50, 99, 100])
+    return {
+        "rate_hz": round(1e9 / max(float(periods.mean()), 1.0), 3),
+        "jitter_ms": {"median": round(median, 3), "p99": round(high, 3), "max": round(largest, 3)},
+        "late": int((periods > 1.5 * PERIOD_NS).sum()),
+    }

@@ -1,0 +1,67 @@
+"""A rig that writes everything down while it works: a kill costs half a second of an episode, not all of it."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collectors.contract import Observation, Rig
+from collectors.record import OBJECT
+from svfl_data.writer import EpisodeWriter
+
+
+def constants(rig: Rig) -> dict[str, np.ndarray]:
+    """The arrays that an episode has once, by dataset path."""
+    arrays = {"workspace": np.array(rig.workspace), "streams/wrench/tare": np.array(rig.tare_offset, np.float64)}
+    for name, calibration in rig.cameras.items():
+        arrays |= {
+            f"cameras/{name}/{field}": np.array(getattr(calibration, field), np.float64)
+            for field in ("intrinsics", "T_base_camera", "image_axes", "depth_scale")
+        }
+    return arrays
+
+
+class Journaled:
+    """A rig, with a journal of the episode that it is in.
+
+    Args:
+        rig: Does the work.
+        writer: Of the journal.
+    """
+
+    def __init__(self, rig: Rig, writer: EpisodeWriter) -> None:
+        self._rig, self._writer = rig, writer
+        self._readings = 0
+        self._t_ns = np.zeros(1, np.int64)
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the rig has
+        return getattr(self._rig, name)
+
+    def observe(self) -> Observation:
+        """See and feel, and write down what is new since the last time."""
+        seen = self._rig.observe()
+        self._t_ns = np.array([seen.t_ns], np.int64)
+        self._writer.append("observations", t_ns=self._t_ns, proprio=seen.proprio[None])
+        self._writer.append("streams/joints", t_ns=self._t_ns, position=seen.joints[None])
+        for name, frame in seen.frames.items():
+            self._writer.append(f"cameras/{name}", t_ns=self._t_ns, color=frame.color[None], depth=frame.depth[None])
+        t_ns, wrench = self._rig.wrench_t_ns, self._rig.wrench
+        count = min(len(t_ns), len(wrench))  # of a rig whose sensor runs by itself
+        self._writer.append("streams/wrench", t_ns=t_ns[self._readings : count], wrench=wrench[self._readings : count])
+        self._readings = count
+        return seen
+
+    def step(self, action: NDArray[np.float32]) -> None:
+        """Act, and write the action down."""
+        self._writer.append("actions", action=action[None])
+        self._rig.step(action)
+
+    def state(self, values: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
+        """Write down the true values that go with the last observation, and hand them on."""
+        if OBJECT in values:
+            self._writer.append("streams/object", t_ns=self._t_ns, pose=values[OBJECT][None])
+        others = {name: value[None] for name, value in values.items() if name != OBJECT}
+        if others:
+            self._writer.append("extra/state", **others)
+        return values

@@ -1,0 +1,81 @@
+"""The camera's picture, with what helps to judge depth drawn into it."""
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from collectors.teleop.sdl import pygame
+from collectors.teleop.view import View, pixel
+
+Color = tuple[int, int, int]
+
+HAND: Color = (255, 214, 64)
+FLOOR: Color = (235, 238, 242)
+AXES = {"x": (240, 96, 96), "y": (96, 205, 110)}
+HALF_STROKE = 0.04  # [m] from the TCP to an open finger of a common hand; only the drawing depends on it
+
+
+def draw_picture(target: pygame.Surface, place: pygame.Rect, view: View, font: pygame.font.Font) -> None:
+    """Draw the first camera's picture, enlarged, with the workspace, and the TCP with its foot on the table.
+
+    Args:
+        target: Where to draw.
+        place: The square for it.
+        view: What to draw.
+        font: For the names of the axes.
+    """
+    color = next(iter(view.observation.frames.values())).color
+    height, width = color.shape[:2]
+    scale = min(place.width / width, place.height / height)
+    size = round(scale * width), round(scale * height)
+    large = cv2.resize(color, size, interpolation=cv2.INTER_LINEAR)  # pygame's own scaling shifts by up to a pixel
+    whole = pygame.image.frombytes(large.tobytes(), size, "RGB")
+    corner = np.array(whole.get_rect(center=place.center).topleft)
+    target.blit(whole, corner)
+    target.set_clip(place)
+
+    def at(*point: float) -> tuple[float, float] | None:
+        seen = pixel(view.calibration, np.array(point))
+        return None if seen is None else tuple((seen + 0.5) * scale + corner)
+
+    def line(color: Color, start: tuple[float, float] | None, end: tuple[float, float] | None, width: int = 1) -> None:
+        if start and end:
+            pygame.draw.line(target, color, start, end, width)
+
+    (x0, x1), (y0, y1), _ = view.workspace
+    edge = [at(x, y, 0.0) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
+    for start, end in zip(edge, edge[1:] + edge[:1], strict=True):
+        line(FLOOR, start, end)
+    _draw_hand(at, line, view.observation.proprio)
+    foot = at(float(view.observation.proprio[1]), float(view.observation.proprio[2]), 0.0)
+    if foot:
+        pygame.draw.circle(target, HAND, foot, 6, 2)
+    _draw_axes(target, place, view.calibration.image_axes, font)
+    target.set_clip(None)
+
+
+def _draw_hand(at, line, proprio: NDArray[np.float32]) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    """The way the fingers open, and the plumb line from the TCP to the table."""
+    opening, x, y, z, theta = map(float, proprio)
+    line(HAND, at(x, y, z), at(x, y, 0.0), 2)
+    reach = HALF_STROKE * opening
+    dx, dy = -math.sin(theta), math.cos(theta)
+    for height in (z, 0.0):
+        line(HAND, at(x - reach * dx, y - reach * dy, height), at(x + reach * dx, y + reach * dy, height), 2)
+
+
+def _draw_axes(
+    target: pygame.Surface, place: pygame.Rect, image_axes: NDArray[np.float64], font: pygame.font.Font
+) -> None:
+    """Base x and y as the picture shows them, in its lower left corner: what the names of the forces mean."""
+    origin = np.array([place.left + 52, place.bottom - 52])
+    backdrop = pygame.Surface((92, 92), pygame.SRCALPHA)
+    pygame.draw.circle(backdrop, (15, 18, 24, 150), (46, 46), 46)
+    target.blit(backdrop, origin - 46)
+    for (name, color), (right, up) in zip(AXES.items(), image_axes.T, strict=True):
+        tip = origin + 26 * np.array([right, -up])
+        pygame.draw.line(target, color, origin, tip, 3)
+        word = font.render(name, True, color)
+        target.blit(word, word.get_rect(center=origin + 37 * np.array([right, -up])))

@@ -1,0 +1,43 @@
+"""From a device's reading to an action."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+RAMP = 1 / 3
+"""Of full speed that is gained or lost per action: 3.3 m/s^2, as by experts; beyond, inertia feels like contact."""
+TURN = 0.5
+"""Of the pace, for turning: full speed would be 225 degrees per second."""
+
+
+class Pilot:
+    """Turns readings into actions in base axes, with a soft start and stop.
+
+    Args:
+        bound: Largest |dx|, |dy|, |dz| [m] and |dtheta| [rad] of an action, (4,).
+        image_axes: Base xy to image (right, up), (2, 2), of the camera that the person looks through.
+        pace: Of full speed at full deflection, 0..1.
+    """
+
+    def __init__(self, bound: NDArray[np.float64], image_axes: NDArray[np.float64], pace: float) -> None:
+        self._bound, self._axes = bound, image_axes
+        self._pace = pace * np.array([1.0, 1.0, 1.0, TURN])
+        self.begin()
+
+    def begin(self) -> None:
+        """The hand is at rest."""
+        self._moving = np.zeros(4)
+
+    def action(self, reading: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The next action.
+
+        Args:
+            reading: Of `Device.read`, (5,).
+
+        Returns:
+            (opening, dx, dy, dz, dtheta), (5,), base axes, [m] and [rad], within the bounds.
+        """
+        wanted = np.clip(reading[1:], -1.0, 1.0) * self._pace
+        self._moving = self._moving + np.clip(wanted - self._moving, -RAMP, RAMP)
+        xy = self._axes.T @ self._moving[:2]
+        move = np.clip([*xy, *self._moving[2:]], -1.0, 1.0) * self._bound
+        return np.array([np.clip(reading[0], 0.0, 1.0), *move], np.float32)

@@ -1,0 +1,261 @@
+"""A person records episodes, one after the other, until they quit; nothing of an episode is lost on the way."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collectors.contract import Observation
+from collectors.dataset import software_versions
+from collectors.record import record
+from collectors.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
+from collectors.simulation.config import WorldConfig
+from collectors.tasks import task_class
+from collectors.teleop.clock import Clock, steadiness
+from collectors.teleop.device import Command, Device, DeviceLostError
+from collectors.teleop.journaled import Journaled, constants
+from collectors.teleop.pilot import Pilot
+from collectors.teleop.screen import Screen
+from collectors.teleop.script import InputLog
+from collectors.teleop.view import View, felt, in_contact
+from svfl_data.claims import INFLIGHT, NEXT
+from svfl_data.dataset import Dataset
+from svfl_data.episode import Episode, Meta
+from svfl_data.journal import SUFFIX
+from svfl_data.repair import repair_dataset
+from svfl_data.store import write_episode
+from svfl_data.writer import EpisodeWriter
+
+ATTEMPT = ATTEMPTS + 1
+"""Number of the attempt in every episode: its scene is one that no expert and no policy has."""
+ENDS = {
+    Command.SUCCESS: "marked as success",
+    Command.STOP: "stopped",
+    Command.DISCARD: "discarded",
+    Command.QUIT: "quit",
+}
+"""Commands that end an episode, and what it says of its end."""
+
+ACHIEVED = "achieved"
+"""The end of an episode whose task says that it is."""
+
+
+@dataclass(frozen=True)
+class Teleoperation(Simulated):
+    """What a dataset of teleoperated episodes is of.
+
+    Attributes:
+        seed: Seed of the dataset.
+        task: Name of the task.
+        world: Physics, arm, sensors and cameras; the person sees the first camera.
+    """
+
+    seed: int
+    task: str
+    world: WorldConfig = field(default_factory=WorldConfig)
+
+    def config(self) -> dict[str, Any]:
+        """Everything that was set, as JSON values."""
+        return {"task": self.task, "world": asdict(self.world)}
+
+
+class Session:
+    """One person at one device.
+
+    Args:
+        dataset: Where to record.
+        what: What it is of.
+        device: What the person steers with.
+        screen: What they see.
+        clock: Keeps the beat.
+        pace: Of full speed at full deflection, 0..1.
+        max_steps: Of an episode.
+        about: What else every episode shall say of the session, JSON values.
+        log: Where to keep what was told.
+    """
+
+    def __init__(
+        self, dataset: Dataset, what: Teleoperation, device: Device, screen: Screen, clock: Clock, pace: float,
+        max_steps: int, about: dict[str, Any], log: InputLog | None = None,
+    ) -> None:  # fmt: skip
+        self._dataset, self._what, self._device, self._screen, self._clock = dataset, what, device, screen, clock
+        self._world, self._max_steps, self._log = what.opened, max_steps, log
+        self._about = {"device": device.name, "pace": pace, **about}
+        self._pilot = Pilot(self._world.action_bound, self._world.camera.image_axes, pace)
+        self._message = "press enter to start"
+        self._again: int | None = None  # the saved episode that the next one replaces
+        self._saved: dict[int, bool] = {}  # episodes of this session, and whether they succeeded
+        self._steps: int | None = None
+        self._contact = self._interrupted = self._over = False
+        self._lost: DeviceLostError | None = None
+
+    def run(self) -> None:
+        """Record until the person quits.
+
+        Raises:
+            DeviceLostError: If the device was unplugged; what was recorded until then is saved.
+            KeyboardInterrupt: If the process was told to end; the same.
+            SvflError: If the disk refuses.
+        """
+        with self._dataset.writing(), self._signals():
+            self._salvage()
+            self._set_up()
+            while self._ready():
+                self._record()
+                if self._over:
+                    break
+                self._set_up()
+        if self._lost:
+            raise self._lost
+        if self._interrupted:
+            raise KeyboardInterrupt
+
+    def _salvage(self) -> None:
+        """Make episodes of what killed sessions have left."""
+        if any((self._dataset.path / INFLIGHT).glob(f"*{SUFFIX}")):
+            for action in repair_dataset(self._dataset.path):
+                self._say(f"{action.path.name}: {action.done}, {action.detail}")
+
+    def _set_up(self) -> None:
+        """The scene of the next episode, the hand at home."""
+        self._scene = max([-1, *self._dataset.indices]) + 1 if self._again is None else self._again
+        kind, what = task_class(self._what.task), self._what
+        self._task = kind.begin(self._world, attempt_seed(what.seed, self._scene, ATTEMPT))
+        self._device.begin(opened=not self._world.holds(self._task.body))
+        self._pilot.begin()
+        self._clock.begin()
+        self._contact, self._steps = False, None
+
+    def _ready(self) -> bool:
+        """Wait for the start; False if there is none."""
+        while True:
+            for command in self._tick(self._world.observe()):
+                if command in (Command.START, Command.QUIT):
+                    return command is Command.START
+                if command is Command.TARE:
+                    self._tare()
+                elif command is Command.AGAIN:
+                    self._record_again()
+
+    def _record_again(self) -> None:
+        """Take the last episode's scene, or, told again, the next one."""
+        if not self._saved:
+            self._message = "there is no episode of this session to record again"
+            return
+        self._again = list(self._saved)[-1] if self._again is None else None
+        self._message = f"{'the next' if self._again is None else 'the same'} scene: press enter to start"
+        self._set_up()
+
+    def _record(self) -> None:
+        """One episode, from the start to its end, and to the disk."""
+        what = self._what
+        facts = {"drawn": self._task.drawn(), "index": self._scene, "attempt": ATTEMPT, "rejected": []}
+        config = what.config() | facts | {"teleop": self._about}
+        index = self._scene if self._again is None else NEXT
+        meta = Meta(what.task, index, what.seed, "teleop", False, config, software_versions(*VERSIONS))
+        self._end, self._tares = "time was up", list[int]()
+        self._steps, self._message = 0, "recording"
+        self._clock.begin()
+        with EpisodeWriter(self._dataset, meta, constants(self._world)) as writer:
+            rig = Journaled(self._world, writer)
+            arrays = record(rig, self._act, self._max_steps, self._task.success, lambda: rig.state(self._task.state()))
+            if self._task.success():
+                self._end = ACHIEVED
+            if len(arrays["actions/action"]) and self._end != ENDS[Command.DISCARD]:
+                self._save(meta, arrays)
+            else:
+                self._say("discarded; press enter to start")
+            writer.discard()
+
+    def _save(self, meta: Meta, arrays: dict[str, np.ndarray]) -> None:
+        success = self._end in (ACHIEVED, ENDS[Command.SUCCESS])
+        facts: dict[str, Any] = {"ended": self._end, "tares_ns": self._tares}
+        if self._clock.paced:
+            beats = self._clock.beats_ns(len(arrays["actions/action"]))
+            facts |= steadiness(beats)
+            arrays = arrays | {"extra/teleop/beat_ns": beats}
+        config = meta.config | {"teleop": self._about | facts}
+        episode = Episode(replace(meta, index=self._scene, success=success, config=config), arrays)
+        write_episode(episode, self._dataset.episode_path(self._scene))
+        self._saved[self._scene] = success
+        self._again = None
+        words = f"{'success' if success else 'no success'} ({self._end}), {len(episode)} steps"
+        self._say(f"episode {self._scene} saved: {words}, {len(episode) / 20:.1f} s")
+
+    def _act(self, observation: Observation) -> NDArray[np.float32] | None:
+        """The policy: what the person wants, until they end the episode."""
+        for command in self._tick(observation):
+            if command in ENDS:
+                self._over = command is Command.QUIT
+                self._end = "interrupted" if self._interrupted else "device lost" if self._lost else ENDS[command]
+                return None
+            if command is Command.TARE:
+                self._tares.append(observation.t_ns)
+                self._tare()
+        self._steps = (self._steps or 0) + 1
+        return self._pilot.action(self._reading)
+
+    def _tare(self) -> None:
+        self._world.tare()
+        force = np.linalg.norm(self._world.tare_offset[:3])
+        self._message = f"tared: {force:.1f} N are subtracted"
+
+    def _tick(self, observation: Observation) -> list[Command]:
+        """Show what there is, wait for the beat, and hear what is told; a broken device or a signal tells to quit."""
+        wrench = felt(observation)
+        before, self._contact = self._contact, in_contact(self._contact, wrench)
+        if self._contact and not before and self._steps:
+            self._device.touch(float(np.linalg.norm(wrench[:3])))
+        self._screen.show(self._view(observation, wrench))
+        self._clock.wait()
+        events, commands = self._screen.poll()
+        try:
+            for event in events:
+                self._device.handle(event)
+            self._reading = self._device.read()
+            commands += self._device.commands()
+        except DeviceLostError as error:
+            self._lost = error
+        if self._lost or self._interrupted:
+            return [Command.QUIT]
+        if self._log:
+            self._log.append(self._reading, commands)
+        return commands
+
+    def _view(self, observation: Observation, wrench: NDArray[np.float64]) -> View:
+        return View(
+            task=self._what.task,
+            observation=observation,
+            calibration=self._world.camera,
+            workspace=self._world.workspace,
+            wrench=wrench,
+            contact=self._contact,
+            episode=self._scene,
+            steps=self._steps,
+            saved=len(self._saved),
+            succeeded=sum(self._saved.values()),
+            message=self._message,
+            pace=self._clock.words(),
+        )
+
+    def _say(self, message: str) -> None:
+        self._message = message
+        print(message, flush=True)
+
+    @contextmanager
+    def _signals(self) -> Iterator[None]:
+        """Being told to end ends the session in order: the episode is saved first."""
+
+        def interrupt(number: int, frame: Any) -> None:  # noqa: ANN401 - Python's
+            self._interrupted = True
+
+        before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)

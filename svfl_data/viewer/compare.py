@@ -1,0 +1,138 @@
+"""Two datasets beside each other: how large their forces and torques are."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from svfl_data.dataset import Dataset
+from svfl_data.errors import DatasetError
+from svfl_data.progress import progress
+from svfl_data.viewer.names import AXES, FORCE
+from svfl_data.viewer.recording import RULE
+from svfl_data.viewer.shown import Shown
+
+BINS = 40
+SHOWN = 0.995
+"""Share of the readings that the histograms' range covers; what is larger counts in the last bin."""
+COLORS = (FORCE, AXES[2])
+QUANTILES = (0.5, 0.95, 0.99, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """How large the processed wrench of a dataset is.
+
+    Attributes:
+        name: Of the dataset.
+        force: Norm of the force of every reading, [N].
+        torque: Norm of the torque of every reading, [N m].
+        peak: Largest filtered force of every episode, [N].
+    """
+
+    name: str
+    force: np.ndarray
+    torque: np.ndarray
+    peak: np.ndarray
+
+    @classmethod
+    def of(cls, dataset: Dataset) -> "Loads":
+        """Read a dataset's wrenches.
+
+        Raises:
+            DatasetError: If it has no readings.
+        """
+        norms, peaks = [], []
+        for index in progress(dataset.indices, f"forces of {dataset.path}"):
+            pieces = list(Shown.of(dataset.episode(index)).readings(RULE))
+            norms += [np.linalg.norm(piece.wrench.reshape(-1, 2, 3), axis=2) for piece in pieces]
+            peaks.append(max((float(piece.size.max()) for piece in pieces), default=0.0))
+        if not norms:
+            raise DatasetError(f"{dataset.path}: no wrench readings to compare")
+        force, torque = np.concatenate(norms).T
+        return cls(str(dataset.path), force, torque, np.array(peaks))
+
+
+def content(first: Dataset, second: Dataset) -> Callable[[rr.RecordingStream], None]:
+    """The comparison of two datasets as something to show."""
+    loads = (Loads.of(first), Loads.of(second))
+
+    def log(recording: rr.RecordingStream) -> None:
+        recording.send_recording_name(f"forces: {loads[0].name} and {loads[1].name}")
+        views = []
+        for path, words, values in (
+            ("force", "Force of a reading, N", [load.force for load in loads]),
+            ("torque", "Torque of a reading, N m", [load.torque for load in loads]),
+            ("peak", "Largest filtered force of an episode, N", [load.peak for load in loads]),
+        ):
+            edges = bins(values)
+            for number, sizes in enumerate(values):
+                width = np.diff(edges)
+                bars = rr.BarChart(
+                    shares(sizes, edges), abscissa=edges[:-1] + width / 2, widths=0.8 * width, color=COLORS[number]
+                )
+                recording.log(f"compare/{path}/{'ab'[number]}", bars, static=True)
+            views.append(
+                [
+                    rrb.BarChartView(origin=f"compare/{path}/{'ab'[number]}", name=f"{words}: {load.name}")
+                    for number, load in enumerate(loads)
+                ]
+            )
+        text = rr.TextDocument(table(loads), media_type=rr.MediaType.MARKDOWN)
+        recording.log("compare/table", text, static=True)
+        rows = [rrb.Horizontal(*pair) for pair in views]
+        document = rrb.TextDocumentView(origin="compare/table", name="Numbers")
+        recording.send_blueprint(
+            rrb.Blueprint(
+                rrb.Vertical(*rows, document, row_shares=[3, 3, 3, 3]),
+                rrb.BlueprintPanel(state="hidden"), rrb.SelectionPanel(state="hidden"), rrb.TimePanel(state="hidden"),
+            )
+        )  # fmt: skip
+
+    return log
+
+
+def bins(values: list[np.ndarray]) -> np.ndarray:
+    """Edges of histograms that are to be compared: the same for all, from 0, shape (`BINS` + 1,)."""
+    top = max(float(np.quantile(sizes, SHOWN)) for sizes in values)
+    return np.linspace(0.0, top or 1.0, BINS + 1)
+
+
+def shares(sizes: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Percent of the values in each bin, shape (`BINS`,); larger values count in the last one."""
+    counts, _ = np.histogram(np.minimum(sizes, edges[-1]), edges)
+    return 100 * counts / max(1, len(sizes))
+
+
+def distance(first: np.ndarray, second: np.ndarray) -> float:
+    """Largest difference between two cumulative distributions, 0 for equal ones, 1 for separate ones.
+
+    Source: the statistic of the two-sample test of Smirnov, Ann. Math. Statist. 19 (1948), p. 279.
+    """
+    both = np.sort(np.concatenate([first, second]))
+    below = [np.searchsorted(np.sort(sizes), both, side="right") / len(sizes) for sizes in (first, second)]
+    return float(np.abs(below[0] - below[1]).max())
+
+
+def table(loads: tuple[Loads, Loads]) -> str:
+    """The same in numbers, as Markdown."""
+    heads = [f"{name} %" if share < 1 else "largest" for share, name in zip(QUANTILES, (50, 95, 99, 100), strict=True)]
+    lines = [
+        f"| dataset | episodes | readings | force, N: {' | '.join(heads)} | torque, N m: {' | '.join(heads)} |",
+        "|" + " --- |" * (3 + 2 * len(QUANTILES)),
+    ]
+    for load in loads:
+        force = " | ".join(f"{value:.1f}" for value in np.quantile(load.force, QUANTILES))
+        torque = " | ".join(f"{value:.2f}" for value in np.quantile(load.torque, QUANTILES))
+        lines.append(f"| {load.name} | {len(load.peak)} | {len(load.force)} | {force} | {torque} |")
+    first, second = loads
+    lines += [
+        "",
+        "Bars: percent of the readings, or of the episodes; the last bar holds everything larger. Largest difference "
+        f"between the cumulative distributions: force {distance(first.force, second.force):.2f}, "
+        f"torque {distance(first.torque, second.torque):.2f}, largest force {distance(first.peak, second.peak):.2f} "
+        "(0 equal, 1 separate).",
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,119 @@
+"""What the cameras saw: calibration once, pictures as rows, exact or small."""
+
+import io
+from typing import Any
+
+import numpy as np
+import rerun as rr
+from PIL import Image
+
+from svfl_data.viewer.names import CAMERAS, GREY, WHITE, send
+
+CROP = 64 / 76
+"""Share of the picture's side that the networks see (Kohler et al., CoRL 2023, appendix: 76 px cropped to 64)."""
+JPEG_QUALITY = 90
+
+
+def log_camera(
+    recording: rr.RecordingStream,
+    entity: str,
+    intrinsics: np.ndarray,
+    T_base_camera: np.ndarray,
+    size: tuple[int, int],
+) -> None:
+    """Log where a camera is and what it covers, and the outline of the crop that networks see.
+
+    Args:
+        recording: Where.
+        entity: Of the camera.
+        intrinsics: Pinhole matrix, (3, 3), [px]; the centre of the top left pixel is (0, 0).
+        T_base_camera: Pose, (4, 4), [m]; camera axes x right, y down, z forward.
+        size: Height and width, [px].
+    """
+    height, width = size
+    pinhole = np.array(intrinsics)
+    pinhole[:2, 2] += 0.5  # Rerun's origin is the corner of the top left pixel, ours its centre
+    frame = rr.Transform3D(translation=T_base_camera[:3, 3], mat3x3=T_base_camera[:3, :3])
+    recording.log(entity, frame, static=True)
+    recording.log(
+        entity,
+        rr.Pinhole(
+            image_from_camera=pinhole, resolution=[width, height], camera_xyz=rr.ViewCoordinates.RDF,
+            image_plane_distance=0.12, color=GREY,
+        ),
+        static=True,
+    )  # fmt: skip
+    (left, right), (top, bottom) = crop_range(width), crop_range(height)
+    box = rr.Boxes2D(mins=[[left, top]], sizes=[[right - left, bottom - top]], colors=WHITE, radii=0.15)
+    recording.log(f"{entity}/crop", box, static=True)
+
+
+def crop_range(side: int) -> tuple[float, float]:
+    """First and last edge of the middle part that networks see, [px]."""
+    kept = round(side * CROP)
+    start = (side - kept) // 2
+    return float(start), float(start + kept)
+
+
+def send_color(recording: rr.RecordingStream, entity: str, t_ns: np.ndarray, color: np.ndarray, small: bool) -> None:
+    """Log colour pictures.
+
+    Args:
+        recording: Where.
+        entity: Of the camera.
+        t_ns: Shape (F,), [ns].
+        color: Shape (F, H, W, 3), uint8.
+        small: Whether as JPEG, a tenth of the size, or exact.
+    """
+    path = f"{entity}/color"
+    if small:
+        pictures = [_encoded(picture, "JPEG", quality=JPEG_QUALITY) for picture in color]
+        kinds = ["image/jpeg"] * len(pictures)
+        send(recording, path, t_ns, rr.EncodedImage.columns(blob=pictures, media_type=kinds))
+        return
+    rows, height, width = color.shape[:3]
+    layout = rr.components.ImageFormat(width=width, height=height, color_model="RGB", channel_datatype="U8")
+    send(recording, path, t_ns, rr.Image.columns(buffer=color.reshape(rows, -1), format=[layout] * rows))
+
+
+def log_depth_style(
+    recording: rr.RecordingStream, entity: str, depth: np.ndarray, depth_scale: float, small: bool
+) -> None:
+    """Log how depth is to be read and coloured: by the range of some pictures, (F, H, W), in units of `depth_scale`."""
+    height, width = depth.shape[1:]
+    measured = depth[depth > 0]
+    near, far = np.percentile(measured, [1, 99]) if measured.size else (0, 1)
+    style: dict[str, Any] = {
+        "meter": 1 / depth_scale,
+        "colormap": "viridis",
+        "depth_range": (near, max(far, near + 1)),
+        "point_fill_ratio": 0.25,
+    }
+    if small:
+        recording.log(f"{entity}/depth", rr.EncodedDepthImage.from_fields(**style), static=True)
+        return
+    layout = rr.components.ImageFormat(width=width, height=height, channel_datatype="U16")
+    recording.log(f"{entity}/depth", rr.DepthImage.from_fields(format=layout, **style), static=True)
+
+
+def send_depth(recording: rr.RecordingStream, entity: str, t_ns: np.ndarray, depth: np.ndarray, small: bool) -> None:
+    """Log depth pictures, (F, H, W), uint16: exact either way, as PNG or as they are."""
+    path = f"{entity}/depth"
+    if small:
+        pictures = [_encoded(picture, "PNG", compress_level=1) for picture in depth]
+        kinds = ["image/png"] * len(pictures)
+        send(recording, path, t_ns, rr.EncodedDepthImage.columns(blob=pictures, media_type=kinds))
+        return
+    buffer = np.ascontiguousarray(depth).view(np.uint8).reshape(len(depth), -1)
+    send(recording, path, t_ns, rr.DepthImage.columns(buffer=buffer))
+
+
+def camera_entity(root: str, camera: str) -> str:
+    """Where a camera is."""
+    return f"{root}{CAMERAS}/{camera}"
+
+
+def _encoded(picture: np.ndarray, kind: str, **options: int) -> bytes:
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, kind, **options)
+    return file.getvalue()

@@ -1,0 +1,252 @@
+"""Episodes on a running viewer while they are recorded.
+
+What has been recorded waits and goes out a few times a second, in columns, with the functions that make files. How
+long the last sending took decides when the next one may begin, so that the recording loop never loses more than
+`SHARE` of its time. All episodes of a process are one recording, one after the other on its clock.
+"""
+
+import socket
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from multiprocessing.util import Finalize
+from typing import Any, Protocol
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from svfl_data.errors import UsageError
+from svfl_data.viewer import images, names, plots, scene
+from svfl_data.viewer.robot import robot_for
+
+PERIOD_S = 0.1
+"""Between two sendings at least; what a person sees as immediate."""
+SHARE = 0.03
+"""Of the time, for sending at most."""
+GAP_NS = 500_000_000
+"""Between two episodes on the recording's clock."""
+BEHIND_S = 4.0
+"""How much of the past the plots show."""
+TIMEOUT_S = 2.0
+
+
+class Optics(Protocol):
+    """Calibration of a camera, such as `collectors.contract.Calibration`."""
+
+    intrinsics: Any
+    T_base_camera: Any
+    depth_scale: float
+
+
+class Rig(Protocol):
+    """What is asked of a robot, such as `collectors.contract.Rig`."""
+
+    tare_offset: Any
+
+    @property
+    def cameras(self) -> Mapping[str, Any]:
+        """`Optics` by name."""
+
+    @property
+    def workspace(self) -> np.ndarray:
+        """Bounds of the TCP, (3, 2), [m]."""
+
+    @property
+    def wrench_t_ns(self) -> np.ndarray:
+        """Time of every reading, (M,), [ns]."""
+
+    @property
+    def wrench(self) -> np.ndarray:
+        """Raw readings, (M, 6)."""
+
+
+class Seen(Protocol):
+    """One observation, such as `collectors.contract.Observation`."""
+
+    t_ns: int
+    frames: Any
+    proprio: Any
+    joints: Any
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What waits to be sent of one observation.
+
+    Attributes:
+        t_ns: On the recording's clock, [ns].
+        seen: What was observed.
+        action: What led there, (5,); None at the first observation of an episode.
+        before: The observation before, None at the first one.
+    """
+
+    t_ns: int
+    seen: Seen
+    action: np.ndarray | None
+    before: "Step | None"
+
+
+class Live:
+    """Streams episodes, one after the other; call it with every observation.
+
+    Attributes:
+        name: Of the episode that begins next.
+
+    Args:
+        address: HOST:PORT of a running viewer, such as one started with ``rerun``.
+
+    Raises:
+        UsageError: If nothing listens there.
+    """
+
+    def __init__(self, address: str) -> None:
+        host, _, port = address.rpartition(":")
+        try:
+            socket.create_connection((host, int(port)), timeout=TIMEOUT_S).close()
+        except (OSError, ValueError) as error:
+            raise UsageError(f"--rerun {address}: no viewer listens there ({error}); start one with: rerun") from error
+        self.name = "live"
+        self._address = f"rerun+http://{address}/proxy"
+        self._recording: rr.RecordingStream | None = None
+        self._steps: list[Step] = []
+        self._readings: list[tuple[np.ndarray, np.ndarray]] = []  # times and tared wrenches of episodes that have ended
+        self._titles: list[tuple[int, str]] = []
+        self._rig: Rig | None = None  # of the episode that is being recorded
+        self._known = 0  # readings of that episode that have been taken
+        self._begins_ns = self._ends_ns = 0  # of that episode, on the recording's clock
+        self._before: Step | None = None
+        self._next_s = 0.0
+        Finalize(None, self.close, exitpriority=10)  # runs at the end of worker processes too, where atexit does not
+
+    def __call__(self, rig: Rig, seen: Seen, action: np.ndarray | None) -> None:
+        """Take note of an observation.
+
+        Args:
+            rig: The robot.
+            seen: What it observed.
+            action: What led there, (5,); None at the first observation of an episode.
+        """
+        if action is None:
+            self.finish()
+            self._recording = self._recording or self._open(rig, seen)
+            self._rig, self._known, self._before = rig, 0, None
+            self._begins_ns = self._ends_ns + GAP_NS
+            self._titles.append((self._begins_ns, self.name))
+        self._ends_ns = self._begins_ns + seen.t_ns
+        before = self._before and replace(self._before, before=None)  # no chain of all observations
+        self._before = Step(self._ends_ns, seen, action, before)
+        self._steps.append(self._before)
+        if time.monotonic() >= self._next_s:
+            self._send()
+
+    def finish(self) -> None:
+        """Say that the episode has ended and its robot may go on to something else."""
+        self._take_readings()
+        self._rig = None
+
+    def close(self) -> None:
+        """Send what waits and end the recording."""
+        if self._recording is not None:
+            self._send()
+            self._recording.disconnect()
+            self._recording = None
+
+    def _open(self, rig: Rig, seen: Seen) -> rr.RecordingStream:
+        """Begin the recording: everything that never changes."""
+        recording = rr.RecordingStream(names.APPLICATION)
+        recording.connect_grpc(self._address, default_blueprint=arrange(list(rig.cameras)))
+        recording.send_recording_name("live")
+        scene.log_surroundings(recording, "", rig.workspace)
+        plots.log_styles(recording, "")
+        self._robot = robot_for(len(seen.joints)) if len(seen.joints) else None
+        if self._robot:
+            self._robot.log(recording, "")
+        for name, optics in rig.cameras.items():
+            entity, frame = images.camera_entity("", name), seen.frames[name]
+            images.log_camera(recording, entity, optics.intrinsics, optics.T_base_camera, frame.color.shape[:2])
+            images.log_depth_style(recording, entity, frame.depth[None], optics.depth_scale, small=False)
+        return recording
+
+    def _take_readings(self) -> None:
+        if self._rig is not None:
+            t_ns, raw = self._rig.wrench_t_ns[self._known :], self._rig.wrench[self._known :]
+            self._known += len(t_ns)
+            self._readings.append((t_ns + self._begins_ns, raw - np.asarray(self._rig.tare_offset)))
+
+    def _send(self) -> None:
+        """Send everything that waits."""
+        recording, steps, began = self._recording, self._steps, time.monotonic()
+        if not steps or recording is None:
+            return
+        self._take_readings()
+        t_ns, seen = np.array([step.t_ns for step in steps]), [step.seen for step in steps]
+        proprio = np.stack([one.proprio for one in seen])
+        scene.send_hand(recording, "", t_ns, proprio, boxes=self._robot is None)
+        if self._robot:
+            self._robot.send(recording, "", t_ns, np.stack([one.joints for one in seen]))
+        for name in seen[0].frames:
+            entity = images.camera_entity("", name)
+            images.send_color(recording, entity, t_ns, np.stack([one.frames[name].color for one in seen]), small=False)
+            images.send_depth(recording, entity, t_ns, np.stack([one.frames[name].depth for one in seen]), small=False)
+        self._send_wrench(recording)
+        self._send_moves(recording)
+        for at_ns, words in self._titles:
+            names.send(recording, names.ABOUT, np.array([at_ns]), rr.TextDocument.columns(text=[words]))
+        self._steps, self._readings, self._titles = [], [], []
+        ended = time.monotonic()
+        self._next_s = ended + max(PERIOD_S, (ended - began) / SHARE)
+
+    def _send_wrench(self, recording: rr.RecordingStream) -> None:
+        t_ns = np.concatenate([times for times, _ in self._readings])
+        tared = np.concatenate([values for _, values in self._readings])
+        plots.send_curve(recording, names.FORCE_PLOT, t_ns, tared[:, :3])
+        plots.send_curve(recording, names.TORQUE_PLOT, t_ns, tared[:, 3:])
+        scene.send_arrows(recording, "", t_ns[-1:], tared[-1:])
+
+    def _send_moves(self, recording: rr.RecordingStream) -> None:
+        """Send what was commanded and what came of it, at the time of the observation before."""
+        moves = [
+            (step.before, step.action, step.seen) for step in self._steps if step.before and step.action is not None
+        ]
+        if moves:
+            t_ns = np.array([before.t_ns for before, _, _ in moves])
+            achieved = np.stack([seen.proprio[1:4] - before.seen.proprio[1:4] for before, _, seen in moves])
+            plots.send_curve(recording, names.COMMANDED, t_ns, np.stack([action[1:4] for _, action, _ in moves]))
+            plots.send_curve(recording, names.ACHIEVED, t_ns, achieved)
+
+
+def arrange(cameras: list[str]) -> rrb.Blueprint:
+    """The window for a live episode: it follows the clock and shows the last seconds."""
+    recent = rr.TimeRange(
+        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-BEHIND_S), end=rrb.TimeRangeBoundary.cursor_relative()
+    )
+    curves = {
+        "Force, N: x orange, y green, z blue": [names.FORCE_PLOT],
+        "Torque, N m": [names.TORQUE_PLOT],
+        "Move, m: thick commanded, thin achieved": [names.COMMANDED, names.ACHIEVED],
+    }
+    pictures = [
+        rrb.Spatial2DView(
+            origin=images.camera_entity("", camera), contents=[f"$origin/{kind}"], name=f"{camera}: {kind}"
+        )
+        for camera in cameras
+        for kind in ("color", "depth")
+    ]
+    lines = [
+        rrb.TimeSeriesView(
+            contents=[f"+ {path}" for path in paths], name=name, axis_x=rrb.TimeAxis(view_range=recent),
+            plot_legend=rrb.PlotLegend(visible=False),
+        )
+        for name, paths in curves.items()
+    ]  # fmt: skip
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(
+                rrb.Spatial3DView(origin=names.SCENE, name="Live"), rrb.Horizontal(*pictures), row_shares=[3, 2]
+            ),
+            rrb.Vertical(*lines, rrb.TextDocumentView(origin=names.ABOUT, name="Now"), row_shares=[4, 4, 4, 1]),
+        ),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="collapsed", timeline=names.TIMELINE, play_state="following"),
+    )

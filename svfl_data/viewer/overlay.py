@@ -1,0 +1,62 @@
+"""A network's opinion on the pictures: the direction it predicts with its probability, beside the true one."""
+
+import numpy as np
+import rerun as rr
+
+from svfl_data.symmetry import DIRECTIONS
+from svfl_data.viewer import names
+from svfl_data.viewer.images import camera_entity, send_color
+from svfl_data.viewer.names import FORCE, LABEL, TORQUE, send
+from svfl_data.viewer.opinion import Opinion
+from svfl_data.viewer.plots import send_curve
+from svfl_data.viewer.shown import TIMES, Shown
+
+ARROWS = np.array([(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0)])
+"""The directions right, up, left, down on a picture whose rows run downwards."""
+COLORS = (names.AXES[0], names.AXES[1], names.AXES[2], TORQUE)
+
+
+def log_opinion(recording: rr.RecordingStream, shown: Shown, opinion: Opinion) -> None:
+    """Log everything that a network says of an episode."""
+    t_ns, root = shown[TIMES], shown.root
+    if opinion.seen is not None:
+        send_color(recording, f"{root}{names.OPINION}/seen", t_ns, opinion.seen, small=False)
+    if opinion.probabilities is not None:
+        lines = rr.SeriesLines(names=[f"p({name})" for name in DIRECTIONS], colors=COLORS, widths=2.0)
+        recording.log(f"{root}{names.OPINION}/probability", lines, static=True)
+        send_curve(recording, f"{root}{names.OPINION}/probability", t_ns, opinion.probabilities)
+        _log_arrows(recording, shown, opinion, t_ns)
+    if opinion.actions is not None:
+        for path, columns, labels, colors in (
+            ("move", slice(1, 4), ["dx network", "dy network", "dz network"], names.PALE_AXES),
+            ("turn", slice(4, 5), ["dtheta network"], [names.PALE_AXES[0]]),
+            ("opening", slice(0, 1), ["opening network"], [names.PALE_AXES[1]]),
+        ):
+            lines = rr.SeriesLines(names=labels, colors=colors, widths=1.5, interpolation_mode="StepAfter")
+            recording.log(f"{root}{names.OPINION}/{path}", lines, static=True)
+            send_curve(recording, f"{root}{names.OPINION}/{path}", t_ns, opinion.actions[:, columns])
+
+
+def _log_arrows(recording: rr.RecordingStream, shown: Shown, opinion: Opinion, t_ns: np.ndarray) -> None:
+    """Predicted and true direction as arrows from the middle of the picture."""
+    camera = opinion.camera or shown.cameras[0]
+    height, width = shown.arrays[f"cameras/{camera}/color"].shape[1:3]
+    assert opinion.probabilities is not None
+    best = opinion.probabilities.argmax(axis=1)
+    sure = opinion.probabilities.max(axis=1)
+    entity, middle = camera_entity(shown.root, camera), np.array([width / 2, height / 2])
+    look = rr.Arrows2D.from_fields(colors=[FORCE], radii=[0.7], show_labels=True)
+    recording.log(f"{entity}/predicted", look, static=True)
+    words = [f"network: {DIRECTIONS[one]} {share:.0%}" for one, share in zip(best, sure, strict=True)]
+    arrows = rr.Arrows2D.columns(
+        vectors=ARROWS[best] * sure[:, None] * 0.42 * width, origins=np.tile(middle, (len(best), 1)), labels=words
+    )
+    send(recording, f"{entity}/predicted", t_ns, arrows)
+    if "labels/direction" in shown:
+        true = int(shown["labels/direction"])
+        below = middle + np.array([0.0, 0.2 * height])  # beside the predicted one, so that both can be read
+        arrow = rr.Arrows2D(
+            vectors=[ARROWS[true] * 0.3 * width], origins=[below], colors=[LABEL], radii=[0.35],
+            labels=[f"true: {DIRECTIONS[true]}"], show_labels=True,
+        )  # fmt: skip
+        recording.log(f"{entity}/true", arrow, static=True)

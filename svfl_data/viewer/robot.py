@@ -1,0 +1,159 @@
+"""The arm, drawn from its URDF and moved by the recorded joints."""
+
+import importlib.util
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import rerun as rr
+from rerun.urdf import UrdfJoint, UrdfTree
+
+from svfl_data.errors import FormatError
+from svfl_data.viewer.names import SCENE, send
+
+PACKAGE = "package://"
+FRAMES = ("parent_frame", "child_frame")  # Rerun's own names for links; here the entity tree says what hangs on what
+SHADE = (0.78, 0.78, 0.80, 0.4)
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """An arm.
+
+    Attributes:
+        file: Its URDF.
+        joints: In the order of the file.
+        meshes: Link, mesh file and where the mesh sits on the link: (x, y, z) [m] and (roll, pitch, yaw) [rad].
+    """
+
+    file: Path
+    joints: tuple[UrdfJoint, ...]
+    meshes: tuple[tuple[str, Path, tuple[float, ...], tuple[float, ...]], ...]
+
+    @classmethod
+    def of_file(cls, file: Path) -> "Robot":
+        """Read a URDF.
+
+        Raises:
+            FormatError: If it is not one.
+        """
+        try:
+            joints = tuple(UrdfTree.from_file_path(file).joints())
+            links = ElementTree.parse(file).getroot().iterfind("link")
+        except (OSError, RuntimeError, ValueError, ElementTree.ParseError) as error:
+            raise FormatError(f"{file}: not a URDF ({' '.join(str(error).split())[:200]})") from error
+        return cls(file, joints, tuple(mesh for link in links for mesh in _meshes(file, link)))
+
+    @property
+    def moving(self) -> list[UrdfJoint]:
+        """The joints that have a recorded position, in the order of the columns."""
+        return [joint for joint in self.joints if joint.joint_type != "fixed"]
+
+    def entities(self, root: str) -> dict[str, str]:
+        """Entity of every link: each below the link that it hangs on."""
+        paths = {joint.child_link: "" for joint in self.joints}
+        base = next((joint.parent_link for joint in self.joints if joint.parent_link not in paths), "base")
+        paths = {base: f"{root}{SCENE}/robot/{base}"}
+        waiting = list(self.joints)
+        while waiting:
+            placed = [joint for joint in waiting if joint.parent_link in paths]
+            for joint in placed:
+                paths[joint.child_link] = f"{paths[joint.parent_link]}/{joint.child_link}"
+            waiting = [joint for joint in waiting if joint not in placed] if placed else []
+        return paths
+
+    def log(self, recording: rr.RecordingStream, root: str) -> None:
+        """Log what never changes: shapes, and links that do not move."""
+        paths = self.entities(root)
+        for number, (link, mesh, xyz, rpy) in enumerate(self.meshes):
+            entity = f"{paths.get(link, root + SCENE)}/mesh_{number}"
+            recording.log(entity, rr.Asset3D(path=mesh, albedo_factor=SHADE), static=True)
+            recording.log(entity, rr.InstancePoses3D(translations=[xyz], quaternions=[_quaternion(rpy)]), static=True)
+        for joint in self.joints:
+            if joint.joint_type == "fixed":
+                columns = _without_frames(joint, np.zeros(1))
+                recording.send_columns(paths[joint.child_link], [], columns)
+
+    def send(self, recording: rr.RecordingStream, root: str, t_ns: np.ndarray, positions: np.ndarray) -> None:
+        """Log how it moves.
+
+        Args:
+            recording: Where.
+            root: Folder of the episode's entities.
+            t_ns: Shape (L,), [ns].
+            positions: Shape (L, J), [rad] and [m], one column for each moving joint.
+        """
+        paths = self.entities(root)
+        for joint, values in zip(self.moving, positions.T, strict=True):
+            send(recording, paths[joint.child_link], t_ns, _without_frames(joint, values))
+
+
+@cache
+def panda() -> Robot | None:
+    """The Panda of the simulation with its coarse meshes, where pybullet (which brings it) is installed."""
+    found = importlib.util.find_spec("pybullet_data")
+    for folder in (found and found.submodule_search_locations) or ():
+        file = Path(folder) / "franka_panda" / "panda.urdf"
+        if file.is_file():
+            return Robot.of_file(file)
+    return None
+
+
+def robot_for(joints: int, urdf: Path | None = None) -> Robot | None:
+    """The robot that has recorded joints, or None if there is none to draw.
+
+    Args:
+        joints: Columns of the recorded joint positions.
+        urdf: Its description; that of the Panda if not given.
+
+    Raises:
+        FormatError: If the description given is not one, or has another number of joints.
+    """
+    robot = Robot.of_file(urdf) if urdf else panda()
+    if robot is None or len(robot.moving) == joints:
+        return robot
+    if urdf:
+        raise FormatError(f"{urdf}: {len(robot.moving)} moving joints; the episode has {joints}")
+    return None
+
+
+def _without_frames(joint: UrdfJoint, values: np.ndarray) -> list[rr.ComponentColumn]:
+    columns = joint.compute_transform_columns(values.astype(np.float64).tolist(), clamp=False)
+    return [column for column in columns if not str(column.component_descriptor()).endswith(FRAMES)]
+
+
+def _meshes(file: Path, link: ElementTree.Element) -> list[tuple[str, Path, tuple[float, ...], tuple[float, ...]]]:
+    """Meshes of a link that exist; a coarse one of the same name, for collisions, is preferred: nobody sees more."""
+    found = []
+    for visual in link.iterfind("visual"):
+        mesh, origin = visual.find("geometry/mesh"), visual.find("origin")
+        name = "" if mesh is None else mesh.get("filename", "")
+        path = next((place for place in _places(file, name.replace("visual", "collision")) if place.is_file()), None)
+        path = path or next((place for place in _places(file, name) if place.is_file()), None)
+        if path and name:
+            at = [_numbers(origin.get(key) if origin is not None else None) for key in ("xyz", "rpy")]
+            found.append((link.get("name", ""), path, at[0], at[1]))
+    return found
+
+
+def _places(file: Path, name: str) -> list[Path]:
+    """Where a mesh may be: a path, or one inside a package, some folder above the URDF being the package's."""
+    if not name.startswith(PACKAGE):
+        return [file.parent / name]
+    inside = name.removeprefix(PACKAGE)
+    return [folder / inside for folder in (file.parent, *file.parent.parents[:3])]
+
+
+def _numbers(text: str | None) -> tuple[float, ...]:
+    return tuple(float(part) for part in text.split()) if text else (0.0, 0.0, 0.0)
+
+
+def _quaternion(rpy: tuple[float, ...]) -> np.ndarray:
+    """Roll, pitch and yaw about fixed axes x, y, z (the URDF's convention) as quat_xyzw."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(np.divide(rpy, 2)), np.sin(np.divide(rpy, 2))
+    return np.array([
+        sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy,
+    ])  # fmt: skip

@@ -1,0 +1,186 @@
+"""The 3-D scene in base axes: workspace, objects, arm or hand, what it feels, where it went and where it must go."""
+
+import numpy as np
+import rerun as rr
+
+from svfl_data.symmetry import DIRECTIONS
+from svfl_data.viewer.names import AXES, BLOCK, FORCE, GREY, LABEL, SCENE, TORQUE, send
+
+METRES_PER_NEWTON = 0.003  # a collision of 30 N draws an arrow of 9 cm, as long as the hand
+METRES_PER_NEWTON_METRE = 0.05  # 30 N on a finger 4.5 cm off the axis: 7 cm
+
+# Franka Hand as in panda.urdf, in metres, drawn as boxes. The frame is at the TCP, z up; the fingers open along y,
+# which is base y at yaw 0.
+WRIST_ABOVE_TCP = 0.105  # the sensor origin
+PALM_CENTRE, PALM_HALF = (0.0, 0.0, 0.072), (0.030, 0.100, 0.033)
+FINGER_Z, FINGER_HALF = 0.016, (0.010, 0.006, 0.023)
+FINGER_TRAVEL = 0.040  # of one finger, from closed to open
+BLOCK_HALF = (0.025, 0.025, 0.025)  # where it was not recorded
+PATH_COLORS = np.array([(70, 80, 110), FORCE, (255, 255, 210)], dtype=np.float64)
+"""Of the TCP's path, from no force to the largest."""
+
+
+def log_surroundings(recording: rr.RecordingStream, root: str, workspace: np.ndarray) -> None:
+    """Log workspace box, table, base axes, and how everything that moves looks.
+
+    Args:
+        recording: Where.
+        root: Folder of the episode's entities.
+        workspace: Bounds of the TCP, shape (3, 2), [m].
+    """
+    scene = root + SCENE
+    lower, upper = workspace.T
+    extent = np.array([*(upper - lower)[:2] / 2 + 0.05, 0.005])
+    centre = [*(lower + upper)[:2] / 2, -extent[2]]
+    for path, shape in {
+        "": rr.ViewCoordinates.RIGHT_HAND_Z_UP,
+        "/workspace": rr.Boxes3D(
+            mins=[lower], sizes=[upper - lower], colors=GREY, radii=0.001, fill_mode="majorwireframe"
+        ),
+        "/table": rr.Boxes3D(centers=[centre], half_sizes=[extent], colors=(90, 90, 90), fill_mode="solid"),
+        "/base_axes": rr.Arrows3D(
+            origins=[[*lower[:2], 0.0]] * 3, vectors=0.06 * np.eye(3), colors=AXES, radii=0.003,
+            labels=["x", "y", "z"], show_labels=True,
+        ),
+        "/tcp": rr.Arrows3D.from_fields(vectors=0.03 * np.eye(3), colors=AXES, radii=[0.0012]),
+        "/hand": rr.Boxes3D.from_fields(colors=[(200, 200, 200)], fill_mode="solid"),
+        "/object": rr.Boxes3D.from_fields(colors=[BLOCK], fill_mode="solid"),
+        "/wrist/force": rr.Arrows3D.from_fields(colors=[FORCE], radii=[0.004], show_labels=True),
+        "/wrist/torque": rr.Arrows3D.from_fields(colors=[TORQUE], radii=[0.004]),
+    }.items():  # fmt: skip
+        recording.log(scene + path, shape, static=True)
+
+
+def hand_poses(proprio: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The hand's frame: origin at the TCP, z up, the fingers open along y.
+
+    Args:
+        proprio: Opening, TCP position and yaw as declared in `svfl_data.fields`, shape (N, 5).
+
+    Returns:
+        Position, shape (N, 3), [m], and quat_xyzw, shape (N, 4), in base.
+    """
+    zero, half_yaw = np.zeros(len(proprio)), proprio[:, 4] / 2
+    return proprio[:, 1:4], np.stack([zero, zero, np.sin(half_yaw), np.cos(half_yaw)], axis=1)
+
+
+def hand_boxes(opening: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A gripper made of three boxes: palm and two fingers.
+
+    Args:
+        opening: Gripper opening, 0 closed to 1 open, shape (N,).
+
+    Returns:
+        Half sizes and centres, both of shape (N, 3 boxes, 3), [m], in the hand's frame.
+    """
+    centres = np.zeros((len(opening), 3, 3))
+    centres[:, 0] = PALM_CENTRE
+    centres[:, 1:, 1] = np.multiply.outer(opening * FINGER_TRAVEL + FINGER_HALF[1], [1.0, -1.0])
+    centres[:, 1:, 2] = FINGER_Z
+    return np.tile([PALM_HALF, FINGER_HALF, FINGER_HALF], (len(opening), 1, 1)), centres
+
+
+def send_hand(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, proprio: np.ndarray, boxes: bool) -> None:
+    """Log where TCP and wrist are.
+
+    Args:
+        recording: Where.
+        root: Folder of the episode's entities.
+        t_ns: Shape (N,), [ns].
+        proprio: Shape (N, 5).
+        boxes: Whether to draw the hand as well: where no arm is drawn.
+    """
+    position, quat_xyzw = hand_poses(proprio)
+    wrist = position + np.array([0.0, 0.0, WRIST_ABOVE_TCP])
+    send(recording, f"{root}{SCENE}/wrist", t_ns, rr.Transform3D.columns(translation=wrist))
+    pose = rr.Transform3D.columns(translation=position, quaternion=quat_xyzw)
+    send(recording, f"{root}{SCENE}/tcp", t_ns, pose)
+    if boxes:
+        send_boxes(recording, f"{root}{SCENE}/hand", t_ns, position, quat_xyzw, *hand_boxes(proprio[:, 0]))
+
+
+def send_boxes(
+    recording: rr.RecordingStream,
+    path: str,
+    t_ns: np.ndarray,
+    position: np.ndarray,
+    quat_xyzw: np.ndarray,
+    half_sizes: np.ndarray,
+    centres: np.ndarray | None = None,
+) -> None:
+    """Log boxes that move together; sizes go with each row so that nothing is drawn before the first one.
+
+    Args:
+        recording: Where to log.
+        path: Entity.
+        t_ns: Time of each row, shape (N,).
+        position: Of the frame of the boxes, shape (N, 3), [m], base axes.
+        quat_xyzw: Of the frame of the boxes, shape (N, 4).
+        half_sizes: Shape (N, boxes, 3), [m].
+        centres: In the frame of the boxes, shape (N, boxes, 3), [m]; zero if not given.
+    """
+    rows, number = half_sizes.shape[:2]
+    centres = np.zeros_like(half_sizes) if centres is None else centres
+    boxes = rr.Boxes3D.columns(half_sizes=half_sizes.reshape(-1, 3), centers=centres.reshape(-1, 3))
+    frame = rr.Transform3D.columns(translation=position, quaternion=quat_xyzw)
+    send(recording, path, t_ns, frame, boxes.partition([number] * rows))
+
+
+def send_object(
+    recording: rr.RecordingStream, root: str, t_ns: np.ndarray, pose: np.ndarray, half: np.ndarray | None
+) -> None:
+    """Log the task's object as a box: poses of shape (P, 7), half edges of shape (3,) or not known, [m]."""
+    boxes = np.tile(BLOCK_HALF if half is None else half, (len(pose), 1, 1))
+    send_boxes(recording, f"{root}{SCENE}/object", t_ns, pose[:, :3], pose[:, 3:], boxes)
+
+
+def send_arrows(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, wrench: np.ndarray) -> None:
+    """Log force and torque at the wrist, shape (M, 6), [N] and [N m]."""
+    force, torque = np.split(wrench, 2, axis=1)
+    newtons = [f"{size:.1f} N" for size in np.linalg.norm(force, axis=1)]
+    arrow = rr.Arrows3D.columns(vectors=force * METRES_PER_NEWTON, labels=newtons)
+    send(recording, f"{root}{SCENE}/wrist/force", t_ns, arrow)
+    arrow = rr.Arrows3D.columns(vectors=torque * METRES_PER_NEWTON_METRE)
+    send(recording, f"{root}{SCENE}/wrist/torque", t_ns, arrow)
+
+
+def log_path(recording: rr.RecordingStream, root: str, position: np.ndarray, force: np.ndarray, top: float) -> None:
+    """Log the TCP's path, coloured by force.
+
+    Args:
+        recording: Where.
+        root: Folder of the episode's entities.
+        position: Of the TCP at each observation, shape (N+1, 3), [m].
+        force: Largest force on the way from each observation to the next, shape (N,), [N].
+        top: Force of the brightest colour, [N].
+    """
+    pieces = np.stack([position[:-1], position[1:]], axis=1)  # (N, 2 ends, 3)
+    shade = np.clip(force / max(top, 1e-9), 0, 1)
+    stops = np.linspace(0, 1, len(PATH_COLORS))
+    colors = np.stack([np.interp(shade, stops, channel) for channel in PATH_COLORS.T], axis=1).astype(np.uint8)
+    recording.log(f"{root}{SCENE}/path", rr.LineStrips3D(pieces, colors=colors, radii=0.002), static=True)
+
+
+def log_label(
+    recording: rr.RecordingStream, root: str, t_ns: int, proprio: np.ndarray, offset: np.ndarray, direction: int
+) -> None:
+    """Log the label, which belongs to the final observation: an arrow from the hand to its outline where it must go.
+
+    Args:
+        recording: Where.
+        root: Folder of the episode's entities.
+        t_ns: Of the observation, [ns].
+        proprio: Of the observation, shape (5,).
+        offset: Displacement that centres the hand, base (x, y), shape (2,), [m].
+        direction: Its class.
+    """
+    end, move = np.array([t_ns]), np.array([*offset, 0.0])
+    position, quat_xyzw = hand_poses(proprio[None])
+    arrow, above = f"{root}{SCENE}/label_offset", [0.0, 0.0, WRIST_ABOVE_TCP + 0.02]  # the hand's top would hide it
+    recording.log(arrow, rr.Arrows3D.from_fields(colors=[LABEL], radii=[0.004]), static=True)
+    send(recording, arrow, end, rr.Arrows3D.columns(origins=position + above, vectors=[move]))
+    target = f"{root}{SCENE}/label_target"
+    words = f"move {DIRECTIONS[direction]} {np.linalg.norm(move) * 1e3:.0f} mm"
+    outline = rr.Boxes3D.from_fields(colors=[LABEL], radii=[0.0007], labels=[words, "", ""], show_labels=True)
+    recording.log(target, outline, static=True)
+    send_boxes(recording, target, end, position + move, quat_xyzw, *hand_boxes(proprio[None, 0]))

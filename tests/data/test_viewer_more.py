@@ -1,0 +1,220 @@
+"""Importer, live streaming, networks' opinions, comparison of datasets."""
+
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from svfl_data import importer, seal
+from svfl_data.dataset import Dataset
+from svfl_data.errors import FormatError, UsageError
+from svfl_data.store import write_episode
+from svfl_data.symmetry import DIRECTIONS
+from svfl_data.viewer import compare, opinion, show
+from svfl_data.viewer.live import GAP_NS, Live
+from svfl_data.viewer.opinion import Opinion
+from svfl_data.viewer.shown import Shown
+from tests.builders import make_episode
+from tests.data.test_viewer import entities, logged
+
+
+@pytest.fixture(autouse=True)
+def _strict(monkeypatch):
+    monkeypatch.setenv("CI", "1")
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
+
+
+def run_importer(file, *words):
+    command = [sys.executable, "-m", "svfl_data.importer", str(file), "--opened-application-id", "x", *words]
+    return subprocess.run(command, capture_output=True, check=False)
+
+
+def test_the_importer_knows_the_seal_and_reruns_exit_code():
+    assert (seal.SEAL_MARK, seal.SEAL_SIZE) == (importer.SEAL_MARK, importer.SEAL_SIZE)
+    assert importer.FOREIGN == rr.EXTERNAL_IMPORTER_INCOMPATIBLE_EXIT_CODE
+
+
+def test_the_importer_writes_a_recording_with_the_names_it_is_given(tmp_path):
+    write_episode(make_episode(), tmp_path / "episode_000000.hdf5")
+    done = run_importer(tmp_path / "episode_000000.hdf5", "--recording-id", "mine", "--entity-path-prefix", "/ep1")
+    assert (done.returncode, done.stderr) == (0, b"")
+    (tmp_path / "out.rrd").write_bytes(done.stdout)
+    assert "/ep1/wrench/force" in entities(tmp_path / "out.rrd")
+    assert RrdReader(tmp_path / "out.rrd").recordings()[0].recording_id == "mine"
+
+
+def test_the_importer_leaves_foreign_files_to_others_without_loading_anything(tmp_path):
+    for name in ("a.png", "a.hdf5", "empty.h5"):
+        (tmp_path / name).write_bytes(b"" if "empty" in name else b"x" * 500)
+        assert run_importer(tmp_path / name).returncode == importer.FOREIGN
+    code = (
+        f"import sys; sys.argv[1:] = [{str(tmp_path / 'a.hdf5')!r}]\nfrom svfl_data import importer; importer.main()\n"
+    )
+    code += "print(*{'numpy', 'h5py', 'rerun'} & sys.modules.keys())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_the_importer_says_in_one_line_what_is_wrong_with_a_damaged_episode(tmp_path):
+    file = tmp_path / "episode_000000.hdf5"
+    write_episode(make_episode(), file)
+    content = bytearray(file.read_bytes())
+    content[3000] ^= 1
+    file.write_bytes(content)
+    done = run_importer(file)
+    assert done.returncode == 1
+    assert done.stderr.count(b"\n") == 1
+
+
+class Rig:
+    """A robot that replays an episode."""
+
+    def __init__(self, episode):
+        self.tare_offset, self.workspace = episode.tare, episode.workspace
+        camera = episode.cameras["front"]
+        self.cameras = {
+            "front": SimpleNamespace(
+                intrinsics=camera.intrinsics, T_base_camera=camera.T_base_camera, depth_scale=float(camera.depth_scale)
+            )
+        }
+        self.episode, self.step = episode, 0
+
+    @property
+    def _rows(self):
+        return self.episode.wrench_t_ns <= self.episode.t_ns[self.step]
+
+    @property
+    def wrench_t_ns(self):
+        return self.episode.wrench_t_ns[self._rows]
+
+    @property
+    def wrench(self):
+        return self.episode.wrench[self._rows]
+
+    def observe(self):
+        camera, step = self.episode.cameras["front"], self.step
+        frame = SimpleNamespace(color=camera.color[step], depth=camera.depth[step])
+        return SimpleNamespace(
+            t_ns=int(self.episode.t_ns[step]), frames={"front": frame}, proprio=self.episode.proprio[step],
+            joints=self.episode.joints[step],
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("period", [0.0, 60.0])
+def test_live_sends_every_reading_and_step_once_however_often_it_sends(monkeypatch, tmp_path, period):
+    file = tmp_path / "live.rrd"
+    monkeypatch.setattr("svfl_data.viewer.live.PERIOD_S", period)
+    monkeypatch.setattr("svfl_data.viewer.live.SHARE", 1e9)
+    monkeypatch.setattr("socket.create_connection", lambda *_, **__: SimpleNamespace(close=lambda: None))
+    monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url, default_blueprint: self.save(file))
+    episode, live = make_episode(steps=6), Live("127.0.0.1:1")
+    for _ in range(2):
+        rig = Rig(episode)
+        live(rig, rig.observe(), None)
+        for step in range(len(episode)):
+            rig.step = step + 1
+            live(rig, rig.observe(), episode.action[step])
+        live.finish()
+    live.close()
+    offset = GAP_NS
+    later = GAP_NS + episode.t_ns[-1] + GAP_NS
+    for path, clock, values in (
+        ("wrench/force", episode.wrench_t_ns, episode.tared_wrench[:, :3]),
+        ("motion/commanded", episode.t_ns[:-1], episode.action[:, 1:4]),
+        ("motion/achieved", episode.t_ns[:-1], np.diff(episode.proprio[:, 1:4], axis=0)),
+        ("scene/cameras/front/depth", episode.t_ns, None),
+    ):
+        component = "DepthImage:buffer" if values is None else "Scalars:scalars"
+        t_ns, rows = gathered(file, path, component)
+        np.testing.assert_array_equal(t_ns, [*(clock + offset), *(clock + later)])
+        if values is not None:
+            np.testing.assert_allclose(rows, np.concatenate([values, values]), atol=1e-6)
+
+
+def gathered(path, entity, component):
+    """Rows of a component over all pieces, by time."""
+    times, rows = [], []
+    for chunk in RrdReader(path).stream().to_chunks():
+        batch = chunk.to_record_batch()
+        if chunk.entity_path == f"/{entity}" and component in batch.schema.names and not chunk.is_static:
+            times += batch.column("time").cast("int64").to_pylist()
+            rows += batch.column(component).to_pylist()
+    order = np.argsort(times)
+    return np.array(times)[order], [rows[row] for row in order]
+
+
+def test_live_without_a_viewer_is_one_line():
+    with pytest.raises(UsageError, match="no viewer listens there"):
+        Live("127.0.0.1:9")
+    with pytest.raises(UsageError, match="no viewer listens there"):
+        Live("nowhere")
+
+
+def test_predicted_direction_is_drawn_with_its_probability_beside_the_true_one(tmp_path):
+    episode = make_episode(steps=3)
+    shares = np.full((4, 4), 0.1)
+    shares[:, 2] = 0.7
+    thought = Opinion("tiny", "front", np.zeros((4, 8, 8, 3), np.uint8), shares)
+    show.save(show.content([(Shown.of(episode), thought)]), tmp_path / "a.rrd")
+    camera = "scene/cameras/front"
+    t_ns, vectors = logged(tmp_path / "a.rrd", f"{camera}/predicted", "Arrows2D:vectors")
+    np.testing.assert_array_equal(t_ns, episode.t_ns)
+    assert (vectors[:, 0, 0] < 0).all()  # left is left
+    np.testing.assert_allclose(vectors[:, 0, 1], 0)
+    _, words = logged(tmp_path / "a.rrd", f"{camera}/predicted", "Arrows2D:labels")
+    assert words[0, 0] == f"network: {DIRECTIONS[2]} 70%"
+    true = logged(tmp_path / "a.rrd", f"{camera}/true", "Arrows2D:labels", timed=False)
+    assert true == [f"true: {DIRECTIONS[int(episode.label_direction)]}"]
+    _, probability = logged(tmp_path / "a.rrd", "network/probability", "Scalars:scalars")
+    np.testing.assert_allclose(probability, shares)
+
+
+def test_a_checkpoint_that_is_none_is_one_line(tmp_path):
+    (tmp_path / "a.txt").touch()
+    with pytest.raises(UsageError, match=r"kinds: \.ckpt"):
+        opinion.load(tmp_path / "a.txt")
+    with pytest.raises(FormatError, match="no such file"):
+        opinion.load(tmp_path / "a.ckpt")
+
+
+def test_two_datasets_are_compared_by_the_same_bins(tmp_path):
+    datasets = []
+    for name, seeds in (("a", (0, 1)), ("b", (2, 3, 4))):
+        dataset = Dataset.create_or_resume(tmp_path / name, "centering", 0, {})
+        for seed in seeds:
+            write_episode(make_episode(seed), dataset.episode_path(seed))
+        datasets.append(dataset)
+    loads = tuple(map(compare.Loads.of, datasets))
+    assert [len(load.peak) for load in loads] == [2, 3]
+    edges = compare.bins([load.force for load in loads])
+    for load in loads:
+        np.testing.assert_allclose(compare.shares(load.force, edges).sum(), 100)
+    show.save(compare.content(*datasets), tmp_path / "compared.rrd")
+    assert {f"/compare/{what}/{one}" for what in ("force", "torque", "peak") for one in "ab"} <= entities(
+        tmp_path / "compared.rrd"
+    )
+
+
+def test_distance_of_distributions_is_zero_for_equal_and_one_for_separate_ones():
+    values = np.random.default_rng(0).normal(size=200)
+    assert compare.distance(values, values[::-1]) == 0
+    assert compare.distance(values, values + 100) == 1
+    assert 0 < compare.distance(values, values + 0.5) < 1
+
+
+def test_the_web_page_is_this_machines_unless_asked_otherwise(monkeypatch):
+    called = []
+    monkeypatch.setattr(show, "_run", lambda arguments, advice: called.append(arguments))
+    content = show.content([(Shown.of(make_episode()), None)])
+    show.serve(content)
+    show.serve(content, bind="0.0.0.0", port=7000)
+    assert called[0][called[0].index("--bind") + 1] == "127.0.0.1"
+    assert called[1][called[1].index("--bind") + 1] == "0.0.0.0"
+    assert not any(Path(arguments[-1]).exists() for arguments in called)
