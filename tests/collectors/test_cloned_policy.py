@@ -20,8 +20,8 @@ from collectors.tasks import TASKS
 from svfl_data.dataset import Dataset
 from svfl_data.errors import FormatError, TrainingError, UsageError
 from svfl_data.store import write_episode
-from svfl_models import cli, export, exported_policy
-from svfl_models.cloning import acting, train
+from svfl_models import cli, export, exported_policy, run_folder
+from svfl_models.cloning import acting, table, train
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.evaluate import environment_of, evaluate
@@ -141,3 +141,12 @@ def test_an_evaluation_is_written_beside_the_checkpoint(checkpoint, capsys):
     assert cli.main(["evaluate", str(checkpoint), "--episodes", "1"]) == 0
     assert json.loads(checkpoint.with_name("evaluation.json").read_text())["steps"]
     assert "of 1 episodes succeeded" in capsys.readouterr().out
+
+
+def test_a_table_tries_what_is_trained(checkpoint):
+    run = table.Run(CloningConfig(**json.loads((checkpoint.parent / run_folder.CONFIG).read_text())), checkpoint.parent)
+    before = checkpoint.read_bytes()
+    assert run.outcome(2) is None
+    assert table.train_and_try(run, 2).endswith(" of 2")
+    assert len(run.outcome(2)["success"]) == 2
+    assert checkpoint.read_bytes() == before

@@ -84,7 +84,7 @@ def test_the_hand_is_in_the_middle(tmp_path):
     camera = {"intrinsics": np.diag([60.0, 60.0, 1.0]), "T_base_camera": np.diag([1.0, -1.0, -1.0, 1.0])}
     camera["intrinsics"][:2, 2], camera["T_base_camera"][:3, 3] = 15.5, (0.55, 0, 0.99)  # one metre above the table
     proprio, color = episode.proprio.copy(), np.zeros_like(episode.arrays["cameras/front/color"])
-    proprio[:, 1:3] = [0.55, 0.0] + np.linspace([-0.2, 0.1], [0.2, -0.1], len(proprio))
+    proprio[:, 1:3] = np.array([0.55, 0.0]) + np.linspace([-0.2, 0.1], [0.2, -0.1], len(proprio))
     for step, (x, y) in enumerate(proprio[:, 1:3]):
         column, row = matrix[:2] @ [x, y, -0.01, 1]
         color[step, round(row), round(column)] = 255
