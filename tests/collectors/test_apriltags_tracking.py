@@ -14,6 +14,7 @@ from collectors.record import record
 from collectors.simulated import attempt_seed
 from collectors.simulation.bodies import quat_from_yaw
 from collectors.simulation.bullet import pybullet
+from collectors.simulation.camera import calibration as calibration_of
 from collectors.simulation.tagged_block import wear_tags
 from collectors.simulation.world import World
 from collectors.tasks import task_class
@@ -35,7 +36,8 @@ class Scene:
         self.world.reset(seed=0)
         cube = self.world.add_box((HALF, HALF, HALF), (0.55, 0.0, HALF), 0.0, 0.1, 0.5)
         self.body, self.layout = wear_tags(self.world.client, cube, HALF)
-        self.camera = SimulatedTagCamera(self.world, VGA)
+        self.camera = SimulatedTagCamera(self.world, replace(VGA, height=960, width=1280))
+        self.calibration = calibration_of(VGA)
 
     def put(self, x, y, yaw, z=HALF):
         pybullet.resetBasePositionAndOrientation(
@@ -43,7 +45,7 @@ class Scene:
         )
 
     def picture(self, noise=3.0, seed=0):
-        clean = self.camera()[1]
+        clean = cv2.resize(self.camera()[1], (640, 480), interpolation=cv2.INTER_AREA)  # optics make no jagged edges
         noisy = clean + np.random.default_rng(seed).normal(0, noise, clean.shape)
         return np.clip(noisy, 0, 255).astype(np.uint8)
 
@@ -67,14 +69,14 @@ def yaw_of(pose):
 @pytest.mark.parametrize(("x", "y", "yaw", "upright"), [(0.55, 0.0, 0.3, True), (0.6, -0.06, -2.0, False)])
 def test_place_and_yaw_under_noise_and_behind_a_finger(scene, x, y, yaw, upright):
     scene.put(x, y, yaw)
-    calibration = scene.camera.calibration
+    seen_by = scene.calibration
     picture = scene.picture()
     hidden = picture.copy()
-    point = calibration.intrinsics @ (np.linalg.inv(calibration.T_base_camera) @ [x, y, 0.0, 1.0])[:3]
+    point = seen_by.intrinsics @ (np.linalg.inv(seen_by.T_base_camera) @ [x, y, 0.0, 1.0])[:3]
     column, row = (int(part) for part in point[:2] / point[2])
     hidden[row + 8 : row + 60, column - 60 : column + 60] = (70, 70, 75)  # the lower part of both side faces
     for seen in (picture, hidden):
-        track = Tracker(scene.layout, upright).see(seen, 0, calibration)
+        track = Tracker(scene.layout, upright).see(seen, 0, seen_by)
         assert np.linalg.norm(track.pose[:3] - [x, y, HALF]) < 0.003
         assert abs(wrap(yaw_of(track.pose) - yaw)) < np.radians(2.0)
         assert track.age == 0.0
@@ -83,7 +85,7 @@ def test_place_and_yaw_under_noise_and_behind_a_finger(scene, x, y, yaw, upright
 
 def test_a_lost_object_keeps_its_pose_and_grows_old(scene):
     scene.put(0.55, 0.0, 0.3)
-    tracker, calibration = Tracker(scene.layout, upright=True), scene.camera.calibration
+    tracker, calibration = Tracker(scene.layout, upright=True), scene.calibration
     empty = np.full((480, 640, 3), 150, np.uint8)
     assert tracker.see(empty, 0, calibration) is None
     assert tracker.arrays() == {}
@@ -102,7 +104,7 @@ def test_a_lost_object_keeps_its_pose_and_grows_old(scene):
 
 def test_doubtful_sightings_are_refused(scene):
     scene.put(0.55, 0.0, 0.3)
-    picture, calibration = scene.picture(), scene.camera.calibration
+    picture, calibration = scene.picture(), scene.calibration
     faint = Tracker(scene.layout, limits=Limits(margin=1000.0))
     assert faint.see(picture, 0, calibration) is None
     assert faint.refused == {"unclear": 1}
@@ -126,7 +128,7 @@ class Given:
 def test_success_never_rests_on_an_old_pose(scene):
     scene.put(0.6, 0.05, 0.0)
     empty = np.full((480, 640, 3), 150, np.uint8)
-    camera = Given(scene.camera.calibration, [scene.picture(), *[empty] * 10])
+    camera = Given(scene.calibration, [scene.picture(), *[empty] * 10])
     watch = Watch(Tracker(scene.layout), {"one": camera}, Reached((0.6, 0.05), 0.05, 0.04))
     told = [watch.achieved, *(watch.done() for _ in range(6))]
     fresh = round(MAX_AGE / 0.05)
@@ -137,7 +139,7 @@ def test_success_never_rests_on_an_old_pose(scene):
 
 def test_a_reset_gets_a_pose_of_now(scene):
     scene.put(0.5, 0.05, 0.4)
-    camera = Given(scene.camera.calibration, [np.full((480, 640, 3), 150, np.uint8), scene.picture()])
+    camera = Given(scene.calibration, [np.full((480, 640, 3), 150, np.uint8), scene.picture()])
     watch = Watch(Tracker(scene.layout, upright=True), {"one": camera}, Lifted(0.1))
     assert not watch.achieved
     assert np.linalg.norm(watch.reset_pose()[:3] - [0.5, 0.05, HALF]) < 0.003

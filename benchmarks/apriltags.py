@@ -1,0 +1,207 @@
+"""AprilTags: time of a look, accuracy at 0.6 m, agreement of the reward from tags with the true one, endurance.
+
+python benchmarks/apriltags.py speed accuracy
+python benchmarks/apriltags.py agreement [--task block_pushing] [--episodes 20]
+python benchmarks/apriltags.py endurance [--detections 10000]
+"""
+
+import argparse
+import gc
+import resource
+import time
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from collectors.apriltags.detector import TagDetector
+from collectors.apriltags.layout import Layout
+from collectors.apriltags.pose import body_pose
+from collectors.apriltags.simulated import watched
+from collectors.simulated import attempt_seed
+from collectors.simulation.bodies import quat_from_yaw
+from collectors.simulation.bullet import pybullet
+from collectors.simulation.camera import Camera, CameraConfig, calibration
+from collectors.simulation.config import WorldConfig
+from collectors.simulation.tagged_block import largest_tag, wear_tags
+from collectors.simulation.world import World
+from collectors.tasks import task_class
+from collectors.tasks.hand import Hand
+from collectors.tasks.task import MAX_STEPS
+
+HALF, DISTANCE = 0.025, 0.6  # [m] of the cube, and from it to the camera
+
+
+class Scene:
+    """A tagged cube on a table, seen from anywhere above."""
+
+    def __init__(self, seed: int) -> None:
+        """Build it."""
+        self.rng = np.random.default_rng(seed)
+        self.world = World(WorldConfig(cameras={}))
+        self.world.reset(seed=0)
+        cube = self.world.add_box((HALF, HALF, HALF), (0.55, 0.0, HALF), 0.0, 0.1, 0.5)
+        self.body, self.layout = wear_tags(self.world.client, cube, HALF)
+        for link in range(-1, pybullet.getNumJoints(self.world.robot, physicsClientId=self.world.client)):
+            pybullet.changeVisualShape(
+                self.world.robot, link, rgbaColor=(0, 0, 0, 0), physicsClientId=self.world.client
+            )
+
+    def picture(self, cover: float = 0.0):
+        """A 640 x 480 picture without jagged edges, its calibration, the cube's place and yaw.
+
+        Args:
+            cover: Share of the cube's width in the picture that a finger-like bar hides, from one side.
+        """
+        rng, target = self.rng, np.array([0.55, 0.0, HALF])
+        elevation, azimuth, yaw = np.radians(rng.uniform(40, 75)), *rng.uniform(-np.pi, np.pi, 2)
+        back = np.array([np.cos(azimuth), np.sin(azimuth)])
+        eye = target + DISTANCE * np.array([*(np.cos(elevation) * back), np.sin(elevation)])
+        place = target + np.array([*rng.uniform(-0.08, 0.08, 2), 0.0])
+        pybullet.resetBasePositionAndOrientation(
+            self.body, place, quat_from_yaw(yaw), physicsClientId=self.world.client
+        )
+        config = CameraConfig(480, 640, tuple(eye), tuple(target), (*-back, 0.0), 45.0)
+        fine = Camera(replace(config, height=960, width=1280), self.world.client).render().color
+        color = cv2.resize(fine, (640, 480), interpolation=cv2.INTER_AREA)
+        if cover:
+            self._cover(color, calibration(config), place, cover)
+        return color, calibration(config), place, yaw
+
+    def _cover(self, color, camera, place, cover: float) -> None:
+        T = np.linalg.inv(camera.T_base_camera)
+        x, y, z = camera.intrinsics @ (T[:3, :3] @ place + T[:3, 3])
+        radius = HALF * np.sqrt(3) * camera.intrinsics[0, 0] / z
+        column = int(x / z - radius + 2 * radius * cover) if self.rng.random() < 0.5 else None
+        rows = slice(max(0, int(y / z - 3 * radius)), int(y / z + 3 * radius))
+        if column is None:
+            color[rows, int(x / z + radius - 2 * radius * cover) : int(x / z + 3 * radius)] = (60, 60, 65)
+        else:
+            color[rows, max(0, column - int(2 * radius)) : column] = (60, 60, 65)
+
+
+def noisy(picture, rng, noise: float):
+    """The picture with noise on it, in grey levels."""
+    return np.clip(picture + rng.normal(0, noise, picture.shape), 0, 255).astype(np.uint8)
+
+
+def accuracy(pictures: int) -> None:
+    """Errors of place and yaw, with and without the knowledge that the cube stands upright."""
+    scene, detect = Scene(seed=0), TagDetector()
+    print(f"accuracy: cube of 5 cm, tags of 40 mm, {DISTANCE} m, 640 x 480, {pictures} pictures each")
+    print("| noise | hidden | upright known | seen | place, mm: median, largest | yaw, deg: median, largest |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for noise, cover in ((0.0, 0.0), (3.0, 0.0), (8.0, 0.0), (3.0, 0.35)):
+        shots = [scene.picture(cover) for _ in range(pictures)]
+        seen = [detect(noisy(shot[0], scene.rng, noise)) for shot in shots]
+        for upright in (False, True):
+            places, yaws = [], []
+            for tags, (_, camera, place, yaw) in zip(seen, shots, strict=True):
+                up = camera.T_base_camera[2, :3] if upright else None
+                found = body_pose(tags, scene.layout, camera.intrinsics, up)
+                if found is None:
+                    continue
+                T = camera.T_base_camera @ found.T_camera_body
+                places.append(1e3 * np.linalg.norm(T[:3, 3] - place))
+                off = np.arctan2(T[1, 0], T[0, 0]) - yaw
+                yaws.append(np.degrees(abs((off + np.pi) % (2 * np.pi) - np.pi)))
+            print(
+                f"| {noise:g} | {cover:.0%} | {'yes' if upright else 'no'} | {len(places)}/{pictures} "
+                f"| {np.median(places):.2f}, {max(places):.2f} | {np.median(yaws):.2f}, {max(yaws):.2f} |"
+            )
+
+
+def speed(pictures: int) -> None:
+    """CPU time of finding tags, and of the pose, in a noisy picture."""
+    scene, detect = Scene(seed=1), TagDetector()
+    times, fits = [], []
+    for _ in range(pictures):
+        color, camera, *_ = scene.picture()
+        color = noisy(color, scene.rng, 3.0)
+        start = time.process_time()
+        tags = detect(color)
+        middle = time.process_time()
+        body_pose(tags, scene.layout, camera.intrinsics, camera.T_base_camera[2, :3])
+        times.append(1e3 * (middle - start))
+        fits.append(1e3 * (time.process_time() - middle))
+    for name, values in (("detection", times), ("pose", fits)):
+        low, median, high = np.percentile(values, [10, 50, 90])
+        print(f"speed: {name} in 640 x 480, CPU ms: median {median:.1f} ({low:.1f}..{high:.1f}) of {pictures}")
+
+
+def agreement(task_name: str, episodes: range, noise: float) -> None:
+    """How often the reward from tags is the true one, at every step of experts' episodes."""
+    world = World(WorldConfig(cameras={}))
+    agree, steps, ages, errors = 0, 0, [], []
+    for index in episodes:
+        task = task_class(task_name).begin(world, attempt_seed(7, index, 0))
+        watch = watched(task, noise, index)
+        moves = task.expert(Hand(world, np.random.default_rng(index)))
+        for _ in range(MAX_STEPS):
+            move = next(moves, None)
+            if move is None:
+                break
+            world.step(move)
+            told, true = watch.done(), task.success()
+            steps, agree = steps + 1, agree + (told == true)
+            track = watch.tracker.at(int(world.wrench_t_ns[-1]))
+            ages.append(np.inf if track is None else track.age)
+            if track is not None and track.age == 0:
+                errors.append(1e3 * np.linalg.norm(track.pose[:3] - world.pose(task.body)[:3]))
+            if told != true:
+                print(f"  episode {index}: tags say {told}, truth {true}, age {ages[-1]:.2f} s", flush=True)
+            if told and true:
+                break
+        print(f"  episode {index}: {steps} steps so far, {agree} agree", flush=True)
+    place = np.percentile(errors, [50, 99, 100])
+    print(
+        f"agreement: {task_name}, {len(episodes)} episodes, {agree} of {steps} steps ({agree / steps:.2%}); hidden in "
+        f"{np.mean(np.array(ages) > 0):.1%} of them; place, mm: median {place[0]:.2f}, 99 % {place[1]:.2f}, "
+        f"largest {place[2]:.2f}"
+    )
+
+
+def endurance(detections: int) -> None:
+    """Detect and drop detectors very often: no crash, and memory that does not grow."""
+    layout, rng = Layout.cube(HALF, largest_tag(HALF)), np.random.default_rng(0)
+    scene = Scene(seed=2)
+    pictures = [noisy(scene.picture()[0][180:300, 240:400], rng, 4.0) for _ in range(4)]
+    found, first = 0, 0
+    for number in range(detections):
+        family = ("tag36h11", "tag25h9", "tag16h5", "tagCircle21h7")[number % 4 if number % 10 == 0 else 0]
+        detect = TagDetector(family)
+        found += any(one.id in layout.tags for one in detect(pictures[number % 4]))
+        del detect
+        if number % 1000 == 999:
+            gc.collect()
+            first = first or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - first) / 1024
+    print(
+        f"endurance: {detections} detections, a new detector for each, {found} found tags; memory grew by "
+        f"{grown:.1f} MB"
+    )
+
+
+def main() -> None:
+    """Run what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", nargs="+", choices=["speed", "accuracy", "agreement", "endurance"])
+    parser.add_argument("--pictures", type=int, default=40)
+    parser.add_argument("--task", default="block_pushing", choices=["block_pushing", "block_picking"])
+    parser.add_argument("--episodes", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0, help="number of the first episode")
+    parser.add_argument("--noise", type=float, default=3.0, help="of the pictures, grey levels")
+    parser.add_argument("--detections", type=int, default=10_000)
+    args = parser.parse_args()
+    runs = {
+        "speed": lambda: speed(args.pictures),
+        "accuracy": lambda: accuracy(args.pictures),
+        "agreement": lambda: agreement(args.task, range(args.first, args.first + args.episodes), args.noise),
+        "endurance": lambda: endurance(args.detections),
+    }
+    for what in args.what:
+        runs[what]()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""The calibration file: what collectors know about real cameras, JSON that people can read."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collectors.contract import Calibration
+from svfl_data.errors import FormatError, StorageError
+
+
+def image_axes(T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Base xy to image (right, up) of a camera that looks at the table, (2, 2), orthogonal.
+
+    Args:
+        T_base_camera: Its pose, (4, 4).
+    """
+    x, y = T_base_camera[:2, 0] / np.linalg.norm(T_base_camera[:2, 0])
+    above = -np.sign(T_base_camera[2, 2])  # a camera that looks up sees a mirrored table
+    return np.array([[x, y], [-above * y, above * x]])
+
+
+def read_calibrations(path: Path) -> dict[str, Calibration]:
+    """The cameras of a calibration file, by name.
+
+    Raises:
+        StorageError: If there is no such file.
+        FormatError: If it holds something else.
+    """
+    shapes = {"intrinsics": (3, 3), "T_base_camera": (4, 4), "image_axes": (2, 2)}
+    cameras = {}
+    for name, values in _cameras(path).items():
+        try:
+            arrays = {field: np.array(values[field], np.float64).reshape(shape) for field, shape in shapes.items()}
+            cameras[name] = Calibration(**arrays, depth_scale=float(values["depth_scale"]))
+        except (KeyError, ValueError, TypeError) as error:
+            needs = ", ".join([*shapes, "depth_scale"])
+            raise FormatError(f"{path}: camera {name!r} needs {needs}: {error!r}") from error
+    return cameras
+
+
+def write_calibration(path: Path, name: str, calibration: Calibration, residuals: dict[str, Any]) -> None:
+    """Put a camera into a calibration file; others that are in it stay.
+
+    Args:
+        path: The file; made if missing.
+        name: Of the camera.
+        calibration: What is known.
+        residuals: How well, JSON values.
+
+    Raises:
+        StorageError: If it cannot be written.
+        FormatError: If there is such a file and it is no calibration file.
+    """
+    cameras = _cameras(path) if path.exists() else {}
+    cameras[name] = {
+        "intrinsics": calibration.intrinsics.tolist(),
+        "T_base_camera": calibration.T_base_camera.tolist(),
+        "image_axes": calibration.image_axes.tolist(),
+        "depth_scale": calibration.depth_scale,
+        "residuals": residuals,
+    }
+    try:
+        path.write_text(json.dumps({"format": "svfl-calibration", "cameras": cameras}, indent=1) + "\n")
+    except OSError as error:
+        raise StorageError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _cameras(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text())
+        if found["format"] != "svfl-calibration":
+            raise ValueError(f"format {found['format']!r}")
+        return dict(found["cameras"])
+    except OSError as error:
+        raise StorageError(f"cannot read {path}: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise FormatError(f"{path} is no calibration file of svfl-collect calibrate: {error!r}") from error

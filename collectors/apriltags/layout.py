@@ -1,0 +1,172 @@
+"""Where tags are on a rigid body: a block with a tag on each face, a sheet with a grid of them."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collectors.apriltags.native import CORRECTED
+from svfl_data.errors import FormatError, StorageError, UsageError
+
+CORNERS = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
+"""Corners of a tag of size 1 in its own axes, in the order in which a detection has them: from lower left, against
+the clock."""
+FACES = {
+    "+z": ((1, 0, 0), (0, 1, 0)),
+    "+x": ((0, 1, 0), (0, 0, 1)),
+    "+y": ((-1, 0, 0), (0, 0, 1)),
+    "-x": ((0, -1, 0), (0, 0, 1)),
+    "-y": ((1, 0, 0), (0, 0, 1)),
+    "-z": ((1, 0, 0), (0, -1, 0)),
+}
+"""Axes x and y of the tag on each face of a block, in the block's axes; those at the sides stand upright."""
+
+
+@dataclass(frozen=True)
+class Tag:
+    """One tag on a body.
+
+    Attributes:
+        id: Its number in the family.
+        size: Edge of the square between its corners, [m].
+        T_body_tag: Its pose, (4, 4), [m].
+    """
+
+    id: int
+    size: float
+    T_body_tag: NDArray[np.float64]
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Its corners in the body's axes, (4, 3), [m]."""
+        scaled: NDArray[np.float64] = self.size * CORNERS @ self.T_body_tag[:3, :3].T + self.T_body_tag[:3, 3]
+        return scaled
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The tags of one rigid body.
+
+    Attributes:
+        family: Family of all of them.
+        tags: The tags by id.
+    """
+
+    family: str
+    tags: dict[int, Tag]
+
+    @classmethod
+    def of(cls, family: str, tags: list[Tag]) -> "Layout":
+        """Tags of one family, whose ids must differ.
+
+        Raises:
+            UsageError: If there is no such family, two tags have one id, or a size is not positive.
+        """
+        if family not in CORRECTED:
+            raise UsageError(f"no tag family {family!r}; the families are {', '.join(CORRECTED)}")
+        ids = [tag.id for tag in tags]
+        if not tags or len(set(ids)) < len(ids):
+            raise UsageError(f"a body needs tags with different ids, got ids {ids}")
+        if wrong := [tag.id for tag in tags if not tag.size > 0]:
+            raise UsageError(
+                f"the size of a tag must be positive, tag {wrong[0]} has {tags[ids.index(wrong[0])].size} m"
+            )
+        return cls(family, dict(zip(ids, tags, strict=True)))
+
+    @classmethod
+    def cube(cls, half: float, size: float, first: int = 0, family: str = "tag36h11") -> "Layout":
+        """A cube with a tag in the middle of each face, ids from `first` in the order of `FACES`.
+
+        Args:
+            half: Half the cube's edge, [m].
+            size: Of the tags, [m].
+            first: Id of the tag on top.
+            family: Their family.
+        """
+        tags = []
+        for number, (x, y) in enumerate(FACES.values()):
+            T = np.eye(4)
+            T[:3, :3] = np.stack([x, y, np.cross(x, y)], axis=1)
+            T[:3, 3] = half * T[:3, 2]
+            tags.append(Tag(first + number, size, T))
+        return cls.of(family, tags)
+
+    @classmethod
+    def grid(
+        cls, columns: int, rows: int, size: float, pitch: float, first: int = 0, family: str = "tag36h11"
+    ) -> "Layout":
+        """A flat board of square cells, each with a tag in its middle; ids run along rows from the upper left.
+
+        The origin is the lower left corner of the lower left cell.
+
+        Args:
+            columns: Tags beside each other.
+            rows: Tags above each other.
+            size: Of the tags, [m].
+            pitch: Edge of a cell, [m].
+            first: Id of the upper left tag.
+            family: Their family.
+        """
+        tags = []
+        for number in range(columns * rows):
+            row, column = divmod(number, columns)
+            T = np.eye(4)
+            T[:2, 3] = pitch * (column + 0.5), pitch * (rows - row - 0.5)
+            tags.append(Tag(first + number, size, T))
+        return cls.of(family, tags)
+
+    def scaled(self, factor: float) -> "Layout":
+        """The same body printed larger or smaller."""
+        tags = [
+            Tag(tag.id, factor * tag.size, _moved(tag.T_body_tag, factor * tag.T_body_tag[:3, 3]))
+            for tag in self.tags.values()
+        ]
+        return Layout.of(self.family, tags)
+
+    def write(self, path: Path) -> None:
+        """Write it as JSON.
+
+        Raises:
+            StorageError: If the file cannot be written.
+        """
+        tags = [{"id": tag.id, "size": tag.size, "T_body_tag": tag.T_body_tag.tolist()} for tag in self.tags.values()]
+        try:
+            path.write_text(json.dumps({"family": self.family, "tags": tags}, indent=1) + "\n")
+        except OSError as error:
+            raise StorageError(f"cannot write {path}: {error.strerror}") from error
+
+    @classmethod
+    def read(cls, path: Path) -> "Layout":
+        """Read it from JSON.
+
+        Raises:
+            StorageError: If there is no such file.
+            FormatError: If it holds no layout.
+        """
+        try:
+            found: dict[str, Any] = json.loads(path.read_text())
+            tags = [
+                Tag(int(tag["id"]), float(tag["size"]), _pose(tag["T_body_tag"])) for tag in found["tags"]
+            ]  # fmt: skip
+            return cls.of(str(found["family"]), tags)
+        except OSError as error:
+            raise StorageError(f"cannot read {path}: {error.strerror}") from error
+        except (ValueError, KeyError, TypeError, UsageError) as error:
+            words = f"it needs family and tags with id, size [m] and T_body_tag (4 x 4): {error!r}"
+            raise FormatError(f"{path} is no layout of tags; {words}") from error
+
+
+def _moved(T: NDArray[np.float64], to: NDArray[np.float64]) -> NDArray[np.float64]:
+    moved = T.copy()
+    moved[:3, 3] = to
+    return moved
+
+
+def _pose(rows: list[list[float]]) -> NDArray[np.float64]:
+    T = np.array(rows, np.float64)
+    if T.shape != (4, 4) or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-6):
+        raise ValueError(f"{rows} is not a pose")
+    return T

@@ -1,0 +1,186 @@
+"""The pose of a body from the corners of its tags: both readings of each tag, a joint fit to all corners, a choice."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from collectors.apriltags.detector import Detection
+from collectors.apriltags.layout import CORNERS, Layout
+
+FACING = 0.6  # below this a tag is too slanted for its corners to help; they are used if no tag is less slanted
+ROUNDS = 15  # of the fit; it ends before, when nothing moves any more
+STILL = 1e-8  # [m] and [rad] of a round after which it has ended
+OUTLIER_PX = 1.0  # from here on a corner pulls with constant force only (Huber), as one at the edge of an occlusion
+ALIKE = 2.0  # readings whose error is up to so many times the smallest one's are alike
+DOUBT = 1.0  # [px] of error from which a smaller set of tags is tried
+CORNER_PX = 0.2  # standard deviation of a corner, against which a known tilt is weighed
+TILT = 0.005  # [rad] standard deviation of the tilt of an upright body
+
+
+@dataclass(frozen=True)
+class BodyPose:
+    """Where a body is, as one picture tells.
+
+    Attributes:
+        T_camera_body: Its pose, (4, 4), [m].
+        error: Root mean square distance of its corners in the picture from where this pose puts them, [px].
+        margin: Smallest decision margin of its tags, in grey levels.
+        tags: Ids of the tags that were used.
+    """
+
+    T_camera_body: NDArray[np.float64]
+    error: float
+    margin: float
+    tags: tuple[int, ...]
+
+
+def readings(detection: Detection, size: float, intrinsics: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Both poses that explain the corners of a tag: a small square tilted one way or the other looks nearly the same.
+
+    The first follows from the homography of the corners. Turning the tag half about the line of sight, and back about
+    its own normal, mirrors its tilt: the second reading (Schweighofer and Pinz, "Robust pose estimation from a planar
+    target", PAMI 2006). Neither is refined yet. OpenCV's IPPE_SQUARE would be NaN or wrong for a tag that squarely
+    faces the camera.
+
+    Args:
+        detection: The tag.
+        size: Its edge, [m].
+        intrinsics: Pinhole matrix, (3, 3), [px].
+
+    Returns:
+        T_camera_tag, (4, 4) each, [m].
+    """
+    flat = (size * CORNERS[:, :2]).astype(np.float32)
+    H = np.linalg.inv(intrinsics) @ cv2.getPerspectiveTransform(flat, detection.corners.astype(np.float32))
+    H *= np.sign(H[2, 2]) * 2.0 / (np.linalg.norm(H[:, 0]) + np.linalg.norm(H[:, 1]))
+    u, _, v = np.linalg.svd(np.column_stack([H[:, :2], np.cross(H[:, 0], H[:, 1])]))
+    first, second = np.eye(4), np.eye(4)
+    first[:3, :3], first[:3, 3] = u @ v, H[:, 2]
+    sight = H[:, 2] / np.linalg.norm(H[:, 2])
+    half_turn = 2.0 * np.outer(sight, sight) - np.eye(3)
+    second[:3, :3], second[:3, 3] = half_turn @ first[:3, :3] @ np.diag([-1.0, -1.0, 1.0]), H[:, 2]
+    return [first, second]
+
+
+def body_pose(
+    detections: list[Detection],
+    layout: Layout,
+    intrinsics: NDArray[np.float64],
+    up: NDArray[np.float64] | None = None,
+) -> BodyPose | None:
+    """The pose that explains all corners of a body's tags best.
+
+    Args:
+        detections: Tags in the picture; those of other bodies are left aside.
+        layout: Where the tags are on the body.
+        intrinsics: Pinhole matrix, (3, 3), [px].
+        up: For a body that is known to stand upright, such as one that lies on a table: what is up, in camera axes,
+            (3,). It then decides between readings that are alike, and the tilt that corners tell badly is not free.
+
+    Returns:
+        The pose, or None if none of the body's tags are there.
+    """
+    own = [one for one in detections if one.family == layout.family and one.id in layout.tags]
+    if not own:
+        return None
+    most = max(one.facing for one in own)
+    own = [one for one in own if one.facing >= min(FACING, most)]
+    best = _joint(own, layout, intrinsics, up)
+    while best.error > DOUBT and len(own) > 1:  # a tag whose corner is covered spoils the others
+        trials = [[other for other in own if other is not one] for one in own]
+        best, own = min(
+            ((_joint(some, layout, intrinsics, up), some) for some in trials), key=lambda trial: trial[0].error
+        )
+    return best
+
+
+def _joint(
+    own: list[Detection], layout: Layout, intrinsics: NDArray[np.float64], up: NDArray[np.float64] | None
+) -> BodyPose:
+    """The pose that explains all corners of these tags best, beginning with every reading of each."""
+    points = np.concatenate([layout.tags[one.id].corners for one in own])
+    pixels = np.concatenate([one.corners for one in own])
+    fits = []
+    for one in own:
+        tag = layout.tags[one.id]
+        for T_camera_tag in readings(one, tag.size, intrinsics):
+            T = fit(T_camera_tag @ np.linalg.inv(tag.T_body_tag), points, pixels, intrinsics, up)
+            fits.append((reprojection_error(T, points, pixels, intrinsics), T))
+    least = min(error for error, _ in fits)
+    alike = [fit for fit in fits if fit[0] <= ALIKE * least]
+    error, T = min(alike, key=lambda fit: fit[0] if up is None else -float(fit[1][:3, 2] @ up))
+    return BodyPose(T, error, min(one.margin for one in own), tuple(one.id for one in own))
+
+
+def fit(
+    start: NDArray[np.float64],
+    points: NDArray[np.float64],
+    pixels: NDArray[np.float64],
+    intrinsics: NDArray[np.float64],
+    up: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
+    """Move a pose until its corners are where they are seen (Gauss-Newton on Huber's loss).
+
+    Args:
+        start: T_camera_body to begin with, (4, 4), [m].
+        points: In the body's axes, (M, 3), [m].
+        pixels: Where they are seen, (M, 2), [px].
+        intrinsics: Pinhole matrix, (3, 3), [px].
+        up: Direction in camera axes along which the body's z is, (3,), or None if it may be tilted.
+
+    Returns:
+        T_camera_body, (4, 4), [m].
+    """
+    T, focal = start.copy(), intrinsics[:2, :2]
+    across = np.zeros((0, 3)) if up is None else _across(up)
+    for _ in range(ROUNDS):
+        turned = points @ T[:3, :3].T
+        x, y, z = (turned + T[:3, 3]).T
+        off = project(T, points, intrinsics) - pixels
+        # How a pixel moves with its point: d(x/z, y/z)/d(x, y, z), (M, 2, 3), then the point with rotation and shift.
+        zero = np.zeros_like(z)
+        ray = np.stack([np.stack([1 / z, zero, -x / z**2], -1), np.stack([zero, 1 / z, -y / z**2], -1)], 1)
+        moves = focal @ ray @ np.concatenate([-_cross(turned), np.broadcast_to(np.eye(3), (len(z), 3, 3))], axis=2)
+        pull = np.sqrt(np.minimum(1.0, OUTLIER_PX / np.maximum(np.linalg.norm(off, axis=1), 1e-12)))
+        A, b = (pull[:, None, None] * moves).reshape(-1, 6), (pull[:, None] * off).ravel()
+        # The tilt, in pixels: the body's z should have no component across what is up.
+        tilt = np.concatenate([-across @ _cross(T[None, :3, 2])[0], np.zeros((len(across), 3))], axis=1)
+        A = np.concatenate([A, CORNER_PX / TILT * tilt])
+        b = np.concatenate([b, CORNER_PX / TILT * (across @ T[:3, 2])])
+        step = -np.linalg.lstsq(A, b, rcond=None)[0]
+        T[:3, :3] = cv2.Rodrigues(step[:3])[0] @ T[:3, :3]
+        T[:3, 3] += step[3:]
+        if np.abs(step).max() < STILL or not np.isfinite(T).all():
+            break
+    return T
+
+
+def project(
+    T: NDArray[np.float64], points: NDArray[np.float64], intrinsics: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Where points of a body at T_camera_body are in the picture, (M, 2), [px]."""
+    seen = (points @ T[:3, :3].T + T[:3, 3]) @ intrinsics.T
+    pixels: NDArray[np.float64] = seen[:, :2] / seen[:, 2:]
+    return pixels
+
+
+def reprojection_error(
+    T: NDArray[np.float64], points: NDArray[np.float64], pixels: NDArray[np.float64], intrinsics: NDArray[np.float64]
+) -> float:
+    """Root mean square distance of points in the picture from where a pose puts them, [px]."""
+    off = project(T, points, intrinsics) - pixels
+    return float(np.sqrt((off**2).sum(axis=1).mean()))
+
+
+def _cross(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The matrix of the cross product with each vector, (M, 3) to (M, 3, 3)."""
+    x, y, z = vectors.T
+    o = np.zeros_like(x)
+    return np.stack([np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], axis=1)
+
+
+def _across(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Two unit vectors at right angles to a direction and each other, (2, 3)."""
+    return np.asarray(np.linalg.svd(direction[None])[2][1:])
