@@ -1,6 +1,5 @@
 """What the documentation says is what the code does."""
 
-import json
 import re
 import shlex
 from pathlib import Path
@@ -8,7 +7,6 @@ from pathlib import Path
 import h5py
 import pytest
 
-from svfl_data.dataset import Dataset
 from svfl_data.fields import markdown_table
 from svfl_data.store import write_episode
 from tests.builders import make_episode
@@ -56,21 +54,6 @@ def test_the_python_of_the_page_on_symmetry_runs(capsys):
     printed = [float(line) for line in capsys.readouterr().out.splitlines()]
     assert len(printed) == 2
     assert max(printed) < 1e-5
-
-
-@pytest.mark.parametrize("notebook", sorted((ROOT / "notebooks").glob("*.ipynb")), ids=lambda file: file.stem)
-def test_notebooks_run_and_are_stored_without_output(notebook, tmp_path, monkeypatch):
-    dataset = Dataset.create_or_resume(tmp_path / "data" / "centering", "centering", 0, {})
-    write_episode(make_episode(), dataset.episode_path(0))
-    (tmp_path / "notebooks").mkdir()
-    monkeypatch.chdir(tmp_path / "notebooks")
-    monkeypatch.setenv("MPLBACKEND", "agg")
-    cells = [cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"]
-    names: dict = {}
-    for cell in cells:
-        assert cell["outputs"] == []
-        exec("".join(cell["source"]), names)
-    assert names["window"].shape == (64, 6)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.suffix == ".md"], ids=lambda page: page.name)
