@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -30,13 +32,24 @@ class Watched:
 
     def __call__(self, index: int, *keep: object) -> Episode:
         """Collect the episode of an index; attempts that fail are shown as well."""
-        live = viewer(self.address)
-        live.name = f"episode {index}"
-        with watching(live):  # type: ignore[arg-type] # its protocols ask for less than ours give
-            try:
-                return self.collector(index, *keep)
-            finally:
-                live.finish()
+        with shown(self.address, index):
+            return self.collector(index, *keep)
+
+
+@contextmanager
+def shown(address: str, index: int) -> Iterator[None]:
+    """Show the episode of an index on a viewer while it is recorded in this block, whether or not it is kept.
+
+    Raises:
+        UsageError: If Rerun is not installed, or nothing listens there.
+    """
+    live = viewer(address)
+    live.name = f"episode {index}"
+    with watching(live):  # type: ignore[arg-type] # its protocols ask for less than ours give
+        try:
+            yield
+        finally:
+            live.finish()
 
 
 @cache

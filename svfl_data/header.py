@@ -16,7 +16,7 @@ from svfl_data.chunks import Extent, Placement, placement, pread
 from svfl_data.episode import Meta
 from svfl_data.errors import FormatError, SvflError
 from svfl_data.fields import EXTRA, check_arrays, field_at
-from svfl_data.seal import SEAL_MARK, SEAL_SIZE
+from svfl_data.seal import HDF5_MAGIC, SEAL_MARK, SEAL_SIZE, broken
 from svfl_data.store import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, check_format, check_meaning
 
 HEADERS_KEPT = 512
@@ -70,14 +70,13 @@ def checked_seal(extent: Extent) -> str:
     Raises:
         FormatError: If the episode is damaged or was never sealed.
     """
-    digest, tail = hashlib.sha256(), b""
+    digest, head, tail = hashlib.sha256(), b"", b""
     for block in extent.blocks():
-        tail += block
+        head, tail = head or block[: len(HDF5_MAGIC)], tail + block
         digest.update(tail[:-SEAL_SIZE])
         tail = tail[-SEAL_SIZE:]
     if tail != SEAL_MARK + digest.hexdigest().encode() + b"\n":
-        damaged = "damaged (does not match its seal)" if tail.startswith(SEAL_MARK) else "not a sealed episode"
-        raise FormatError(f"{extent}: {damaged}, {extent.size} bytes")
+        raise broken(extent, head, tail, extent.size)
     return digest.hexdigest()
 
 

@@ -41,7 +41,7 @@ def unsealed(sealed: bytes, path: Path) -> bytes:
     """
     content, found = sealed[:-SEAL_SIZE], sealed[-SEAL_SIZE:]
     if found != seal(content):
-        raise _broken(path, sealed[: len(HDF5_MAGIC)], found, len(sealed))
+        raise broken(path, sealed[: len(HDF5_MAGIC)], found, len(sealed))
     return content
 
 
@@ -60,7 +60,7 @@ def check_seal(path: Path) -> None:
     except OSError as error:
         raise FormatError(f"{path}: cannot be read ({error.strerror})") from error
     if found != expected:
-        raise _broken(path, head, found, size)
+        raise broken(path, head, found, size)
 
 
 def has_seal(path: Path) -> bool:
@@ -70,9 +70,20 @@ def has_seal(path: Path) -> bool:
         return file.read(len(SEAL_MARK)) == SEAL_MARK
 
 
-def _broken(path: Path, head: bytes, found: bytes, size: int) -> FormatError:
+def broken(where: object, head: bytes, found: bytes, size: int) -> FormatError:
+    """What is wrong with an episode that is not what was sealed.
+
+    Args:
+        where: It lies, for the message.
+        head: Its first bytes, as many as `HDF5_MAGIC` has.
+        found: Its last bytes, as many as a seal has.
+        size: Number of its bytes.
+    """
     if head != HDF5_MAGIC:
-        return FormatError(f"{path}: not an episode file (no HDF5 file, {size} bytes)")
+        return FormatError(f"{where}: not an episode file (no HDF5 file, {size} bytes)")
     if found.startswith(SEAL_MARK):
-        return FormatError(f"{path}: damaged (its {size} bytes do not match its seal)")
-    return FormatError(f"{path}: not a sealed episode: truncated, or written by other software ({size} bytes)")
+        return FormatError(f"{where}: damaged (its {size} bytes do not match its seal)")
+    return FormatError(
+        f"{where}: not a sealed episode: truncated, or written by other software ({size} bytes); "
+        "an episode that was edited is sealed again by svfl-data repair --reseal"
+    )

@@ -1,7 +1,5 @@
 """What a trained network thinks of every observation of an episode, for ``svfl-data view --checkpoint``."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +8,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from svfl_data.episode import Camera, Episode
-from svfl_data.errors import DatasetError, FormatError
+from svfl_data.errors import DatasetError
 from svfl_data.symmetry import PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.topdown import topdown
 from svfl_data.viewer.opinion import Network, Opinion
-from svfl_data.windows import WINDOW, latest, wrench_window
+from svfl_data.windows import latest, wrench_window
 from svfl_models import exported_policy
 from svfl_models.checkpoint import configuration, load_centering
-from svfl_models.cloning import acting
+from svfl_models.cloning import opinion as cloning
+from svfl_models.cloning.checkpoint import is_policy, load_policy
 from svfl_models.data import centre_crop, crop_side, scaled
 from svfl_models.module import CenteringModule, directions
 from svfl_models.visual_force import Batch
@@ -29,18 +28,10 @@ def load(file: Path) -> Network:
     Raises:
         FormatError: If it is neither.
     """
-    try:
-        module = load_centering(file)
-    except FormatError as refused:
-        try:
-            return _acting(acting.load(file), file)
-        except FormatError as error:
-            raise FormatError(f"{refused}; as a policy: {error}") from error
-
-    def network(episode: Episode) -> Opinion:
-        return _directions(module, episode, file)
-
-    return network
+    if is_policy(file):
+        return cloning.of_module(load_policy(file), _name(file))
+    module = load_centering(file)
+    return lambda episode: _directions(module, episode, _name(file))
 
 
 def load_exported(file: Path) -> Network:
@@ -49,11 +40,16 @@ def load_exported(file: Path) -> Network:
     Raises:
         FormatError: If it is none.
     """
-    return _acting(exported_policy.load(file), file)
+    return cloning.of_program(exported_policy.load(file), _name(file))
+
+
+def _name(file: Path) -> str:
+    """Enough of a file's place to tell runs apart."""
+    return "/".join(file.parts[-2:])
 
 
 @torch.inference_mode()
-def _directions(module: CenteringModule, episode: Episode, file: Path) -> Opinion:
+def _directions(module: CenteringModule, episode: Episode, name: str) -> Opinion:
     """Directions that a classifier predicts; one that gives offsets has no probabilities, only a direction."""
     trained = configuration(module)
     camera = _camera(episode)
@@ -61,7 +57,7 @@ def _directions(module: CenteringModule, episode: Episode, file: Path) -> Opinio
     output = module(batch)
     shares = output.softmax(dim=1) if output.shape[1] == 4 else torch.eye(4)[directions(output)]
     seen = (batch["image"][:, :3].clamp(0, 1) * 255).round().to(torch.uint8).permute(0, 2, 3, 1)  # (N+1, H, W, 3)
-    words = f"{file.parent.name}/{file.name}" + ("" if output.shape[1] == 4 else " (gives offsets, no probabilities)")
+    words = name + ("" if output.shape[1] == 4 else " (gives offsets, no probabilities)")
     return Opinion(words, camera.name, seen.contiguous().numpy(), shares.numpy())
 
 
@@ -102,34 +98,3 @@ def _camera(episode: Episode) -> Camera:
     if camera is None:
         raise DatasetError(f"{episode.name}: a network needs a camera with depth")
     return camera
-
-
-@dataclass(frozen=True)
-class _Picture:
-    color: NDArray[np.uint8]
-    depth: NDArray[np.uint16]
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """An observation as a policy gets it from a collector."""
-
-    frames: dict[str, _Picture]
-    wrench: NDArray[np.float32]
-    proprio: NDArray[np.float32]
-
-
-def _acting(policy: Callable[[_Seen], NDArray[np.float32]], file: Path) -> Network:
-    """What a policy would command at every observation."""
-
-    def network(episode: Episode) -> Opinion:
-        camera = _camera(episode)
-        actions = []
-        for step, t_ns in enumerate(episode.t_ns):
-            frame = max(0, latest(camera.t_ns, t_ns))
-            pictures = {camera.name: _Picture(camera.color[frame], camera.depth[frame])}
-            window, _ = wrench_window(episode, step, WINDOW)
-            actions.append(policy(_Seen(pictures, window, episode.proprio[step])))
-        return Opinion(f"{file.parent.name}/{file.name}", camera.name, actions=np.stack(actions))
-
-    return network

@@ -51,7 +51,7 @@ def test_nothing_in_the_store_needs_torch():
 
 @pytest.mark.parametrize("package", ["svfl_data", "svfl_models", "collectors"])
 def test_importing_a_package_is_light(package):
-    heavy = ["torch", "pybullet", "rerun", "lightning", "escnn", "matplotlib"]
+    heavy = ["torch", "pybullet", "rerun", "lightning", "escnn", "matplotlib", "pygame", "hid"]
     code = f"import sys, {package}, {package}.cli; print(*[m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
     assert done.stdout.strip() == ""

@@ -2,7 +2,7 @@
 
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from collectors.contract import Observation
 from collectors.dataset import software_versions
+from collectors.live import shown
 from collectors.record import record
 from collectors.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
 from collectors.simulation.config import WorldConfig
@@ -76,14 +77,15 @@ class Session:
         max_steps: Of an episode.
         about: What else every episode shall say of the session, JSON values.
         log: Where to keep what was told.
+        viewer: HOST:PORT of the viewer on which episodes are shown as well.
     """
 
     def __init__(
         self, dataset: Dataset, what: Teleoperation, device: Device, screen: Screen, clock: Clock, pace: float,
-        max_steps: int, about: dict[str, Any], log: InputLog | None = None,
+        max_steps: int, about: dict[str, Any], log: InputLog | None = None, viewer: str | None = None,
     ) -> None:  # fmt: skip
         self._dataset, self._what, self._device, self._screen, self._clock = dataset, what, device, screen, clock
-        self._world, self._max_steps, self._log = what.opened, max_steps, log
+        self._world, self._max_steps, self._log, self._viewer = what.opened, max_steps, log, viewer
         self._about = {"device": device.name, "pace": pace, **about}
         self._pilot = Pilot(self._world.action_bound, self._world.camera.image_axes, pace)
         self._message = "press enter to start"
@@ -162,7 +164,10 @@ class Session:
         self._clock.begin()
         with EpisodeWriter(self._dataset, meta, constants(self._world)) as writer:
             rig = Journaled(self._world, writer)
-            arrays = record(rig, self._act, self._max_steps, self._task.success, lambda: rig.state(self._task.state()))
+            with shown(self._viewer, self._scene) if self._viewer else nullcontext():
+                arrays = record(
+                    rig, self._act, self._max_steps, self._task.success, lambda: rig.state(self._task.state())
+                )
             if self._task.success():
                 self._end = ACHIEVED
             if len(arrays["actions/action"]) and self._end != ENDS[Command.DISCARD]:

@@ -26,6 +26,11 @@ def add_collection(verb: Parser) -> None:
     )  # fmt: skip
     verb.add_argument("--address", metavar="HOST:PORT", help="of the Ray cluster (default: one on this machine)")
     verb.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="dataset folder")
+    add_rerun(verb)
+
+
+def add_rerun(verb: Parser) -> None:
+    """Add the option that shows episodes while they are recorded."""
     verb.add_argument(
         "--rerun", nargs="?", const="127.0.0.1:9876", metavar="HOST:PORT",
         help="show it on a running viewer meanwhile (start one with: rerun; default 127.0.0.1:9876)",

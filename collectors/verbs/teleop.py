@@ -5,7 +5,7 @@ from pathlib import Path
 
 from collectors.tasks import TASKS
 from collectors.teleop.devices import DEVICES, SCRIPT, check_device, open_device
-from collectors.verbs.options import add_world, between, world
+from collectors.verbs.options import add_rerun, add_world, between, world
 from svfl_data.cli import Commands, natural, positive
 
 
@@ -34,6 +34,7 @@ def add(commands: Commands) -> None:
     verb.add_argument("--seconds", type=positive, default=120, metavar="N", help="longest episode (default 120)")
     verb.add_argument("--operator", metavar="ID", help="who steers; kept in the episodes")
     verb.add_argument("--log", type=Path, metavar="FILE", help="keep what the device told, to be replayed")
+    add_rerun(verb)
     add_world(verb)
     verb.set_defaults(command=run)
 
@@ -41,12 +42,15 @@ def add(commands: Commands) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Open screen and device, and record."""
     check_device(arguments.device)
+    from collectors.live import viewer
     from collectors.teleop.clock import Clock
     from collectors.teleop.screen import NoScreen, Screen
     from collectors.teleop.script import InputLog
     from collectors.teleop.session import Session, Teleoperation
     from svfl_data.dataset import Dataset
 
+    if arguments.rerun:
+        viewer(arguments.rerun)  # what is wrong with it is said before a window opens
     what = Teleoperation(arguments.seed, arguments.task, world(arguments))
     screen: Screen = NoScreen()
     scripted = arguments.device[0] == SCRIPT
@@ -63,7 +67,8 @@ def run(arguments: argparse.Namespace) -> None:
             log = InputLog(arguments.log, device=device.name, task=arguments.task, seed=arguments.seed)
         about = {"operator": arguments.operator} if arguments.operator else {}
         steps = 20 * arguments.seconds
-        Session(dataset, what, device, screen, Clock(not scripted), arguments.pace, steps, about, log).run()
+        clock, pace = Clock(not scripted), arguments.pace
+        Session(dataset, what, device, screen, clock, pace, steps, about, log, arguments.rerun).run()
     finally:
         for opened in (log, device, screen):
             if opened:

@@ -46,7 +46,8 @@ def about(shown: Shown, peak: float, opinion: Opinion | None = None) -> str:
 
 def _opinion_words(shown: Shown, opinion: Opinion) -> str:
     if opinion.probabilities is None:
-        return f"{opinion.name}; its actions are beside the commanded ones."
+        outlined = "; outlined: the part of the picture that it sees" if opinion.crop is not None else ""
+        return f"{opinion.name}; its actions (pale) are beside the commanded ones{outlined}."
     last = opinion.probabilities[-1]
     words = f"{opinion.name}; at the last step **{DIRECTIONS[int(last.argmax())]}** with {last.max():.1%}."
     if "labels/direction" in shown:
@@ -62,4 +63,4 @@ def _rate(shown: Shown) -> str:
 
 
 def _vector(values: np.ndarray) -> str:
-    return "(" + ", ".join(f"{value:.2f}" for value in values) + ")"
+    return "(" + ", ".join(f"{value:z.2f}" for value in values) + ")"

@@ -122,7 +122,8 @@ def _pictures(shown: Shown, opinion: Opinion | None) -> list[rrb.View]:
     views: list[rrb.View] = []
     for camera in shown.cameras:
         entity = camera_entity(shown.root, camera)
-        contents = ["$origin/color", "$origin/crop", "$origin/predicted", "$origin/true"]
+        outline = "seen" if opinion is not None and opinion.crop is not None and opinion.camera == camera else "crop"
+        contents = ["$origin/color", f"$origin/{outline}", "$origin/predicted", "$origin/true"]
         views.append(rrb.Spatial2DView(origin=entity, contents=contents, name=f"{camera}: colour"))
         if f"cameras/{camera}/depth" in shown:
             views.append(rrb.Spatial2DView(origin=entity, contents=["$origin/depth"], name=f"{camera}: depth, m"))
@@ -147,7 +148,9 @@ def _scene(shown: Shown) -> rrb.Spatial3DView:
     eye = target + DISTANCE * reach * np.array([*towards_eye, 0.5])
     scene = shown.root + SCENE
     flat = [
-        f"- {shown.root}{CAMERAS}/{camera}/{name}" for camera in shown.cameras for name in ("crop", "predicted", "true")
+        f"- {shown.root}{CAMERAS}/{camera}/{name}"
+        for camera in shown.cameras
+        for name in ("crop", "seen", "predicted", "true")
     ]
     return rrb.Spatial3DView(
         origin=scene,

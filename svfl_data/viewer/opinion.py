@@ -27,6 +27,8 @@ class Opinion:
         seen: The pictures as it sees them, cropped and scaled, shape (N+1, H, W, 3), uint8; or None.
         probabilities: Of the directions `svfl_data.symmetry.DIRECTIONS`, shape (N+1, 4); or None.
         actions: What it would command, shape (N+1, 5), base axes; or None.
+        crop: Which part of the camera's picture `seen` is: left, top, right, bottom edge, shape (N+1, 4), [px], the
+            outer corner of the top left pixel being (0, 0); or None for the middle part that `images.CROP` says.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Opinion:
     seen: np.ndarray | None = None
     probabilities: np.ndarray | None = None
     actions: np.ndarray | None = None
+    crop: np.ndarray | None = None
 
 
 Network = Callable[[Episode], Opinion]

@@ -21,6 +21,8 @@ def log_opinion(recording: rr.RecordingStream, shown: Shown, opinion: Opinion) -
     t_ns, root = shown[TIMES], shown.root
     if opinion.seen is not None:
         send_color(recording, f"{root}{names.OPINION}/seen", t_ns, opinion.seen, small=False)
+    if opinion.crop is not None:
+        _log_crop(recording, f"{camera_entity(root, opinion.camera)}/seen", t_ns, opinion.crop)
     if opinion.probabilities is not None:
         lines = rr.SeriesLines(names=[f"p({name})" for name in DIRECTIONS], colors=COLORS, widths=2.0)
         recording.log(f"{root}{names.OPINION}/probability", lines, static=True)
@@ -35,6 +37,13 @@ def log_opinion(recording: rr.RecordingStream, shown: Shown, opinion: Opinion) -
             lines = rr.SeriesLines(names=labels, colors=colors, widths=1.5, interpolation_mode="StepAfter")
             recording.log(f"{root}{names.OPINION}/{path}", lines, static=True)
             send_curve(recording, f"{root}{names.OPINION}/{path}", t_ns, opinion.actions[:, columns])
+
+
+def _log_crop(recording: rr.RecordingStream, path: str, t_ns: np.ndarray, crop: np.ndarray) -> None:
+    """Outline of the part of the picture that the network sees."""
+    first, after = crop[:, :2].astype(np.float32), crop[:, 2:].astype(np.float32)
+    recording.log(path, rr.Boxes2D.from_fields(colors=[FORCE], radii=[0.25]), static=True)
+    send(recording, path, t_ns, rr.Boxes2D.columns(centers=(first + after) / 2, half_sizes=(after - first) / 2))
 
 
 def _log_arrows(recording: rr.RecordingStream, shown: Shown, opinion: Opinion, t_ns: np.ndarray) -> None:

@@ -20,7 +20,7 @@ from collectors.tasks import TASKS
 from svfl_data.dataset import Dataset
 from svfl_data.errors import FormatError, TrainingError, UsageError
 from svfl_data.store import write_episode
-from svfl_models import cli, export, exported_policy, run_folder
+from svfl_models import cli, export, exported_policy, run_folder, viewing
 from svfl_models.cloning import acting, table, train
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
@@ -70,6 +70,14 @@ def test_three_ways_to_act_are_one(checkpoint, file, monkeypatch):
     np.testing.assert_allclose(one.action / SCALE, other.action / SCALE, atol=1e-4)
     found = evaluate(checkpoint, 2, seed=5, console=QUIET)
     assert (found.success[1], found.steps[1]) == (one.meta.success, len(one))
+
+
+def test_what_the_viewer_says_that_it_would_do_is_what_it_did(checkpoint):
+    collector = PolicyCollector(5, "block_picking", checkpoint)
+    episode = collector(2)
+    collector.opened.close()
+    thought = viewing.load(checkpoint)(episode)
+    np.testing.assert_allclose(thought.actions[:-1] / SCALE, episode.action / SCALE, atol=1e-4)
 
 
 def test_a_loaded_policy_says_what_its_network_says(checkpoint, file):

@@ -44,6 +44,12 @@ def test_no_log_to_replay(answer, tmp_path):
     assert "absent.log: No such file" in line
 
 
+def test_no_viewer_is_said_before_a_window_opens(answer):
+    code, line = answer("keyboard", "--rerun", "127.0.0.1:9")
+    assert code == 2
+    assert "--rerun 127.0.0.1:9: no viewer listens there" in line
+
+
 @pytest.mark.parametrize("display", [None, ":987"])  # none, and one that does not answer
 def test_no_display(answer, monkeypatch, display):
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):

@@ -42,10 +42,10 @@ def dataset(what, tmp_path):
     return Dataset.create_or_resume(tmp_path / "mine", what.task, what.seed, what.config())
 
 
-def run(dataset, what, device, screen=None, clock=None, max_steps=100, log=None) -> Dataset:
-    screen = screen or NoScreen()
+def run(dataset, what, device, screen=None, clock=None, max_steps=100, log=None, viewer=None) -> Dataset:
+    screen, clock = screen or NoScreen(), clock or Clock(paced=False)
     screen.present(device)
-    Session(dataset, what, device, screen, clock or Clock(paced=False), 0.5, max_steps, {"operator": "ada"}, log).run()
+    Session(dataset, what, device, screen, clock, 0.5, max_steps, {"operator": "ada"}, log, viewer).run()
     return dataset
 
 
@@ -131,6 +131,28 @@ def test_the_last_tare_is_the_one_of_the_whole_episode(dataset, what, tmp_path):
     before = episode.wrench[episode.wrench_t_ns <= when]
     assert episode.tare == pytest.approx(before[-what.world.tare_readings :].mean(axis=0), abs=1e-4)
     assert not replay(episode).exact  # whose tare is that of the beginning
+
+
+class Audience(dict):
+    """A viewer that remembers the times of what it is shown of each episode, and of the robot when that is over."""
+
+    def __call__(self, rig, seen, action):
+        self.setdefault(self.name, []).append(seen.t_ns)
+        self.rig = rig
+
+    def finish(self):
+        self[self.name].append(int(self.rig.wrench_t_ns[-1]))  # before it goes on
+
+
+def test_a_viewer_is_shown_every_episode_and_changes_none(dataset, what, tmp_path, monkeypatch):
+    audience, blind = Audience(), Dataset.create_or_resume(tmp_path / "blind", what.task, what.seed, what.config())
+    monkeypatch.setattr("collectors.live.viewer", {"here:1": audience}.__getitem__)
+    lines = at(0, DOWN, "start"), at(4, REST, "stop"), at(6, DOWN, "start"), at(9, REST, "discard")
+    run(dataset, what, script(tmp_path, *lines), viewer="here:1")
+    run(blind, what, script(tmp_path, *lines))
+    steps_ns = dataset.read(0).t_ns.tolist()
+    assert audience == {"episode 0": [*steps_ns, steps_ns[3]], "episode 1": [*steps_ns[:3], steps_ns[2]]}
+    assert dataset.episode(0).seal == blind.episode(0).seal
 
 
 class Feeling(Script):
@@ -273,6 +295,5 @@ def test_closing_the_window_keeps_the_episode(dataset, what, monkeypatch):
     assert ends(dataset) == {0: ("quit", False, 4)}
     assert episode.action[:, 2].tolist() == pytest.approx([0.025 / 3, 0, 0, 0])  # a tap: one soft tick to the right
     beats = episode.arrays["extra/teleop/beat_ns"]
-    assert beats.shape == (4,)
-    assert (np.diff(beats) > 0).all()
+    assert (beats.shape, (np.diff(beats) > 0).all()) == ((4,), True)
     assert episode.meta.config["teleop"]["jitter_ms"].keys() == {"median", "p99", "max"}

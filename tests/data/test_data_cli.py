@@ -45,6 +45,8 @@ def test_every_mistake_is_one_line_with_its_exit_code(command, dataset, tmp_path
     foreign = tmp_path / "foreign.hdf5"
     with h5py.File(foreign, "w") as file:
         file["x"] = 1
+    text = tmp_path / "text.hdf5"
+    text.write_text("text")
     no_dataset, empty = tmp_path / "folder", tmp_path / "empty"
     no_dataset.mkdir()
     Dataset.create_or_resume(empty, "centering", 0, {})
@@ -55,7 +57,8 @@ def test_every_mistake_is_one_line_with_its_exit_code(command, dataset, tmp_path
         ((no_dataset,), 1, "not a dataset"),
         ((empty,), 1, "no episodes yet"),
         ((truncated,), 1, "truncated"),
-        ((foreign,), 1, "not a sealed episode"),
+        ((foreign,), 1, "not a sealed episode: truncated, or written by other software"),
+        ((text,), 1, "not an episode file (no HDF5 file, 4 bytes)"),
         ((dataset.path, "--episode", 7), 1, "2 episodes, 2 to 5"),
         ((dataset.path, "--episode", -1), 2, "integer of at least 0"),
         ((dataset.episode_path(2), "--episode", 2), 2, "--episode chooses from a dataset"),

@@ -212,4 +212,4 @@ def test_a_dataset_says_what_its_episodes_hold(tmp_path, file):
     assert "1 episodes" in repr(dataset)
     assert "streams/wrench/wrench float32 (200, 6) [N, N, N, N m, N m, N m] at 500.0 Hz" in repr(dataset)
     dataset.episode_path(0).write_bytes(b"damaged")
-    assert "episode_000000.hdf5: not a sealed episode" in repr(dataset)
+    assert "episode_000000.hdf5: not an episode file (no HDF5 file, 7 bytes)" in repr(dataset)

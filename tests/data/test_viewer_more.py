@@ -176,6 +176,23 @@ def test_predicted_direction_is_drawn_with_its_probability_beside_the_true_one(t
     np.testing.assert_allclose(probability, shares)
 
 
+def test_what_a_policy_would_do_is_drawn_and_where_it_looks(tmp_path):
+    episode = make_episode(steps=3, size=20)
+    actions = np.arange(20.0).reshape(4, 5)
+    crop = np.array([[2, 3, 18, 19]]) + np.arange(4)[:, None]
+    thought = Opinion("tiny", "front", np.zeros((4, 8, 8, 3), np.uint8), actions=actions, crop=crop)
+    show.save(show.content([(Shown.of(episode), thought)]), tmp_path / "a.rrd")
+    for part, columns in (("move", slice(1, 4)), ("turn", slice(4, 5)), ("opening", slice(0, 1))):
+        t_ns, values = logged(tmp_path / "a.rrd", f"network/{part}", "Scalars:scalars")
+        np.testing.assert_array_equal(t_ns, episode.t_ns)
+        np.testing.assert_array_equal(values, actions[:, columns])
+    middle, half = (
+        logged(tmp_path / "a.rrd", "scene/cameras/front/seen", f"Boxes2D:{part}")[1][:, 0]
+        for part in ("centers", "half_sizes")
+    )
+    np.testing.assert_array_equal(np.hstack([middle - half, middle + half]), crop)
+
+
 def test_a_checkpoint_that_is_none_is_one_line(tmp_path):
     (tmp_path / "a.txt").touch()
     with pytest.raises(UsageError, match=r"kinds: \.ckpt"):

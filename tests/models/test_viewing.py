@@ -1,0 +1,127 @@
+"""What networks think of episodes, for the viewer: the same as where they act, and of the picture that is shown."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from svfl_data.dataset import Dataset
+from svfl_data.episode import Episode
+from svfl_data.errors import DatasetError, FormatError
+from svfl_models import viewing
+from svfl_models.cloning import acting
+from svfl_models.cloning.config import VIEWS
+from svfl_models.cloning.module import CloningModule
+from svfl_models.cloning.workplace import workplace_of
+from svfl_models.squashed_gaussian import SCALE
+from tests.builders import make_episode
+from tests.models.demonstrations import demonstration, write
+from tests.models.synthetic import centering_samples
+from tests.models.trained import contents, untrained
+from tests.models.trained import write as write_checkpoint
+
+SIDE, SIZE = 19, 8
+"""Of the pictures and of what the network sees, [px]; crops are 16 px."""
+
+
+@pytest.fixture(scope="module")
+def episode():
+    """The hand is elsewhere above the table at every observation."""
+    still = demonstration(steps=6, size=SIDE)
+    proprio = still.proprio.copy()
+    proprio[:, 1:3] = still.centre + np.linspace(-0.1, 0.1, len(proprio))[:, None] * [1, -1]
+    return Episode(still.meta, still.arrays | {"observations/proprio": proprio}, name="episode")
+
+
+@pytest.fixture(scope="module")
+def workplace(episode, tmp_path_factory):
+    return workplace_of(Dataset.open(write(tmp_path_factory.mktemp("data") / "picking", [episode])), [0])
+
+
+def policy(workplace, view="hand", encoder="vfp", size=SIZE):
+    torch.manual_seed(0)
+    network = {"encoder": encoder, "group": "none", "preset": "tiny", "image_size": size}
+    return CloningModule(network, workplace.plain(), view=view).eval()
+
+
+def opinion(module, episode, tmp_path):
+    torch.save(contents(module), tmp_path / "policy.ckpt")
+    return viewing.load(tmp_path / "policy.ckpt")(episode)
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_what_is_shown_is_what_the_network_gets(workplace, episode, tmp_path, monkeypatch, view):
+    got = []
+    forward = acting.Policy.forward
+    monkeypatch.setattr(acting.Policy, "forward", lambda self, batch: got.append(batch) or forward(self, batch))
+    found = opinion(policy(workplace, view), episode, tmp_path)
+    seen = torch.cat([batch["image"] for batch in got])[:, :3].movedim(1, -1).numpy() * 255
+    assert found.seen.shape == (7, SIZE, SIZE, 3)
+    np.testing.assert_allclose(found.seen, seen, atol=0.51)
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_the_outline_is_around_what_is_seen(workplace, episode, tmp_path, view):
+    found = opinion(policy(workplace, view, size=16), episode, tmp_path)  # crops as they are, not scaled
+    for step, (left, top, right, bottom) in enumerate(found.crop):
+        inside = [slice(max(0, low), min(high, SIDE)) for low, high in ((top, bottom), (left, right))]
+        within = [slice(one.start - low, one.stop - low) for one, low in zip(inside, (top, left), strict=True)]
+        assert right - left == bottom - top == 16
+        np.testing.assert_array_equal(
+            found.seen[step][*within], episode.cameras["front"].color[step][*inside], str(step)
+        )
+
+
+def test_a_policy_around_the_hand_looks_at_the_table_below_it(workplace, episode, tmp_path):
+    """By the camera's own calibration."""
+    proprio, camera = episode.proprio, episode.cameras["front"]
+    below = np.stack([proprio[:, 1], proprio[:, 2], np.full(7, workplace.table), np.ones(7)])
+    column, row, scale = camera.intrinsics @ (np.linalg.inv(camera.T_base_camera) @ below)[:3]
+    left, top, right, bottom = opinion(policy(workplace), episode, tmp_path).crop.T
+    np.testing.assert_allclose((left + right) / 2, column / scale + 0.5, atol=0.51)  # pixel 0 spans 0 to 1
+    np.testing.assert_allclose((top + bottom) / 2, row / scale + 0.5, atol=0.51)
+
+
+def test_checkpoint_and_exported_file_think_alike(workplace, episode, tmp_path):
+    module = policy(workplace)
+    acting.export(module, tmp_path / "policy.pt2")
+    one, other = opinion(module, episode, tmp_path), viewing.load_exported(tmp_path / "policy.pt2")(episode)
+    assert np.ptp(one.actions[:, 1:], axis=0).min() > 0
+    np.testing.assert_allclose(one.actions / SCALE, other.actions / SCALE, atol=1e-4)
+    assert other.crop is None  # the file does not tell
+
+
+def test_a_long_episode_is_thought_of_in_pieces(workplace, episode, tmp_path, monkeypatch):
+    whole = opinion(policy(workplace), episode, tmp_path)
+    monkeypatch.setattr("svfl_models.cloning.opinion.AT_ONCE", 3)
+    pieces = opinion(policy(workplace), episode, tmp_path)
+    np.testing.assert_allclose(whole.actions, pieces.actions, atol=1e-6)
+    np.testing.assert_array_equal(whole.crop, pieces.crop)
+
+
+def test_a_blind_policy_shows_no_picture(workplace, episode, tmp_path):
+    found = opinion(policy(workplace, encoder="fp"), episode, tmp_path)
+    assert (found.camera, found.seen, found.crop) == ("", None, None)
+    assert found.actions.shape == (7, 5)
+
+
+def test_an_episode_that_a_policy_cannot_look_at_is_one_line(workplace, episode, tmp_path):
+    with pytest.raises(DatasetError, match=r"made for images of 19 x 19 px, front gave 24 x 24"):
+        opinion(policy(workplace), make_episode(size=24), tmp_path)
+    elsewhere = policy(replace(workplace, camera="top"))
+    with pytest.raises(DatasetError, match="looks at camera top with depth; recorded with depth: front"):
+        opinion(elsewhere, episode, tmp_path)
+
+
+def test_a_classifier_gives_shares_of_the_directions(tmp_path):
+    module, _ = untrained(centering_samples(8, seed=0), encoder="vf", group="none", image_size=16)
+    found = viewing.load(write_checkpoint(module, tmp_path / "centering.ckpt"))(make_episode(steps=3, size=19))
+    np.testing.assert_allclose(found.probabilities.sum(axis=1), 1, atol=1e-6)
+    assert (found.seen.shape, found.actions) == ((4, 16, 16, 3), None)
+
+
+def test_a_file_of_neither_kind_is_one_line(tmp_path):
+    torch.save({"svfl": {"format": "svfl-latent", "format_version": "1.0"}}, tmp_path / "latent.ckpt")
+    with pytest.raises(FormatError, match="not a block-centering checkpoint"):
+        viewing.load(tmp_path / "latent.ckpt")
