@@ -95,7 +95,7 @@ def test_another_dataset_is_refused(collected):
     [
         (
             ["juggling", "--out", "x"],
-            "invalid choice: 'juggling' (choose from 'expert', 'centering', 'policy', 'replay')",
+            "invalid choice: 'juggling' (choose from 'expert', 'centering', 'policy', 'replay', ",
         ),
         (["centering", "--samples", "0", "--out", "x"], "'0' is not an integer of at least 1"),
         (["centering", "--samples", "many", "--out", "x"], "'many' is not an integer"),
