@@ -13,7 +13,7 @@ from typing import Protocol, cast
 from rich.console import Console
 
 from svfl_data.errors import DatasetError, TrainingError
-from svfl_models.config import Latent, TrainingConfig
+from svfl_models.config import USES, Latent, TrainingConfig
 from svfl_models.experiments import page
 from svfl_models.experiments.folder import RUNS, claimed, describe
 from svfl_models.experiments.grid import Grid, run_name
@@ -110,6 +110,7 @@ def command_line(arguments: argparse.Namespace, samples: Sequence[int], usual_sa
     words += ["--fresh", str(arguments.fresh)] if arguments.fresh else []
     if "latents" in arguments:
         words += ["--latents", *map(str, arguments.latents)]
+        words += [] if set(arguments.uses) == set(USES) else ["--uses", *arguments.uses]
     words += ["--seeds", str(arguments.seeds)]
     if list(samples) != list(usual_samples):
         words += ["--train-samples", *map(str, samples)]
@@ -135,7 +136,7 @@ def _given(arguments: argparse.Namespace) -> dict[str, object]:
     if "latents" not in arguments:
         return {}
     latents = [describe_latent(path, Latent.use) for path in arguments.latents]
-    return {"latents": list({latent.sha256: latent for latent in latents}.values())}
+    return {"latents": list({latent.sha256: latent for latent in latents}.values()), "uses": arguments.uses}
 
 
 def _check_enough(episodes: int, train: int, base: TrainingConfig) -> None:

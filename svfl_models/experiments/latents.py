@@ -1,10 +1,10 @@
 """Pretrained latent models beside symmetric and plain networks: what is pretraining worth with few labels?"""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from svfl_models.config import Latent, TrainingConfig
+from svfl_models.config import USES, Latent, TrainingConfig
 from svfl_models.data import VIEWS
 from svfl_models.experiments.figures import MODEL_COLOURS, accuracy_label, best_known, few_ticks, line, panels, save
 from svfl_models.experiments.page import MODELS, accuracy_words, heading, markdown, tests
@@ -33,19 +33,22 @@ class Row:
     cells: list[Cell]
 
 
-def cells(base: TrainingConfig, train_samples: Sequence[int], latents: Sequence[Latent] = ()) -> list[TrainingConfig]:
+def cells(
+    base: TrainingConfig, train_samples: Sequence[int], latents: Sequence[Latent] = (), uses: Sequence[str] = USES
+) -> list[TrainingConfig]:
     """The configurations, all with seed 0.
 
     Args:
         base: Recipe.
         train_samples: Sizes of the training set.
         latents: Pretrained encoders; the control without pretraining has the architecture of the first of each kind.
+        uses: How to use them, some of `config.USES`.
     """
     networks = [replace(base, group=group) for group in MODELS.values()]
     for place, latent in enumerate(latents):
         known = latent.model in [other.model for other in latents[:place]]
         for use, share in SHARE_OF_EPOCHS.items():
-            if use != "scratch" or not known:
+            if use in uses and (use != "scratch" or not known):
                 epochs = max(1, round(share * base.epochs))
                 networks.append(replace(base, epochs=epochs, **settings(replace(latent, use=use), base.augment)))
     return [replace(network, train_samples=count) for network in networks for count in train_samples]
@@ -88,10 +91,7 @@ window and learn from nothing but the training samples. The latent encoders see 
 (the hand's pose and opening) and make one vector of them, from which a linear layer scores the four directions. It
 reads each number in units of its deviation over the training samples.
 
-- frozen: the encoder stays as its pretraining left it, and only the linear layer learns. {VIEWS} crops of every sample
-  are encoded once; they are not recoloured, since the encoder has not learned that colours mean nothing.
-- fine-tuned: the encoder learns too, at a rate of {rate:g}; the linear layer at {first.learning_rate:g}.
-- from scratch: likewise with random weights, everything else being equal: what is left without pretraining.
+{_uses(epochs, rate, first.learning_rate)}
 
 {markdown(header, lines)}
 
@@ -114,6 +114,18 @@ SVFL and CNN were trained for {first.epochs} epochs, the latents for
 {", ".join(f"{count} ({NAMES[use]})" for use, count in epochs.items())}: fewer where every step goes through a whole
 encoder, which costs up to fifty times as much as a step of its head.
 """
+
+
+def _uses(uses: Iterable[str], encoder_rate: float, head_rate: float) -> str:
+    """What the uses that occur mean."""
+    words = {
+        "frozen": f"""\
+- frozen: the encoder stays as its pretraining left it, and only the linear layer learns. {VIEWS} crops of every sample
+  are encoded once; they are not recoloured, since the encoder has not learned that colours mean nothing.""",
+        "tuned": f"- fine-tuned: the encoder learns, too, at a rate of {encoder_rate:g}; the layer at {head_rate:g}.",
+        "scratch": "- from scratch: likewise with random weights, all else being equal: what pretraining is worth.",
+    }
+    return "\n".join(words[use] for use in uses)
 
 
 def draw(results: Results, folder: Path) -> list[Path]:

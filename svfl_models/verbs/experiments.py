@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from svfl_data.cli import Commands, positive
+from svfl_models.config import USES
 from svfl_models.verbs.options import add_data, add_recipe
 
 
@@ -63,7 +64,9 @@ def add(commands: Commands) -> None:
         add = verb.add_argument
         if name == "latents":
             add("--latents", type=Path, nargs="+", required=True, metavar="CHECKPOINT",
-                help="checkpoints of svfl-train latent: frozen, fine-tuned, and their kinds from scratch")  # fmt: skip
+                help="checkpoints of svfl-train latent")  # fmt: skip
+            add("--uses", choices=USES, nargs="+", default=list(USES), metavar="USE",
+                help=f"what to do with them: {', '.join(USES)}, which is the control (default: all)")  # fmt: skip
         add("--seeds", type=positive, default=3, metavar="N", help="0 to N-1 (default: %(default)s)")
         add("--train-samples", type=positive, nargs="+", metavar="N",
             help=f"sizes of the training set (default: {' '.join(map(str, one.train_samples))})")  # fmt: skip
