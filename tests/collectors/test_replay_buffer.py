@@ -40,7 +40,7 @@ def test_the_layout_of_an_environment_is_that_of_its_demonstrations(env, picked)
     buffer.begin_episode(observation, layout=Layout.of_environment(env, "block_picking"))
     env.view = "top"
     with pytest.raises(
-        DatasetError, match=r"the environment: its view is top, seen from 0\.\d+ m, but camera in the re"
+        DatasetError, match=r"the environment: its view is top, seen from [\d.]+ m, but camera in the re"
     ):
         buffer.begin_episode(observation, layout=Layout.of_environment(env, "block_picking"))
 

@@ -85,7 +85,7 @@ def step_by_step(writer: EpisodeWriter, arrays: dict[str, np.ndarray]):
         ):
             writer.append(group, **{name: arrays[f"{group}/{name}"][row] for name in names})
         if step < len(arrays["actions/action"]):
-            writer.append("actions", action=arrays["actions/action"][row])
+            writer.append("actions", **{name: arrays[f"actions/{name}"][row] for name in ("action", "intended")})
         yield step
 
 
@@ -222,7 +222,7 @@ def test_a_file_that_may_not_grow_never_ends_the_process(tmp_path, when, images)
         truth["cameras/front/color"][...] = 7
         truth["cameras/front/depth"][...] = 9
     ends: Counter[int] = Counter()
-    for limit in np.linspace(3_000, 200_000, LIMITS).astype(int):
+    for limit in np.linspace(3_000, 250_000, LIMITS).astype(int):
         dataset = Dataset.create_or_resume(tmp_path / str(limit), "centering", 0, {})
         write_episode(make_episode(0, steps=30, size=24), dataset.episode_path(0))
         end = in_child(functools.partial(fill_limited, dataset, truth, when, int(limit)))
@@ -256,7 +256,7 @@ def test_a_full_tmpfs_never_ends_the_process(tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
     ends: Counter[int] = Counter()
-    for size in np.linspace(200_000, 480_000, SIZES).astype(int):
+    for size in np.linspace(240_000, 560_000, SIZES).astype(int):
         mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(disk)]
         if subprocess.run(mount, capture_output=True, check=False).returncode:
             pytest.skip("mounting a tmpfs needs root; the file size limit above stands for it")

@@ -118,7 +118,8 @@ def spoil_shape(arrays):
 
 
 def spoil_rows(arrays):
-    arrays["actions/action"] = arrays["actions/action"][:-1]
+    for name in ("actions/action", "actions/intended"):
+        arrays[name] = arrays[name][:-1]
 
 
 def spoil_dtype(arrays):

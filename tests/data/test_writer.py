@@ -267,14 +267,16 @@ def test_a_recording_that_cannot_be_right_never_starts(dataset, tmp_path):
 
 def test_an_unwhole_episode_is_not_sealed_but_can_be_completed(dataset):
     episode = make_episode()
+    begun = {f"actions/{name}": episode.arrays[f"actions/{name}"][:-1] for name in ("action", "intended")}
+    last = {name: episode.arrays[f"actions/{name}"][-1:] for name in ("action", "intended")}
     with start(dataset) as writer:
-        append_all(writer, episode.arrays | {"actions/action": episode.action[:-1]})
+        append_all(writer, episode.arrays | begun)
         with pytest.raises(FieldError, match="5 observations need 4 actions, found 3"):
             writer.seal()
-        writer.append("actions", action=episode.action[-1:])
+        writer.append("actions", **last)
         assert writer.seal().read_bytes() == episode_bytes(episode)
         with pytest.raises(UsageError, match="has ended"):
-            writer.append("actions", action=episode.action[-1:])
+            writer.append("actions", **last)
 
 
 def test_indices_are_taken_in_turn_and_never_twice(dataset):
