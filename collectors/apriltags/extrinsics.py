@@ -97,10 +97,11 @@ def from_known_board(
     errors = {
         one.name: reprojection_error(T, own, one.pixels, intrinsics) for one, own in zip(views, points, strict=True)
     }
-    camera: NDArray[np.float64] = np.linalg.inv(T)
+    camera = np.linalg.inv(T).astype(np.float64)
 
     def off(change: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (project(np.linalg.inv(_moved(camera, change)), every, intrinsics) - pixels).ravel()
+        moved = np.linalg.inv(_moved(camera, change)).astype(np.float64)
+        return (project(moved, every, intrinsics) - pixels).ravel()
 
     deviation = _deviation(off, 6, [one.name for one in views])
     return Extrinsics(camera, errors, deviation[:3], deviation[3:6])

@@ -122,8 +122,9 @@ def _draw_success(table: Table, file: Path) -> Path:
         panel.set_xlim(-0.7, len(table.counts) - 0.3)
         panel.grid(axis="y", alpha=0.3)
     axes[0].set_ylabel("success, % (dots: seeds)")
-    if axes[0].get_legend_handles_labels()[0]:
-        axes[0].legend(loc="upper left", fontsize=9)
+    handles, names = axes[0].get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, names, loc="outside lower center", ncols=len(names))
     return save(figure, file)
 
 

@@ -46,7 +46,7 @@ def assert_equivariant_for_life(
     file.seek(0)
     loaded.load_state_dict(torch.load(file, weights_only=True))
     copied = copy.deepcopy(loaded)
-    torch.testing.assert_close(function(copied, batch), after)
+    torch.testing.assert_close(function(copied, batch), after, rtol=1e-5, atol=1e-4)  # densities magnify rounding
     assert_equivariant(copied, batch, group, act_on_output, elements, function)
 
 
