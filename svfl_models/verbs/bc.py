@@ -4,12 +4,11 @@ import argparse
 from pathlib import Path
 
 from svfl_data.cli import Commands, natural, positive
-from svfl_data.errors import UsageError
 from svfl_models.cloning.config import ENCODERS, LOSSES, VIEWS, CloningConfig
 from svfl_models.config import IMAGE_SIZES, MODELS
 from svfl_models.groups import GROUPS
 from svfl_models.presets import PRESETS
-from svfl_models.verbs.options import positive_number
+from svfl_models.verbs.options import group_of, positive_number
 
 EXAMPLE = """\
 svfl-train bc --data data/block_picking --model svfl --encoder vfp --episodes 50 --seed 0 --out out/bc_picking
@@ -53,7 +52,7 @@ def add(commands: Commands) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Train one policy and print how near it comes on the held-out episodes."""
-    options = vars(arguments) | {"data": str(arguments.data), "group": _group(arguments)}
+    options = vars(arguments) | {"data": str(arguments.data), "group": group_of(arguments)}
     out = options.pop("out")
     del options["command"], options["model"]
     config = CloningConfig(**options)
@@ -74,15 +73,3 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training")
     print(f"checkpoint  {out / run_folder.CHECKPOINT}")
     print(f"try it      svfl-train evaluate {out / run_folder.CHECKPOINT}")
-
-
-def _group(arguments: argparse.Namespace) -> str:
-    """The group that --model and --group ask for together.
-
-    Raises:
-        UsageError: If they contradict each other.
-    """
-    model, group = arguments.model, arguments.group
-    if model and group and (model == "cnn") != (group == "none"):
-        raise UsageError(f"--model {model} and --group {group} contradict each other")
-    return group or ("none" if model == "cnn" else DEFAULT.group)

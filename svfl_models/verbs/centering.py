@@ -9,7 +9,7 @@ from svfl_data.cli import Commands, natural, positive
 from svfl_data.errors import UsageError
 from svfl_models.config import ENCODERS, IMAGE_SIZES, MODELS, TARGETS, TORQUES, USES, Latent, TrainingConfig
 from svfl_models.groups import GROUPS
-from svfl_models.verbs.options import DEFAULT, add_data, add_recipe, positive_number
+from svfl_models.verbs.options import DEFAULT, add_data, add_recipe, group_of, positive_number
 
 EXAMPLE = """\
 svfl-train centering --data data/centering --encoder vf --model svfl --train-samples 100 --seed 0 --out out/centering
@@ -88,7 +88,7 @@ def _network(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.latent is None:
         if arguments.use:
             raise UsageError("--use says what to do with a pretrained encoder; name its checkpoint with --latent")
-        return {"encoder": arguments.encoder or DEFAULT.encoder, "group": _group(arguments)}
+        return {"encoder": arguments.encoder or DEFAULT.encoder, "group": group_of(arguments)}
     given = [name for name, usual in OF_OWN_ENCODERS.items() if getattr(arguments, name) != usual]
     if given:
         raise UsageError(f"--latent brings its own encoder; leave out --{given[0].replace('_', '-')}")
@@ -97,15 +97,3 @@ def _network(arguments: argparse.Namespace) -> dict[str, Any]:
 
     latent = pretrained.describe(arguments.latent, arguments.use or Latent.use, arguments.latent_rate)
     return pretrained.settings(latent, arguments.augment)
-
-
-def _group(arguments: argparse.Namespace) -> str:
-    """The group that --model and --group ask for together.
-
-    Raises:
-        UsageError: If they contradict each other.
-    """
-    model, group = arguments.model, arguments.group
-    if model and group and (model == "cnn") != (group == "none"):
-        raise UsageError(f"--model {model} and --group {group} contradict each other")
-    return group or ("none" if model == "cnn" else DEFAULT.group)

@@ -1,10 +1,11 @@
 """What the verbs share: argument types and options of a training."""
 
+import argparse
 import math
-from argparse import ArgumentTypeError
 from pathlib import Path
 
 from svfl_data.cli import Parser, natural, positive
+from svfl_data.errors import UsageError
 from svfl_models.config import TrainingConfig
 from svfl_models.presets import PRESETS
 
@@ -18,7 +19,7 @@ def positive_number(text: str) -> float:
     except ValueError:
         value = 0.0
     if not 0 < value < math.inf:
-        raise ArgumentTypeError(f"{text!r} is not a positive number")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
     return value
 
 
@@ -40,3 +41,15 @@ def add_recipe(verb: Parser) -> None:
         help="only the paper's crops: no random colours, no larger shifts")  # fmt: skip
     add("--learning-rate", type=positive_number, default=DEFAULT.learning_rate, metavar="R",
         help="default: %(default)s")  # fmt: skip
+
+
+def group_of(arguments: argparse.Namespace) -> str:
+    """The group that --model and --group ask for together.
+
+    Raises:
+        UsageError: If they contradict each other.
+    """
+    model, group = arguments.model, arguments.group
+    if model and group and (model == "cnn") != (group == "none"):
+        raise UsageError(f"--model {model} and --group {group} contradict each other")
+    return group or ("none" if model == "cnn" else DEFAULT.group)
