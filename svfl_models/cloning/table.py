@@ -56,17 +56,17 @@ class Run:
 
 
 def runs(base: CloningConfig, data: Sequence[str], episodes: Sequence[int], seeds: int, out: Path) -> list[Run]:
-    """Every policy of a table.
+    """Every policy of a table; those of fewer demonstrations train for more epochs, so that all take as many steps.
 
     Args:
-        base: What all have in common.
+        base: What all have in common; its epochs are those of the largest number of demonstrations.
         data: Dataset folders, one for each task.
         episodes: Numbers of demonstrations.
         seeds: 0 to this number, exclusive.
         out: Folder of the table.
     """
     configs = [
-        replace(base, data=folder, episodes=count, group=group, seed=seed)
+        replace(base, data=folder, episodes=count, epochs=base.epochs * max(episodes) // count, group=group, seed=seed)
         for seed in range(seeds)
         for folder in data
         for count in episodes

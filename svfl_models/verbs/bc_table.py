@@ -34,7 +34,8 @@ def add(commands: Commands) -> None:
     add("--encoder", choices=ENCODERS, default=DEFAULT.encoder, help="default: %(default)s")
     add("--view", choices=VIEWS, default=DEFAULT.view, help="default: %(default)s")
     add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset, help="default: %(default)s")
-    add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N", help="default: %(default)s")
+    add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N",
+        help="of the most demonstrations; fewer get more, for as many steps (default: %(default)s)")  # fmt: skip
     add("--workers", type=positive, default=1, metavar="N", help="policies at a time (default: %(default)s)")
     add("--out", type=Path, default=Path("out/bc_table"), metavar="FOLDER", help="default: %(default)s")
     add("--docs", type=Path, metavar="FOLDER", help="copy page, figures and figures of the runs there too")

@@ -47,6 +47,10 @@ def test_every_combination_is_there_once_and_seeds_come_in_turn(runs):
     }
 
 
+def test_fewer_demonstrations_train_for_as_many_steps(runs):
+    assert {run.config.epochs * run.config.episodes for run in runs} == {BASE.epochs * 10}
+
+
 def test_what_is_finished_is_not_done_again(runs, monkeypatch):
     for run in runs[:3]:
         pretend(run)
