@@ -14,10 +14,13 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from collectors.apriltags.detector import TagDetector
+from collectors.apriltags.detector import TagDetector, grayscale
+from collectors.apriltags.edges import Edges
 from collectors.apriltags.layout import Layout
 from collectors.apriltags.pose import body_pose
 from collectors.apriltags.simulated import watched
+from collectors.apriltags.tracker import Tracker
+from collectors.contract import Calibration
 from collectors.simulated import attempt_seed
 from collectors.simulation.bodies import quat_from_yaw
 from collectors.simulation.bullet import pybullet
@@ -87,44 +90,61 @@ def noisy(picture, rng, noise: float):
 
 def accuracy(pictures: int) -> None:
     """Errors of place and yaw, with and without the knowledge that the cube stands upright."""
-    scene, detect = Scene(seed=0), TagDetector()
-    print(f"accuracy: cube of 5 cm, tags of 40 mm, {DISTANCE} m, 640 x 480, {pictures} pictures each")
-    print("| noise | hidden | upright known | seen | place, mm: median, largest | yaw, deg: median, largest |")
-    print("| --- | --- | --- | --- | --- | --- |")
-    for noise, cover in ((0.0, 0.0), (3.0, 0.0), (8.0, 0.0), (3.0, 0.35)):
-        shots = [scene.picture(cover) for _ in range(pictures)]
-        seen = [detect(noisy(shot[0], scene.rng, noise)) for shot in shots]
+    scene = Scene(seed=0)
+    print(f"accuracy: cube of 5 cm, tags of 40 mm, {DISTANCE} m, {pictures} pictures each")
+    print("| picture | noise | hidden | upright known | seen | place, mm: median, 90 %, largest | yaw, deg: largest |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    for width, noise, cover in (
+        (640, 0.0, 0.0), (640, 3.0, 0.0), (640, 8.0, 0.0), (640, 3.0, 0.2), (640, 3.0, 0.35), (416, 3.0, 0.0)
+    ):  # fmt: skip
+        shots = [resized(*scene.picture(cover), width) for _ in range(pictures)]
+        shots = [(noisy(color, scene.rng, noise), *truth) for color, *truth in shots]
         for upright in (False, True):
             places, yaws = [], []
-            for tags, (_, camera, place, yaw) in zip(seen, shots, strict=True):
-                up = camera.T_base_camera[2, :3] if upright else None
-                found = body_pose(tags, scene.layout, camera.intrinsics, up)
-                if found is None:
+            for color, camera, place, yaw in shots:
+                track = Tracker(scene.layout, upright).see(color, 0, camera)
+                if track is None:
                     continue
-                T = camera.T_base_camera @ found.T_camera_body
-                places.append(1e3 * np.linalg.norm(T[:3, 3] - place))
-                off = np.arctan2(T[1, 0], T[0, 0]) - yaw
+                places.append(1e3 * np.linalg.norm(track.pose[:3] - place))
+                x, y, z, w = track.pose[3:]
+                off = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) - yaw
                 yaws.append(np.degrees(abs((off + np.pi) % (2 * np.pi) - np.pi)))
+            median, most = np.percentile(places, [50, 90])
             print(
-                f"| {noise:g} | {cover:.0%} | {'yes' if upright else 'no'} | {len(places)}/{pictures} "
-                f"| {np.median(places):.2f}, {max(places):.2f} | {np.median(yaws):.2f}, {max(yaws):.2f} |"
+                f"| {width} | {noise:g} | {cover:.0%} | {'yes' if upright else 'no'} | {len(places)} of {pictures} "
+                f"| {median:.2f}, {most:.2f}, {max(places):.2f} | {max(yaws):.2f} |"
             )
 
 
+def resized(color, camera: Calibration, place, yaw, width: int):
+    """A picture with fewer pixels, and what belongs to it."""
+    factor = width / color.shape[1]
+    intrinsics = np.diag([factor, factor, 1.0]) @ camera.intrinsics
+    intrinsics[:2, 2] += 0.5 * (factor - 1)  # the centre of the first pixel is at 0
+    size = (width, round(factor * color.shape[0]))
+    small = cv2.resize(color, size, interpolation=cv2.INTER_AREA) if factor < 1 else color
+    return small, replace(camera, intrinsics=intrinsics), place, yaw
+
+
 def speed(pictures: int) -> None:
-    """CPU time of finding tags, and of the pose, in a noisy picture."""
+    """CPU time of finding tags, of the pose of their corners, and of meeting all edges, in a noisy picture."""
     scene, detect = Scene(seed=1), TagDetector()
-    times, fits = [], []
+    edges, times = Edges(scene.layout), []
     for _ in range(pictures):
         color, camera, *_ = scene.picture()
-        color = noisy(color, scene.rng, 3.0)
-        start = time.process_time()
-        tags = detect(color)
-        middle = time.process_time()
-        body_pose(tags, scene.layout, camera.intrinsics, camera.T_base_camera[2, :3])
-        times.append(1e3 * (middle - start))
-        fits.append(1e3 * (time.process_time() - middle))
-    for name, values in (("detection", times), ("pose", fits)):
+        color, up = noisy(color, scene.rng, 3.0), camera.T_base_camera[2, :3]
+        marks = [time.process_time()]
+        gray = grayscale(color)
+        tags = detect(gray)
+        marks.append(time.process_time())
+        found = body_pose(tags, scene.layout, camera.intrinsics, up)
+        marks.append(time.process_time())
+        edges.meet(found.T_camera_body, gray, camera.intrinsics, up)
+        marks.append(time.process_time())
+        times.append(1e3 * np.diff(marks))
+    for name, values in zip(
+        ("detection", "corners", "edges", "all"), [*np.transpose(times), np.sum(times, 1)], strict=True
+    ):
         low, median, high = np.percentile(values, [10, 50, 90])
         print(f"speed: {name} in 640 x 480, CPU ms: median {median:.1f} ({low:.1f}..{high:.1f}) of {pictures}")
 

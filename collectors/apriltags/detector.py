@@ -75,7 +75,7 @@ class TagDetector:
         Raises:
             UsageError: If it is something else.
         """
-        gray = np.ascontiguousarray(_gray(picture))
+        gray = grayscale(picture)
         return sorted((self._again(gray, one) for one in self._look(gray, self._find)), key=lambda one: one.id)
 
     def _again(self, gray: NDArray[np.uint8], found: Detection) -> Detection:
@@ -96,12 +96,21 @@ class TagDetector:
         ]
 
 
-def _gray(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def grayscale(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A picture in grey levels, (H, W), contiguous.
+
+    Args:
+        picture: (H, W, 3) RGB or (H, W) grey, uint8.
+
+    Raises:
+        UsageError: If it is something else.
+    """
     if picture.dtype != np.uint8 or not (picture.ndim == 2 or (picture.ndim == 3 and picture.shape[2] == 3)):
         raise UsageError(
             f"tags are looked for in (H, W, 3) RGB or (H, W) grey uint8 pictures, got {picture.shape} {picture.dtype}"
         )
+    picture = np.ascontiguousarray(picture)
     if picture.ndim == 2:
         return picture
-    gray: NDArray[np.uint8] = cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_RGB2GRAY)  # type: ignore[assignment]
+    gray: NDArray[np.uint8] = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)  # type: ignore[assignment]
     return gray

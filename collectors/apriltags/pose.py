@@ -133,28 +133,55 @@ def fit(
     Returns:
         T_camera_body, (4, 4), [m].
     """
-    T, focal = start.copy(), intrinsics[:2, :2]
-    across = np.zeros((0, 3)) if up is None else _across(up)
+    T = start.copy()
     for _ in range(ROUNDS):
-        turned = points @ T[:3, :3].T
-        x, y, z = (turned + T[:3, 3]).T
         off = project(T, points, intrinsics) - pixels
-        # How a pixel moves with its point: d(x/z, y/z)/d(x, y, z), (M, 2, 3), then the point with rotation and shift.
-        zero = np.zeros_like(z)
-        ray = np.stack([np.stack([1 / z, zero, -x / z**2], -1), np.stack([zero, 1 / z, -y / z**2], -1)], 1)
-        moves = focal @ ray @ np.concatenate([-_cross(turned), np.broadcast_to(np.eye(3), (len(z), 3, 3))], axis=2)
         pull = np.sqrt(np.minimum(1.0, OUTLIER_PX / np.maximum(np.linalg.norm(off, axis=1), 1e-12)))
-        A, b = (pull[:, None, None] * moves).reshape(-1, 6), (pull[:, None] * off).ravel()
-        # The tilt, in pixels: the body's z should have no component across what is up.
-        tilt = np.concatenate([-across @ _cross(T[None, :3, 2])[0], np.zeros((len(across), 3))], axis=1)
-        A = np.concatenate([A, CORNER_PX / TILT * tilt])
-        b = np.concatenate([b, CORNER_PX / TILT * (across @ T[:3, 2])])
-        step = -np.linalg.lstsq(A, b, rcond=None)[0]
-        T[:3, :3] = cv2.Rodrigues(step[:3])[0] @ T[:3, :3]
-        T[:3, 3] += step[3:]
-        if np.abs(step).max() < STILL or not np.isfinite(T).all():
+        A, b = (pull[:, None, None] * jacobian(T, points, intrinsics)).reshape(-1, 6), (pull[:, None] * off).ravel()
+        before, T = T, turned_by(T, A, -b, up)
+        if np.abs(T - before).max() < STILL or not np.isfinite(T).all():
             break
     return T
+
+
+def jacobian(
+    T: NDArray[np.float64], points: NDArray[np.float64], intrinsics: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """How pixels of a body's points move when it turns [rad] about the camera's axes at its origin, and shifts [m].
+
+    Returns:
+        d(x, y)/d(turn, shift), (M, 2, 6).
+    """
+    turned = points @ T[:3, :3].T
+    x, y, z = (turned + T[:3, 3]).T
+    zero = np.zeros_like(z)
+    ray = np.stack([np.stack([1 / z, zero, -x / z**2], -1), np.stack([zero, 1 / z, -y / z**2], -1)], 1)
+    moves = np.concatenate([-_cross(turned), np.broadcast_to(np.eye(3), (len(z), 3, 3))], axis=2)
+    return np.asarray(intrinsics[:2, :2] @ ray @ moves)
+
+
+def turned_by(
+    T: NDArray[np.float64], A: NDArray[np.float64], b: NDArray[np.float64], up: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """The pose after the step (turn, shift) that solves A step = b in the sense of least squares.
+
+    Args:
+        T: T_camera_body before, (4, 4), [m].
+        A: In pixels per rad and m, (M, 6).
+        b: In pixels, (M,).
+        up: Direction in camera axes along which the body's z is, (3,), or None if it may be tilted. Its tilt is weighed
+            like a measurement of `TILT` beside pixels of `CORNER_PX`.
+    """
+    if up is not None:
+        across = _across(up)
+        tilt = np.concatenate([-across @ _cross(T[None, :3, 2])[0], np.zeros((2, 3))], axis=1)
+        A = np.concatenate([A, CORNER_PX / TILT * tilt])
+        b = np.concatenate([b, -CORNER_PX / TILT * (across @ T[:3, 2])])
+    step = np.linalg.lstsq(A, b, rcond=None)[0]
+    moved = T.copy()
+    moved[:3, :3] = cv2.Rodrigues(step[:3])[0] @ T[:3, :3]
+    moved[:3, 3] += step[3:]
+    return moved
 
 
 def project(

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from collectors.apriltags.detector import TagDetector
+from collectors.apriltags.detector import TagDetector, grayscale
+from collectors.apriltags.edges import Edges
 from collectors.apriltags.layout import Layout
 from collectors.apriltags.pose import body_pose
 from collectors.contract import Calibration
@@ -20,13 +21,16 @@ class Limits:
     Attributes:
         margin: Least decision margin, in grey levels; tags below are left aside.
         hamming: Most corrected bits; tags above are left aside.
-        error: Largest root mean square reprojection error, [px]: a tag half covered by a finger, or two tags that are
-            not on one body, are far above.
+        error: Largest root mean square reprojection error of edges that are met, [px]. Usual are 0.1 to 0.3; where
+            there are no tags, chance makes it 0.5.
+        share: Least share of the edges on tags that face the camera which are met, 0 to 1. A cube of which a third is
+            hidden has 0.6; one that is believed to be a few modules beside its place has 0.2 to 0.4.
     """
 
     margin: float = 30.0
     hamming: int = 1
-    error: float = 1.0
+    error: float = 0.45
+    share: float = 0.45
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,7 @@ class Track:
     Attributes:
         pose: Position [m], quat_xyzw, base axes, (7,).
         age: Time since it was seen there, [s]; 0 in the picture itself.
-        error: Reprojection error then, [px].
+        error: Root mean square reprojection error of its tags' edges then, [px].
         margin: Smallest decision margin then, in grey levels.
         tags: How many tags gave it.
     """
@@ -69,7 +73,7 @@ class Tracker:
         """
         self.layout, self.upright, self.limits = layout, upright, limits or Limits()
         self.refused: Counter[str] = Counter()
-        self._detect = TagDetector(layout.family)
+        self._detect, self._edges = TagDetector(layout.family), Edges(layout)
         self._seen: tuple[int, Track] | None = None
         self._rows: list[tuple[int, Track]] = []
 
@@ -115,18 +119,20 @@ class Tracker:
         return {f"streams/tags/{name}": values for name, values in stream.items()}
 
     def _believed(self, picture: NDArray[np.uint8], camera: Calibration) -> Track | None:
-        limits, every = self.limits, self._detect(picture)
+        limits, gray = self.limits, grayscale(picture)
+        every = self._detect(gray)
         good = [one for one in every if one.margin >= limits.margin and one.hamming <= limits.hamming]
         up = camera.T_base_camera[2, :3] if self.upright else None
         found = body_pose(good, self.layout, camera.intrinsics, up)
         if found is None:
             self.refused["unclear" if every and len(good) < len(every) else "no tag"] += 1
             return None
-        if found.error > limits.error:
-            self.refused["reprojection error"] += 1
+        met = self._edges.meet(found.T_camera_body, gray, camera.intrinsics, up)
+        if met.share < limits.share or met.error > limits.error:
+            self.refused["edges"] += 1
             return None
-        T = camera.T_base_camera @ found.T_camera_body
-        return Track(self._pose(T), 0.0, found.error, found.margin, len(found.tags))
+        T = camera.T_base_camera @ met.T_camera_body
+        return Track(self._pose(T), 0.0, met.error, found.margin, len(found.tags))
 
     def _pose(self, T: NDArray[np.float64]) -> NDArray[np.float64]:
         """As position and quat_xyzw, with the sign of the last one's."""

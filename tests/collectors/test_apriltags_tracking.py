@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 import pytest
 
-from collectors.apriltags.layout import Layout
 from collectors.apriltags.simulated import TAG_CAMERAS, SimulatedTagCamera, watched
 from collectors.apriltags.tracker import Limits, Tracker, quat_from_matrix
 from collectors.apriltags.watch import MAX_AGE, Lifted, Reached, Watch
@@ -108,10 +107,31 @@ def test_doubtful_sightings_are_refused(scene):
     faint = Tracker(scene.layout, limits=Limits(margin=1000.0))
     assert faint.see(picture, 0, calibration) is None
     assert faint.refused == {"unclear": 1}
-    swapped = [replace(tag, size=tag.size * (1.3 if tag.id else 1.0)) for tag in scene.layout.tags.values()]
-    strict = Tracker(Layout.of("tag36h11", swapped), limits=Limits(error=0.01))
+    strict = Tracker(scene.layout, limits=Limits(share=1.01))
     assert strict.see(picture, 0, calibration) is None
-    assert strict.refused == {"reprojection error": 1}
+    assert strict.refused == {"edges": 1}
+
+
+@pytest.mark.parametrize("upright", [False, True])
+def test_a_block_of_which_a_third_is_hidden_is_where_it_is_said_to_be_or_not_seen(scene, upright):
+    rng, radius = np.random.default_rng(4), HALF * np.sqrt(3)
+    seen_by, inverse = scene.calibration, np.linalg.inv(scene.calibration.T_base_camera)
+    seen = 0
+    for number in range(16):
+        x, y, yaw = rng.uniform(0.5, 0.6), rng.uniform(-0.05, 0.05), rng.uniform(-np.pi, np.pi)
+        scene.put(x, y, yaw)
+        picture = scene.picture(seed=number)
+        u, v, depth = seen_by.intrinsics @ (inverse @ [x, y, HALF, 1.0])[:3]
+        reach = radius * seen_by.intrinsics[0, 0] / depth
+        edge = int(u / depth + 0.3 * reach)  # of a finger that comes from the right, or from the left
+        columns = slice(edge, edge + 200) if number % 2 else slice(0, int(u / depth - 0.3 * reach))
+        picture[int(v / depth - 2 * reach) : int(v / depth + 2 * reach), columns] = (70, 70, 75)
+        track = Tracker(scene.layout, upright).see(picture, 0, seen_by)
+        if track is not None:
+            seen += 1
+            assert np.linalg.norm(track.pose[:3] - [x, y, HALF]) < 0.003
+            assert abs(wrap(yaw_of(track.pose) - yaw)) < np.radians(2.0)
+    assert seen >= 3
 
 
 class Given:

@@ -1,0 +1,146 @@
+"""The pose of a body from the edges between black and white of all its tags, wherever they are not covered.
+
+A detection is the four corners of a tag that is seen whole. A body that is partly hidden may show one such tag only,
+slanted and small, whose corners tell its distance badly; but each edge on each tag that is not covered tells where it
+is, to a fraction of a pixel. Edges are looked for where a first pose puts them, and the pose is moved until it meets
+them; what is covered is not met, and does not count (after Drummond and Cipolla, "Real-time visual tracking of complex
+structures", PAMI 2002).
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from collectors.apriltags.layout import Layout, Tag
+from collectors.apriltags.picture import modules, shape
+from collectors.apriltags.pose import jacobian, project, turned_by
+
+REACHES = (6.0, 4.0, 2.0, 2.0, 2.0)  # [px] on both sides of where an edge is looked for, round by round
+NEIGHBOUR = 1.5  # [modules] that it is looked for at most; another edge that is white and black in this order is 2 away
+SAMPLE = 0.5  # [px] between samples across an edge; its slope is taken over two of them
+DOUBTED = 3.0  # an edge that is off by the reach over this has half its weight (Cauchy)
+CONTRAST = 0.25  # of the strongest edges', which an edge must have
+LEAST = 15.0  # grey levels over two samples that an edge must have; tags that the detector is sure of have 30 and more
+FACING = 0.15  # cosine between a tag's normal and the line of sight from which on its edges are looked for
+SMALLEST = 1.0  # [px] of a module across an edge
+MET = 1.0  # [px] from where it should be at which an edge is met
+FEWEST = 12  # edges that are enough for a pose
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """How a pose meets the edges of a picture.
+
+    Attributes:
+        T_camera_body: The pose, (4, 4), [m].
+        share: How many of the edges that face the camera are met within `MET`, 0 to 1.
+        error: Root mean square distance of these, across the edge, [px].
+    """
+
+    T_camera_body: NDArray[np.float64]
+    share: float
+    error: float
+
+
+@dataclass(frozen=True)
+class _Crossing:
+    """Edges that face the camera, crossed in a picture: points of the body, how the picture changes, what is found."""
+
+    moves: NDArray[np.float64]  # (M, 6) of the edge, across it, with the body's turn and shift, [px/rad], [px/m]
+    off: NDArray[np.float64]  # (M,) from where it should be to where it is, [px]
+    found: NDArray[np.bool_]  # (M,)
+
+
+class Edges:
+    """The edges of all tags of a body, in its axes."""
+
+    def __init__(self, layout: Layout) -> None:
+        """Find them in the patterns of the tags."""
+        parts = [_edges(tag, layout.family) for tag in layout.tags.values()]
+        self._points, self._inward, self._normals = (np.concatenate(some) for some in zip(*parts, strict=True))
+
+    def meet(
+        self,
+        start: NDArray[np.float64],
+        gray: NDArray[np.uint8],
+        intrinsics: NDArray[np.float64],
+        up: NDArray[np.float64] | None = None,
+    ) -> Meeting:
+        """Move a pose until its edges meet those of a picture.
+
+        Args:
+            start: T_camera_body to begin with, which puts edges within about a module of where they are, (4, 4), [m].
+            gray: The picture, (H, W).
+            intrinsics: Pinhole matrix, (3, 3), [px].
+            up: Direction in camera axes along which the body's z is, (3,), or None if it may be tilted.
+        """
+        T = start
+        for reach in REACHES:
+            crossed = self._cross(T, gray, intrinsics, reach)
+            if crossed.found.sum() < FEWEST:
+                return Meeting(start, 0.0, np.inf)
+            moves, off = crossed.moves[crossed.found], crossed.off[crossed.found]
+            pull = 1.0 / np.sqrt(1.0 + (DOUBTED * off / reach) ** 2)
+            T = turned_by(T, pull[:, None] * moves, pull * off, up)
+        crossed = self._cross(T, gray, intrinsics, REACHES[-1])
+        met = crossed.found & (np.abs(crossed.off) < MET)
+        if met.sum() < FEWEST:
+            return Meeting(start, 0.0, np.inf)
+        return Meeting(T, float(met.mean()), float(np.sqrt(np.mean(crossed.off[met] ** 2))))
+
+    def _cross(
+        self, T: NDArray[np.float64], gray: NDArray[np.uint8], intrinsics: NDArray[np.float64], reach: float
+    ) -> _Crossing:
+        """Look across each edge for the steepest step from white to black."""
+        R, seen = T[:3, :3], self._points @ T[:3, :3].T + T[:3, 3]
+        faces = -((self._normals @ R.T) * seen).sum(axis=1) > FACING * np.linalg.norm(seen, axis=1)
+        points, inward = self._points[faces], self._inward[faces] @ R.T
+        along = np.cross(self._normals[faces] @ R.T, inward)
+        moves = jacobian(T, points, intrinsics)
+        direction, black = (np.einsum("mij,mj->mi", moves[:, :, 3:], vectors) for vectors in (along, inward))
+        across = direction[:, ::-1] * (1.0, -1.0) / np.linalg.norm(direction, axis=1, keepdims=True)
+        module = (across * black).sum(axis=1)
+        across, module = across * np.sign(module)[:, None], np.abs(module)
+
+        places = SAMPLE * np.arange(-round(reach / SAMPLE) - 1, round(reach / SAMPLE) + 2)
+        where = project(T, points, intrinsics)[:, None] + places[:, None] * across[:, None]
+        x, y = where.astype(np.float32).transpose(2, 0, 1)
+        levels = cv2.remap(gray, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
+        off, step = _steepest(levels[:, :-2] - levels[:, 2:], places[1:-1], NEIGHBOUR * module)
+        strong = max(LEAST, CONTRAST * np.percentile(step, 75)) if len(step) else LEAST
+        found = (step > strong) & np.isfinite(off) & (module > SMALLEST)
+        return _Crossing(np.einsum("mi,mij->mj", across, moves), off, found)
+
+
+def _steepest(
+    steps: NDArray[np.floating], places: NDArray[np.floating], within: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where each row of steps is largest (a parabola through three samples), NaN at the ends, and how large it is."""
+    allowed = np.abs(places) <= np.minimum(within, places[-2])[:, None]
+    best = np.where(allowed, steps, -np.inf).argmax(axis=1)
+    rows, best = np.arange(len(steps)), np.clip(best, 1, len(places) - 2)
+    before, top, after = (steps[rows, best + shift].astype(np.float64) for shift in (-1, 0, 1))
+    peak = (before <= top) & (after <= top) & (before + after < 2 * top)
+    bend = np.where(peak, 2 * top - before - after, 1.0)
+    off = places[best] + SAMPLE * 0.5 * (after - before) / bend
+    return np.where(peak, off, np.nan), top
+
+
+def _edges(tag: Tag, family: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Middles of the edges between neighbouring modules, a module towards black, the tag's normal, (M, 3) each, [m]."""
+    black, measures = modules(family, tag.id), shape(family)
+    middle, found = measures.total / 2, []
+    for turn in range(2):  # edges between left and right, then those between above and below
+        step = np.diff(black.astype(np.int8), axis=1 - turn)
+        row, column = np.nonzero(step)
+        across = step[row, column].astype(np.float64)
+        if turn:
+            found.append(np.stack([column + 0.5 - middle, middle - row - 1.0, 0 * across, -across], axis=1))
+        else:
+            found.append(np.stack([column + 1.0 - middle, middle - row - 0.5, across, 0 * across], axis=1))
+    x, y, inward_x, inward_y = tag.size / measures.border * np.concatenate(found).T
+    flat, R = np.zeros_like(x), tag.T_body_tag[:3, :3]
+    points = np.stack([x, y, flat], axis=1) @ R.T + tag.T_body_tag[:3, 3]
+    return points, np.stack([inward_x, inward_y, flat], axis=1) @ R.T, np.broadcast_to(R[:, 2], points.shape)
