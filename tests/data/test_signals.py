@@ -50,10 +50,13 @@ def test_nohup_is_respected():
 
 def test_a_forked_child_is_ended_as_usual():
     def work():
+        told, tell = os.pipe()
         child = os.fork()
         if child == 0:
+            os.write(tell, b"!")  # before that, Python drops the signals of its parent
             while True:
                 time.sleep(0.01)
+        os.read(told, 1)
         os.kill(child, signal.SIGTERM)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGTERM
 
