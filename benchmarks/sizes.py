@@ -12,10 +12,11 @@ import platform
 from dataclasses import replace
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from svfl_models.config import TrainingConfig
-from svfl_models.experiments.figures import plt, save
+from svfl_models.experiments.figures import save
 from svfl_models.experiments.folder import RUNS, claimed, describe
 from svfl_models.experiments.grid import Grid, run_name
 from svfl_models.experiments.page import markdown
@@ -40,7 +41,8 @@ def configurations(data: Path, encoder: str, samples: int) -> list[TrainingConfi
 
 def draw(results: Results, path: Path) -> None:
     """A line per network: fresh accuracy against training seconds."""
-    figure, axes = plt.subplots(figsize=(8, 4.6), layout="constrained")
+    figure = Figure(figsize=(8, 4.6), layout="constrained")
+    axes = figure.subplots()
     for preset, group, _ in NETWORKS:
         cells = results.find(preset=preset, group=group)
         known = [(cell.seconds.mean, cell.fresh) for cell in cells if cell.seconds and cell.fresh]

@@ -1,9 +1,11 @@
 """One picture of an episode: what the cameras saw, what the wrist felt, what was commanded, and the marks on it.
 
-Matplotlib is imported here, so import this module only where a picture is asked for.
+Matplotlib is imported here, so import this module only where a picture is asked for. Figures are made without pyplot,
+whose backend and open figures are the user's.
 """
 
 import io
+import math
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +20,6 @@ from svfl_data.episode import Camera, Episode
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.transforms import processed_wrench, recorded_transforms
 
-matplotlib.use("Agg")  # a file is written; no display is needed
-matplotlib.rcParams["text.parse_math"] = False  # a dollar sign in a name is a dollar sign
-
 # Okabe and Ito's palette, made to be told apart by colour-blind people; x, y, z also differ in their dashes.
 X, Y, Z = "#d55e00", "#009e73", "#0072b2"
 GREY, TURN, LABEL = "#555555", "#cc79a7", "#f0e442"
@@ -28,7 +27,8 @@ MARKS = ("#f0e442", "#56b4e9", "#e69f00", "#cc79a7", "#999999")
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
 
 FRAMES = 8  # images in a strip
-WIDTH_IN, STRIP_IN, PANEL_IN, GRIPPER_IN, HEAD_IN = 11.0, 1.35, 1.7, 0.8, 1.2
+WIDTH_IN, STRIP_IN, PANEL_IN, GRIPPER_IN, HEAD_IN = 11.0, 1.75, 1.7, 0.8, 1.05
+PICTURE = 0.9  # of a strip's height; the rest is for the times above
 DPI = 110
 TALLEST_IN = 60.0  # more cameras than this has room for share it
 
@@ -54,6 +54,7 @@ def png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
+@matplotlib.rc_context({"text.parse_math": False})  # a dollar sign in a name is a dollar sign
 def overview(episode: Episode) -> Figure:
     """The picture; the panels below the images share the time axis."""
     strips = [(camera, kind) for camera in episode.cameras.values() for kind in ("color", "depth") if camera.has(kind)]
@@ -63,7 +64,7 @@ def overview(episode: Episode) -> Figure:
     figure = Figure(figsize=(WIDTH_IN, total))
     grid = GridSpec(
         len(heights), 1, figure, height_ratios=heights, hspace=0.12,
-        left=0.1, right=0.86, top=1 - 0.75 / total, bottom=0.45 / total,
+        left=0.1, right=0.86, top=1 - 0.6 / total, bottom=0.45 / total,
     )  # fmt: skip
     figure.suptitle(title(episode), x=0.1, y=1 - 0.12 / total, ha="left", va="top", fontsize=10)
     axes = [figure.add_subplot(grid[row]) for row in range(len(heights))]
@@ -127,12 +128,13 @@ def _strip(axis: Axes, episode: Episode, camera: Camera, kind: str) -> None:
     box, figure = axis.get_position(), axis.get_figure(root=True)
     assert figure is not None
     figure_width, figure_height = figure.get_size_inches()
-    room = box.width * figure_width / (box.height * figure_height * width / height)
-    rows = np.linspace(0, len(images) - 1, int(np.clip(room, 1, min(FRAMES, len(images))))).round().astype(int)
+    room = box.width * figure_width / (PICTURE * box.height * figure_height * width / height)
+    count = min(max(1, math.ceil(room)), FRAMES, len(images))  # as many as leave no gaps
+    rows = np.linspace(0, len(images) - 1, count).round().astype(int)
     measured = images[images > 0] if kind == "depth" else images
     near, far = np.percentile(measured, [1, 99]) if kind == "depth" and measured.size else (0.0, 1.0)
     for column, row in enumerate(rows):
-        inset = axis.inset_axes((column / len(rows), 0.0, 1 / len(rows), 0.9))
+        inset = axis.inset_axes((column / len(rows), 0.0, 0.97 / len(rows), PICTURE))
         inset.set_axis_off()
         inset.imshow(images[row], cmap="viridis", vmin=near, vmax=far)
         inset.set_title(f"{camera.t_ns[row] / 1e9:.2f} s", fontsize=7, pad=2, color=GREY)
@@ -172,7 +174,9 @@ def _wrench(force: Axes, torque: Axes, episode: Episode) -> None:
 def _opening(axis: Axes, episode: Episode) -> None:
     if len(episode):
         _steps(axis, episode, episode.action[:, :1], ("commanded",), (TURN,))
-    axis.plot(episode.t_ns / 1e9, episode.proprio[:, 0], color=GREY, marker=".", linestyle="", label="measured")
+    axis.plot(
+        episode.t_ns / 1e9, episode.proprio[:, 0], color=GREY, marker=".", linestyle="", label="measured", clip_on=False
+    )
     axis.set_ylim(-0.15, 1.15)
     axis.set_yticks([0, 1], ["closed 0", "open 1"])
     axis.set_ylabel("gripper")

@@ -5,17 +5,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 
 from svfl_data.symmetry import DIRECTIONS
 from svfl_models import run_folder
 from svfl_models.config import Latent, TrainingConfig
 from svfl_models.paper import centering_figure, centering_words
 from svfl_models.progress import History
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
 
 NAMES = {
     "v": "V", "f": "F", "vf": "V+F", "vfp": "V+F+P", "svfl": "SVFL", "cnn": "CNN",
@@ -151,7 +148,8 @@ def _classes(result: Result) -> str:
 
 def plot_history(history: History, path: Path, title: str) -> None:
     """Loss and accuracy of training and test over the epochs, as PNG."""
-    figure, axes = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
+    figure = Figure(figsize=(9, 3.4), layout="constrained")
+    axes = figure.subplots(1, 2)
     for stage, color in (("train", "tab:blue"), ("test", "tab:orange")):
         rows = [row for row in history if f"{stage}_loss" in row]
         epoch = [row["epoch"] + 1 for row in rows]
@@ -162,12 +160,12 @@ def plot_history(history: History, path: Path, title: str) -> None:
     axes[1].legend(loc="lower right")
     figure.suptitle(title)
     figure.savefig(path, dpi=120)
-    plt.close(figure)
 
 
 def plot_confusion(confusion: np.ndarray, path: Path, title: str) -> None:
     """Counts of true against predicted direction, as PNG."""
-    figure, axes = plt.subplots(figsize=(4.4, 4.2), layout="constrained")
+    figure = Figure(figsize=(4.4, 4.2), layout="constrained")
+    axes = figure.subplots()
     axes.imshow(confusion, cmap="Blues", vmin=0)
     for (row, column), count in np.ndenumerate(confusion):
         color = "white" if count > confusion.max() / 2 else "black"
@@ -177,4 +175,3 @@ def plot_confusion(confusion: np.ndarray, path: Path, title: str) -> None:
     axes.set_yticklabels(DIRECTIONS)
     axes.set_title(title, fontsize=10)
     figure.savefig(path, dpi=120)
-    plt.close(figure)

@@ -59,7 +59,7 @@ def _figure(episode: Episode, step: int, seen: TopDown) -> "Figure":
     axes = figure.subplots(1, len(frames) + 2, squeeze=False)[0]
     for axis, (camera, row) in zip(axes, frames, strict=False):
         axis.imshow(camera.color[row])
-        axis.set_title(f"camera {camera.name}", fontsize=9)
+        axis.set_title(f"camera {camera.name}", fontsize=9, parse_math=False)
         axis.set_axis_off()
     view, edge = seen.view, 500 * seen.view.extent
     tcp = view.pixel(episode.proprio[step, 1:3])[::-1] + 0.5  # (right, down) from the corner, px
@@ -79,8 +79,8 @@ def _figure(episode: Episode, step: int, seen: TopDown) -> "Figure":
     figure.suptitle(
         f"{episode.meta.task}, episode {episode.meta.index}, step {step} of {len(episode)}: "
         f"{view.metres_per_pixel * 1e3:.1f} mm per pixel; + TCP; pink: hidden from the cameras",
-        fontsize=10,
-    )
+        fontsize=10, parse_math=False,  # a dollar sign in a name is a dollar sign
+    )  # fmt: skip
     return figure
 
 

@@ -1,19 +1,18 @@
-"""What the figures of experiments share: colours, error bars, and small files."""
+"""What the figures of experiments share: colours, error bars, and small files.
+
+Figures are made without pyplot, whose backend and open figures are the user's.
+"""
 
 import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
 from svfl_models.experiments.results import Cell, Mean, Results
-
-matplotlib.use("Agg")  # files are written; no display is needed
-from matplotlib import pyplot as plt
 
 # Okabe and Ito's palette, made to be told apart by colour-blind people.
 MODEL_COLOURS = {"svfl": "#0072b2", "cnn": "#d55e00"}
@@ -27,17 +26,14 @@ DPI = 100
 
 def panels(rows: int, columns: int, height_in: float) -> tuple[Figure, list[Axes]]:
     """A figure of panels side by side that share the y axis."""
-    figure, axes = plt.subplots(
-        rows, columns, figsize=(WIDTH_IN, height_in), sharey=True, squeeze=False, layout="constrained"
-    )
-    return figure, list(axes.flat)
+    figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
+    return figure, list(figure.subplots(rows, columns, sharey=True, squeeze=False).flat)
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG and forget it; returns the file."""
+    """Write a figure as PNG; returns the file."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)
-    plt.close(figure)
     # 256 colours are more than there are in such a figure, and a third of the bytes.
     Image.open(buffer).convert("RGB").quantize(256).save(path, optimize=True)
     return path

@@ -7,8 +7,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from scipy.special import ndtr
 
 from svfl_data.symmetry import DIRECTIONS
@@ -130,7 +130,7 @@ those of blocks that the hand hides from the camera: up for down, and down for u
 
 def draw(cells: Sequence[Cell], path: Path) -> Path:
     """Accuracy against border distance and offset length, and a confusion matrix for each cell, as PNG."""
-    figure = plt.figure(figsize=(WIDTH_IN, 7.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 7.2), layout="constrained")
     grid = figure.add_gridspec(2, 6, height_ratios=(1, 1.05))
     border = figure.add_subplot(grid[0, :3])
     length = figure.add_subplot(grid[0, 3:], sharey=border)

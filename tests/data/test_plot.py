@@ -89,6 +89,21 @@ def test_the_label_arrow_leads_from_the_tcp_to_the_goal():
     )  # fmt: skip
 
 
+@pytest.mark.parametrize(("height", "width"), [(16, 16), (48, 64), (64, 48)])
+def test_the_pictures_of_a_strip_fill_it(height, width):
+    """Enough of them that each is as wide as its place, if there are as many observations."""
+    arrays = episode_arrays(np.random.default_rng(0), steps=20)
+    arrays["cameras/front/color"] = np.zeros((21, height, width, 3), dtype=np.uint8)
+    arrays["cameras/front/depth"] = np.zeros((21, height, width), dtype=np.uint16)
+    strip = plot.overview(Episode(make_episode().meta, arrays)).axes[0]
+    pictures = [picture for picture in strip.child_axes if picture.images]
+    for picture in pictures:
+        place = picture.get_position()
+        picture.apply_aspect()
+        drawn = picture.get_position()
+        assert drawn.width == pytest.approx(place.width, rel=0.01) or len(pictures) == plot.FRAMES
+
+
 def bare():
     arrays = {path: array for path, array in episode_arrays(np.random.default_rng(0)).items() if "cameras" not in path}
     return Episode(make_episode().meta, {path: array for path, array in arrays.items() if "labels" not in path})

@@ -258,6 +258,14 @@ def test_bad_requests_are_one_clear_line():
             topdown(Episode(episode.meta, flat), cameras=cameras)
 
 
+def test_names_are_drawn_as_they_are_and_not_as_formulas(command, tmp_path):
+    episode = make_episode()
+    arrays = {path.replace("cameras/front/", r"cameras/$\frac$/"): array for path, array in episode.arrays.items()}
+    meta = dataclasses.replace(episode.meta, task=r"$\frac$")
+    write_episode(Episode(meta, arrays), tmp_path / "e.hdf5")
+    assert command("topdown", tmp_path / "e.hdf5", "--out", tmp_path / "above.png")[0] == 0
+
+
 def test_the_command_draws_and_refuses(command, tmp_path):
     file, out = tmp_path / "e.hdf5", tmp_path / "above.png"
     write_episode(make_episode(), file)

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from svfl_models.experiments.figures import DPI, plt
+from svfl_models.experiments.figures import DPI
 from svfl_models.latent.evaluation.results import Album
 
 
@@ -16,7 +17,8 @@ def reconstructions(album: Album, path: Path) -> Path:
     low, high = (measured.min(), measured.max()) if measured.size else (0.0, 1.0)
     rows = (("colour", original), ("reconstructed", picture), ("depth", original), ("reconstructed", picture))
     count = len(album.step)
-    figure, axes = plt.subplots(4, count, figsize=(1.45 * count + 1.3, 6.4), layout="constrained", squeeze=False)
+    figure = Figure(figsize=(1.45 * count + 1.3, 6.4), layout="constrained")
+    axes = figure.subplots(4, count, squeeze=False)
     for number, (label, images) in enumerate(rows):
         for column, one in enumerate(axes[number]):
             _bare(one)
@@ -31,7 +33,6 @@ def reconstructions(album: Album, path: Path) -> Path:
     figure.colorbar(shown, ax=axes[2:], label="depth, m", shrink=0.8)
     figure.suptitle(f"Episode {album.episode}: originals, and what the posterior states make of them", fontsize=11)
     figure.savefig(path, dpi=DPI)
-    plt.close(figure)
     return path
 
 
@@ -40,7 +41,8 @@ def where_contact_looks(album: Album, path: Path) -> Path:
     assert album.looked is not None
     looked = 100 * album.looked.numpy()
     count, size = len(album.step), album.original.shape[-1]
-    figure, axes = plt.subplots(2, count, figsize=(1.45 * count + 1.3, 3.5), layout="constrained", squeeze=False)
+    figure = Figure(figsize=(1.45 * count + 1.3, 3.5), layout="constrained")
+    axes = figure.subplots(2, count, squeeze=False)
     for column in range(count):
         above, below = axes[:, column]
         picture = album.original[column, :3].numpy().transpose(1, 2, 0)
@@ -57,7 +59,6 @@ def where_contact_looks(album: Album, path: Path) -> Path:
     figure.colorbar(shown, ax=axes[:, -1], label="share of attention, %", shrink=0.9)
     figure.suptitle(f"Episode {album.episode}: where the contact token looks, last layer, mean over heads", fontsize=11)
     figure.savefig(path, dpi=DPI)
-    plt.close(figure)
     return path
 
 

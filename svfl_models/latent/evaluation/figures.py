@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from svfl_models.experiments.figures import WIDTH_IN, plt, save
+from svfl_models.experiments.figures import WIDTH_IN, save
 from svfl_models.latent.evaluation.album import reconstructions, where_contact_looks
 from svfl_models.latent.evaluation.alignment import Alignment
 from svfl_models.latent.evaluation.attention import Attention
@@ -36,7 +37,8 @@ def draw(out: Path, found: Evaluation, album: Album) -> list[Path]:
 def curves(found: Evaluation, path: Path) -> Path:
     """Fidelity of imagined pictures by steps ahead, and alignment by time gap."""
     near = found.reconstruction
-    figure, axes = plt.subplots(1, 3 if found.alignment else 2, figsize=(WIDTH_IN, 3.4), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained")
+    axes = figure.subplots(1, 3 if found.alignment else 2)
     steps = np.arange(1, len(near.imagined) + 1)
     for one, name, label in (
         (axes[0], "psnr_db", "PSNR of colour, dB"), (axes[1], "depth_mae_mm", "depth error, mm")
@@ -73,7 +75,8 @@ def _alignment(axes: Axes, found: Alignment) -> None:
 
 def probes(found: Evaluation, path: Path) -> Path:
     """R^2 of the probes beside those of raw inputs; what is worse than the mean is drawn as 0."""
-    figure, axes = plt.subplots(figsize=(WIDTH_IN, 3.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 3.2), layout="constrained")
+    axes = figure.subplots()
     places = np.arange(len(found.probes))
     for shift, name, label, colour in ((-0.2, "r2", f"feature of {found.model}", FEATURE), (0.2, "raw_r2", "raw", RAW)):
         axes.bar(places + shift, [_r2(getattr(one, name)) for one in found.probes], 0.38, label=label, color=colour)
@@ -94,7 +97,8 @@ def missing(found: list[Remaining], path: Path) -> Path:
         "contact AUROC": [one.contact_auroc for one in found],
     }
     kinds |= {f"probe of {name}, R^2": [_r2(one.probe_r2[name]) for one in found] for name in targets}
-    figure, axes = plt.subplots(2, 3, figsize=(WIDTH_IN, 4.8), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 4.8), layout="constrained")
+    axes = figure.subplots(2, 3)
     for one in axes.flat[len(kinds) :]:
         one.set_visible(False)
     for one, (label, values) in zip(axes.flat, kinds.items(), strict=False):
@@ -111,7 +115,8 @@ def missing(found: list[Remaining], path: Path) -> Path:
 
 def attention(found: Attention, path: Path) -> Path:
     """Share of attention on each modality, layer by layer, one panel for each token that looks."""
-    figure, axes = plt.subplots(1, len(found.mass), figsize=(WIDTH_IN, 3.4), sharey=True, layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained")
+    axes = figure.subplots(1, len(found.mass), sharey=True)
     for one, (looker, mass) in zip(axes, found.mass.items(), strict=True):
         columns = {"tokens": {group: share for group, share in found.tokens.items()}}
         columns |= {
@@ -134,7 +139,8 @@ def attention(found: Attention, path: Path) -> Path:
 def experts(found: Experts, path: Path) -> Path:
     """Share of the precision of each expert."""
     columns = {"all frames": found.every, "in contact": found.contact, "free": found.free}
-    figure, axes = plt.subplots(figsize=(WIDTH_IN / 2, 3.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN / 2, 3.2), layout="constrained")
+    axes = figure.subplots()
     _stacked(axes, {name: share for name, share in columns.items() if share is not None})
     axes.set_ylabel("share of the precision, %")
     figure.legend(loc="outside right center", fontsize=9)
