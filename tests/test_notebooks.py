@@ -1,5 +1,6 @@
 """The notebooks run from top to bottom, show what they promise, and are stored without a trace of who ran them."""
 
+import os
 import re
 from pathlib import Path
 
@@ -65,6 +66,18 @@ def test_each_runs_and_shows_its_figures(file, executed, home):
         assert len(pictures) == cell.source.count("plt.show()"), cell.source
     for saved in re.findall(r'--save \{HOME / "(.*?)"\}', "\n".join(cell.source for cell in executed.cells)):
         assert (home / "data" / "notebooks" / "tiny" / saved).stat().st_size > 0
+
+
+@each
+def test_each_finds_the_same_data_from_its_folder_and_from_the_root(file, tmp_path, monkeypatch):
+    (tmp_path / "notebooks").mkdir()
+    settings = next(cell.source for cell in read(file).cells if cell.cell_type == "code")
+    for folder in (tmp_path, tmp_path / "notebooks"):
+        monkeypatch.chdir(folder)
+        monkeypatch.setenv("PATH", os.environ["PATH"])  # the cell puts its environment there
+        found: dict[str, Path] = {}
+        exec(settings, found)
+        assert found["DATA"].resolve().is_relative_to(tmp_path / "data" / "notebooks")
 
 
 @each
