@@ -205,11 +205,12 @@ def _begin(path: Path, info: dict[str, Any]) -> None:
 
 
 def _check_same(path: Path, found: dict[str, Any], asked: dict[str, Any]) -> None:
-    for key, value in _flat(asked).items():
-        other = _flat(found).get(key)
-        if other != value:
+    here, wanted = _flat({key: found.get(key) for key in asked}), _flat(asked)
+    for key in wanted | here:  # what only one of them has is a difference, too
+        if here.get(key) != wanted.get(key):
             raise DatasetError(
-                f"{path} holds another dataset: its {key} is {other!r}, asked for {value!r}; name another folder"
+                f"{path} holds another dataset: its {key} is {here.get(key)!r}, asked for {wanted.get(key)!r}; "
+                "name another folder"
             )
 
 

@@ -46,6 +46,12 @@ def test_another_dataset_is_never_mixed_in(dataset, task, seed, size, message):
         Dataset.create_or_resume(dataset.path, task, seed, {"camera": {"size": size}})
 
 
+@pytest.mark.parametrize("config", [{}, {"camera": {}}, {"camera": {"size": 16}, "tags": True}])
+def test_what_only_one_of_two_configurations_has_makes_them_different(dataset, config):
+    with pytest.raises(DatasetError, match=r"config\.(camera\.size|tags) is"):
+        Dataset.create_or_resume(dataset.path, "centering", 0, config)
+
+
 def test_a_folder_with_other_files_is_left_alone(tmp_path):
     (tmp_path / "thesis.tex").write_text("do not touch")
     with pytest.raises(DatasetError, match="holds other files"):
