@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from collectors.contract import Policy
 from collectors.dataset import software_versions
 from collectors.record import record
 from collectors.shoves import Shoved
@@ -14,7 +15,7 @@ from collectors.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
 from collectors.simulation.config import WorldConfig
 from collectors.tasks import task_class
 from collectors.tasks.hand import Hand
-from collectors.tasks.task import MAX_STEPS
+from collectors.tasks.task import MAX_STEPS, Task
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import CollectError
@@ -81,16 +82,19 @@ class ExpertCollector(Simulated):
         )
         moves = task.expert(Hand(self.opened, rng, self.noise))
         policy = Shoved(moves, self.opened.action_bound, self.shoves, shoves)
-        arrays = record(self.opened, policy, MAX_STEPS, task.success, task.state)
+        arrays, success = self._recorded(task, policy)
         if self.shoves:
             arrays[INTENDED] = np.array(policy.intended, np.float32).reshape(-1, 5)
-        success = task.success()
         facts = {"drawn": task.drawn(), "index": index, "attempt": attempt, "rejected": rejected}
         number = index if success else index * ATTEMPTS + attempt
         meta = Meta(
             self.task, number, self.seed, "expert", success, self.config() | facts, software_versions(*VERSIONS)
         )
         return Episode(meta, arrays)
+
+    def _recorded(self, task: Task, policy: Policy) -> tuple[dict[str, np.ndarray], bool]:
+        """What a policy does at a task that has just been set up, as arrays, and whether it is achieved at the end."""
+        return record(self.opened, policy, MAX_STEPS, task.success, task.state), task.success()
 
 
 def summary(dataset: Dataset) -> str:

@@ -126,7 +126,7 @@ FIELDS = (
     ),
     Field(
         "streams/tags/error", "tags_error", "float64", ("Q",), "px",
-        "Root mean square reprojection error of that sighting.", optional=True,
+        "Root mean square reprojection error of the edges of its tags.", optional=True,
     ),
     Field(
         "streams/tags/margin", "tags_margin", "float64", ("Q",), "grey levels",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collectors.contract import Calibration
+from svfl_data.atomically import write_atomically
 from svfl_data.errors import FormatError, StorageError
 
 
@@ -37,7 +38,7 @@ def read_calibrations(path: Path) -> dict[str, Calibration]:
             cameras[name] = Calibration(**arrays, depth_scale=float(values["depth_scale"]))
         except (KeyError, ValueError, TypeError) as error:
             needs = ", ".join([*shapes, "depth_scale"])
-            raise FormatError(f"{path}: camera {name!r} needs {needs}: {error!r}") from error
+            raise FormatError(f"{path}: camera {name!r} needs {needs}: {type(error).__name__}: {error}") from error
     return cameras
 
 
@@ -62,10 +63,8 @@ def write_calibration(path: Path, name: str, calibration: Calibration, residuals
         "depth_scale": calibration.depth_scale,
         "residuals": residuals,
     }
-    try:
-        path.write_text(json.dumps({"format": "svfl-calibration", "cameras": cameras}, indent=1) + "\n")
-    except OSError as error:
-        raise StorageError(f"cannot write {path}: {error.strerror}") from error
+    content = json.dumps({"format": "svfl-calibration", "cameras": cameras}, indent=1) + "\n"
+    write_atomically(path, content.encode())  # the other cameras survive a full disk
 
 
 def _cameras(path: Path) -> dict[str, Any]:
@@ -77,4 +76,5 @@ def _cameras(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise StorageError(f"cannot read {path}: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
-        raise FormatError(f"{path} is no calibration file of svfl-collect calibrate: {error!r}") from error
+        why = f"{type(error).__name__}: {error}"
+        raise FormatError(f"{path} is no calibration file of svfl-collect calibrate: {why}") from error

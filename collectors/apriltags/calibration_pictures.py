@@ -3,7 +3,7 @@
 import argparse
 import csv
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,13 +16,14 @@ from svfl_data.errors import FormatError, StorageError, UsageError
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 FRAMES = 50  # of an episode that are looked at: more of the same tell no more
+FOCAL = (0.2, 20.0)  # of a picture's width that a focal length may be: fields of view of 137 to 3 degrees
 COLUMNS = ("picture", "x", "y", "z", "qx", "qy", "qz", "qw")
 DEPTH_SCALE = 0.001  # [m], of most depth cameras
 
 
 @dataclass(frozen=True)
 class Pictures:
-    """Pictures of one camera.
+    """Pictures of one camera, all of one size.
 
     Attributes:
         pictures: Name of each, and how to get it, (H, W) or (H, W, 3) uint8.
@@ -33,6 +34,31 @@ class Pictures:
     pictures: list[tuple[str, Callable[[], NDArray[np.uint8]]]]
     intrinsics: NDArray[np.float64]
     depth_scale: float
+
+    def checked(self) -> Iterator[tuple[str, NDArray[np.uint8]]]:
+        """Name of each picture and the picture, one at a time.
+
+        Raises:
+            UsageError: If the intrinsics cannot be those of pictures of this size, or sizes differ.
+        """
+        (fx, _, cx), (_, fy, cy), _ = self.intrinsics
+        first = None
+        for name, read in self.pictures:
+            picture = read()
+            height, width = picture.shape[:2]
+            first = first or (width, height)
+            if (width, height) != first:
+                raise UsageError(
+                    f"{name} has {width} x {height} px, {self.pictures[0][0]} {first[0]} x {first[1]}: "
+                    "pictures of one camera have one size"
+                )
+            focal = FOCAL[0] * width < min(fx, fy) <= max(fx, fy) < FOCAL[1] * width
+            if not (focal and 0 < cx < width - 1 and 0 < cy < height - 1):
+                raise UsageError(
+                    f"intrinsics {fx:g},{fy:g},{cx:g},{cy:g} cannot be those of {name}, which has {width} x {height} "
+                    "px; are they of another resolution?"
+                )
+            yield name, picture
 
 
 def of_folder(arguments: argparse.Namespace) -> Pictures:
@@ -46,10 +72,8 @@ def of_folder(arguments: argparse.Namespace) -> Pictures:
         raise UsageError(f"{arguments.path}: no pictures there ({', '.join(SUFFIXES)})")
     if not arguments.intrinsics:
         raise UsageError(f"{arguments.path}: pictures in a folder need --intrinsics FX,FY,CX,CY")
-    fx, fy, cx, cy = arguments.intrinsics
-    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     scale = DEPTH_SCALE if arguments.depth_scale is None else arguments.depth_scale
-    return Pictures([(file.name, partial(_read, file)) for file in files], K, scale)
+    return Pictures([(file.name, partial(_read, file)) for file in files], _matrix(*arguments.intrinsics), scale)
 
 
 def of_episode(arguments: argparse.Namespace) -> Pictures:
@@ -69,7 +93,8 @@ def of_episode(arguments: argparse.Namespace) -> Pictures:
     rows = np.unique(np.linspace(0, len(camera.color) - 1, FRAMES).astype(int)).tolist()
     own = float(camera.depth_scale) if camera.has("depth_scale") else DEPTH_SCALE
     scale = own if arguments.depth_scale is None else arguments.depth_scale
-    return Pictures([(str(row), partial(np.asarray, camera.color[row])) for row in rows], camera.intrinsics, scale)
+    K = _matrix(*arguments.intrinsics) if arguments.intrinsics else camera.intrinsics
+    return Pictures([(str(row), partial(np.asarray, camera.color[row])) for row in rows], K, scale)
 
 
 def board_pose(x: float, y: float, z: float, yaw_deg: float) -> NDArray[np.float64]:
@@ -86,21 +111,35 @@ def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
         FormatError: If it is no such table.
     """
     try:
-        with path.open(newline="") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:  # spreadsheets begin with a byte order mark
             rows = list(csv.DictReader(file, skipinitialspace=True))
     except OSError as error:
         raise StorageError(f"cannot read {path}: {error.strerror}") from error
-    poses = {}
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FormatError(f"{path} is no table of poses, {','.join(COLUMNS)}: {error}") from error
+    if not rows:
+        raise FormatError(f"{path} has no poses; it needs a line {','.join(COLUMNS)} and one for each picture")
+    poses: dict[str, NDArray[np.float64]] = {}
     for line, row in enumerate(rows, start=2):
+        if missing := [column for column in COLUMNS if row.get(column) is None]:
+            raise FormatError(f"{path}, line {line}: a pose is {','.join(COLUMNS)}; there is no {missing[0]}")
+        if row["picture"] in poses:
+            raise FormatError(f"{path}, line {line}: a second pose for {row['picture']}")
         try:
-            x, y, z, *quat_xyzw = (float(row[column]) for column in COLUMNS[1:])
-            poses[row["picture"]] = _pose((x, y, z), np.array(quat_xyzw))
-        except (KeyError, TypeError, ValueError) as error:
+            poses[row["picture"]] = _pose(np.array([float(row[column]) for column in COLUMNS[1:]]))
+        except ValueError as error:
             raise FormatError(f"{path}, line {line}: a pose is {','.join(COLUMNS)}: {error}") from error
     return poses
 
 
-def _pose(position: tuple[float, float, float], quat_xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
+def _matrix(fx: float, fy: float, cx: float, cy: float) -> NDArray[np.float64]:
+    return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
+def _pose(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    if not np.isfinite(pose).all():
+        raise ValueError(f"{pose.tolist()} are not numbers")
+    position, quat_xyzw = pose[:3], pose[3:]
     norm = np.linalg.norm(quat_xyzw)
     if not abs(norm - 1.0) < 0.01:
         raise ValueError(f"quat_xyzw {quat_xyzw.tolist()} has norm {norm:.3g}, not 1")

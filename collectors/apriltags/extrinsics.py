@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from collectors.apriltags.detector import TagDetector
 from collectors.apriltags.layout import Layout
-from collectors.apriltags.pose import body_pose, fit, project, reprojection_error
+from collectors.apriltags.pose import fit, project, readings, reprojection_error
 from svfl_data.errors import CollectError
 
+TRIED = 5  # beginnings of a fit: one tag, or one picture, may be read the wrong way
+LEAST_VIEWS = 3  # of a board in the hand
 LEAST_TURN = 0.1  # [rad] of the hand about a second axis; below it the camera's place is badly determined
 
 
@@ -69,11 +71,19 @@ def view(
         detector: For its family.
     """
     found = [one for one in detector(picture) if one.id in board.tags]
-    pose = body_pose(found, board, intrinsics)
-    if pose is None:
+    if not found:
         return None
     points = np.concatenate([board.tags[one.id].corners for one in found])
-    return View(name, points, np.concatenate([one.corners for one in found]), pose.T_camera_body)
+    pixels = np.concatenate([one.corners for one in found])
+
+    def error(T: NDArray[np.float64]) -> float:
+        return reprojection_error(T, points, pixels, intrinsics)
+
+    # Each tag is read in two ways, one of which is wrong; which ones agree best with all others is tried.
+    tags = [(one, board.tags[one.id]) for one in found]
+    starts = [T @ np.linalg.inv(tag.T_body_tag) for one, tag in tags for T in readings(one, tag.size, intrinsics)]
+    fits = [fit(start, points, pixels, intrinsics) for start in sorted(starts, key=error)[:TRIED]]
+    return View(name, points, pixels, min(fits, key=error))
 
 
 def from_known_board(
@@ -90,9 +100,7 @@ def from_known_board(
     pixels = np.concatenate([one.pixels for one in views])
     starts = [one.T_camera_board @ np.linalg.inv(T) for one, T in zip(views, T_base_board, strict=True)]
     every = np.concatenate(points)
-    fits = [
-        fit(start, every, pixels, intrinsics) for start in starts[:5]
-    ]  # one picture alone may be read the wrong way
+    fits = [fit(start, every, pixels, intrinsics) for start in starts[:TRIED]]
     T = min(fits, key=lambda T: reprojection_error(T, every, pixels, intrinsics))
     errors = {
         one.name: reprojection_error(T, own, one.pixels, intrinsics) for one, own in zip(views, points, strict=True)
@@ -122,17 +130,20 @@ def from_hand_held_board(
         intrinsics: Pinhole matrix, (3, 3), [px].
 
     Raises:
-        CollectError: If the hand has turned about less than two axes.
+        CollectError: If there are fewer than `LEAST_VIEWS`, or the hand has turned about less than two axes.
     """
     from scipy.optimize import least_squares
 
+    if len(views) < LEAST_VIEWS:
+        raise CollectError(
+            f"hand-held board: it is seen in {len(views)} of the pictures; {LEAST_VIEWS} are needed, better 8 or more"
+        )
     turns = np.array([cv2.Rodrigues(T[:3, :3] @ T_base_hand[0][:3, :3].T)[0][:, 0] for T in T_base_hand])
     spread = np.linalg.svd(turns - turns.mean(axis=0), compute_uv=False) / np.sqrt(len(turns))
-    if len(views) < 3 or spread[1] < LEAST_TURN:
+    if spread[1] < LEAST_TURN:
         raise CollectError(
             f"hand-held board: in the {len(views)} usable pictures the hand has not turned about two axes (spread "
-            f"about the second {np.degrees(spread[1]):.1f} deg, needed {np.degrees(LEAST_TURN):.1f} deg in 3 or more "
-            "pictures); "
+            f"about the second {np.degrees(spread[1]):.1f} deg, needed {np.degrees(LEAST_TURN):.1f} deg); "
             "tilt it, or lay the board on the table and use --board-pose"
         )
     X, Y = _closed_form(T_base_hand, [one.T_camera_board for one in views])

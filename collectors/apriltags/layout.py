@@ -63,14 +63,14 @@ class Layout:
         """Tags of one family, whose ids must differ.
 
         Raises:
-            UsageError: If there is no such family, two tags have one id, or a size is not positive.
+            UsageError: If there is no such family, two tags have one id, or a size is not a positive number.
         """
         if family not in CORRECTED:
             raise UsageError(f"no tag family {family!r}; the families are {', '.join(CORRECTED)}")
         ids = [tag.id for tag in tags]
         if not tags or len(set(ids)) < len(ids):
             raise UsageError(f"a body needs tags with different ids, got ids {ids}")
-        if wrong := [tag.id for tag in tags if not tag.size > 0]:
+        if wrong := [tag.id for tag in tags if not 0 < tag.size < np.inf]:
             raise UsageError(
                 f"the size of a tag must be positive, tag {wrong[0]} has {tags[ids.index(wrong[0])].size} m"
             )
@@ -155,8 +155,8 @@ class Layout:
         except OSError as error:
             raise StorageError(f"cannot read {path}: {error.strerror}") from error
         except (ValueError, KeyError, TypeError, UsageError) as error:
-            words = f"it needs family and tags with id, size [m] and T_body_tag (4 x 4): {error!r}"
-            raise FormatError(f"{path} is no layout of tags; {words}") from error
+            words = "it needs family and tags with id, size [m] and T_body_tag (4 x 4)"
+            raise FormatError(f"{path} is no layout of tags; {words}: {type(error).__name__}: {error}") from error
 
 
 def _moved(T: NDArray[np.float64], to: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -167,6 +167,9 @@ def _moved(T: NDArray[np.float64], to: NDArray[np.float64]) -> NDArray[np.float6
 
 def _pose(rows: list[list[float]]) -> NDArray[np.float64]:
     T = np.array(rows, np.float64)
-    if T.shape != (4, 4) or not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-6):
+    if T.shape != (4, 4) or not np.isfinite(T).all() or not np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0]):
         raise ValueError(f"{rows} is not a pose")
+    R = T[:3, :3]
+    if not np.allclose(R @ R.T, np.eye(3), atol=1e-6) or np.linalg.det(R) < 0.0:
+        raise ValueError(f"{rows} is not a pose: its upper left 3 x 3 is not a rotation")
     return T

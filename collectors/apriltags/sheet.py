@@ -1,6 +1,7 @@
 """Sheets of tags to print: what is where on the paper, in millimetres from its upper left corner."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from collectors.apriltags.picture import modules, shape
@@ -11,6 +12,7 @@ MARGIN = 12.0  # [mm] that printers may leave white
 FOOT = 16.0  # [mm] at the lower end for the ruler
 HEAD = 8.0  # [mm] at the upper end for the title
 GAP = 7.0  # [mm] between tags that are to be cut out, for marks and numbers
+LETTER = 1.6  # [mm] width of one in the words below a tag, at most
 MARK = 2.5  # [mm] length of a cut mark
 RULER = 100.0  # [mm]
 THIN = 0.15  # [mm]
@@ -61,7 +63,9 @@ def cell_mm(family: str, size_mm: float) -> float:
     return size_mm * measures.total / measures.border
 
 
-def tag_pages(family: str, ids: list[int], size_mm: float, paper: str) -> list[Page]:
+def tag_pages(
+    family: str, ids: list[int], size_mm: float, paper: str, places: Sequence[str] = (), piece: float = 0.0
+) -> list[Page]:
     """Single tags to cut out, as many pages as they need.
 
     Args:
@@ -69,17 +73,21 @@ def tag_pages(family: str, ids: list[int], size_mm: float, paper: str) -> list[P
         ids: Their numbers.
         size_mm: Edge of the square between a tag's corners, [mm].
         paper: One of `PAPERS`.
+        places: Where each belongs, such as the faces of a cube; they stand beside the numbers.
+        piece: Edge of what the marks cut out, the tag in its middle, [mm]; at least `cell_mm`.
 
     Raises:
         UsageError: If a tag does not fit on the paper, or there is no such tag.
     """
     width, height = PAPERS[paper]
-    cell = cell_mm(family, size_mm)
+    whole = cell_mm(family, size_mm)
+    cell = max(whole, piece)
     columns, rows = (int((room + GAP) // (cell + GAP)) for room in _room(paper))
     if not columns * rows:
+        most = min(_room(paper))
         raise UsageError(
             f"a tag of {size_mm:g} mm is {cell:.1f} mm wide with its margin, too large for {paper}: at most "
-            f"{math.floor(min(_room(paper)) * size_mm / cell)} mm"
+            f"{math.floor(most * size_mm / whole)} mm, {math.floor(most)} mm with its margin"
         )
     pages = []
     left = (width - columns * cell - (columns - 1) * GAP) / 2
@@ -89,9 +97,10 @@ def tag_pages(family: str, ids: list[int], size_mm: float, paper: str) -> list[P
         for number, tag in enumerate(on_page):
             row, column = divmod(number, columns)
             x, y = left + column * (cell + GAP), MARGIN + HEAD + row * (cell + GAP)
-            tags.append(_blocks(family, tag, x, y, cell))
+            tags.append(_blocks(family, tag, x + (cell - whole) / 2, y + (cell - whole) / 2, whole))
             lines += _cut_marks(x, y, cell, cell)
-            texts.append(Text(x + 1.0, y + cell + 3.6, 2.8, f"{family}  id {tag}"))
+            place = places[start + number] if places else ""
+            texts.append(Text(x + 1.0, y + cell + 3.6, 2.8, _label(family, tag, place, cell)))
         texts.append(_scale_words(width, height))
         pages.append(Page(width, height, tags, lines, texts))
     return pages
@@ -114,10 +123,9 @@ def board_page(family: str, columns: int, rows: int, size_mm: float, first: int,
     width, height = PAPERS[paper]
     cell, (across, down) = cell_mm(family, size_mm), _room(paper)
     if columns * cell > across or rows * cell + GAP > down:
-        most = size_mm * min(across / (columns * cell), (down - GAP) / (rows * cell))
-        raise UsageError(
-            f"{columns} x {rows} tags of {size_mm:g} mm do not fit on {paper}: at most {math.floor(most)} mm"
-        )
+        most = math.floor(size_mm * min(across / (columns * cell), (down - GAP) / (rows * cell)))
+        advice = f": at most {most} mm" if most else ", whatever their size"
+        raise UsageError(f"{columns} x {rows} tags of {size_mm:g} mm do not fit on {paper}{advice}")
     left, top = (width - columns * cell) / 2, MARGIN + HEAD
     ids = list(range(first, first + columns * rows))
     tags = []
@@ -178,6 +186,12 @@ def _ruler(width: float, height: float) -> list[Block]:
         for at in range(0, int(RULER) + 1, 10)
     ]
     return [Block(left, y - THIN / 2, RULER, THIN), *strokes]
+
+
+def _label(family: str, tag: int, place: str, room: float) -> str:
+    """What stands below a tag, as much of it as there is room for, [mm]."""
+    choices = [f"{family}  id {tag}  {place}", f"id {tag}  {place}", f"{tag} {place}"]
+    return next((words.rstrip() for words in choices if len(words) * LETTER < room), choices[-1].rstrip())
 
 
 def _title(width: float, family: str, ids: list[int], size_mm: float) -> Text:

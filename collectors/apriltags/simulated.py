@@ -1,7 +1,7 @@
 """Tagged blocks in simulation: tasks whose block wears tags, and what a tag camera makes of them."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -9,22 +9,20 @@ from numpy.typing import NDArray
 
 from collectors.apriltags.tracker import Tracker
 from collectors.apriltags.watch import Lifted, Reached, Watch
-from collectors.contract import Calibration
-from collectors.dataset import software_versions
+from collectors.contract import Calibration, Policy
+from collectors.expert import ExpertCollector
 from collectors.record import State, record
-from collectors.simulated import VERSIONS, Simulated, attempt_seed
 from collectors.simulation.camera import Camera, CameraConfig
-from collectors.simulation.config import WorldConfig
 from collectors.simulation.tagged_block import wear_tags
 from collectors.simulation.world import World
-from collectors.tasks import block_picking, block_pushing, task_class
+from collectors.tasks import block_picking, block_pushing
 from collectors.tasks.block_picking import BlockPicking
 from collectors.tasks.block_pushing import BlockPushing
-from collectors.tasks.hand import Hand
 from collectors.tasks.task import MAX_STEPS, Task
-from svfl_data.episode import Episode, Meta
 from svfl_data.errors import UsageError
 
+TAGGED = ("block_picking", "block_pushing")
+"""Tasks whose success a block's pose tells."""
 TARGET = (0.55, 0.0, 0.03)
 TAG_CAMERAS = {
     f"tags_{name}": CameraConfig(
@@ -82,48 +80,46 @@ def watched(task: Task, noise: float = 0.0, seed: int = 0) -> Watch:
     elif isinstance(task, BlockPicking):
         success = Lifted(task.scene.half + block_picking.LIFTED)
     else:
-        raise UsageError(f"tags are for block_pushing and block_picking, not for {type(task).__name__}")
+        raise UsageError(f"tags tell success of {' and '.join(TAGGED)}, not of {type(task).__name__}")
     task.body, layout = wear_tags(task.world.client, task.body, task.scene.half)
     cameras = {name: SimulatedTagCamera(task.world, config, noise, seed) for name, config in TAG_CAMERAS.items()}
     return Watch(Tracker(layout, upright=isinstance(task, BlockPushing)), cameras, success)
 
 
 @dataclass(frozen=True)
-class TaggedCollector(Simulated):
-    """Records experts whose success is told by tags, as on a real table; what they do not see does not count.
+class TaggedCollector(ExpertCollector):
+    """Records demonstrations whose success is told by tags, as on a real table; what they do not see does not count.
 
-    An episode has the stream ``streams/tags/``, and ``extra/state/achieved``: the truth at each observation.
+    An attempt is at its end when the tags say so, and a demonstration if they do, whatever the truth is. An episode has
+    the stream ``streams/tags/``, and ``extra/state/achieved``: the truth at each observation.
 
     Attributes:
         seed: Seed of the dataset.
-        task: Block pushing or block picking.
+        task: One of `TAGGED`.
         noise: How much demonstrations differ, 0 to 2.
-        world: Physics, arm, sensors and cameras; those that look at the tags are `TAG_CAMERAS`.
+        shoves: How likely the hand is to be pushed off its way at an action.
+        world: Physics, arm, sensors and cameras of the policy; those that look at the tags are `TAG_CAMERAS`.
     """
 
-    seed: int
-    task: str
-    noise: float = 1.0
-    world: WorldConfig = field(default_factory=WorldConfig)
+    def __post_init__(self) -> None:
+        """Refuse other tasks.
+
+        Raises:
+            UsageError: If tags cannot tell success of the task.
+        """
+        if self.task not in TAGGED:
+            raise UsageError(f"tags tell success of {' and '.join(TAGGED)}, not of {self.task}")
 
     def config(self) -> dict[str, Any]:
         """Everything that was set, as JSON values."""
-        tags = {name: asdict(camera) for name, camera in TAG_CAMERAS.items()}
-        return {"task": self.task, "noise": self.noise, "world": asdict(self.world), "tag_cameras": tags}
+        cameras = {name: asdict(camera) for name, camera in TAG_CAMERAS.items()}
+        return super().config() | {"tags": True, "tag_cameras": cameras}
 
-    def __call__(self, index: int) -> Episode:
-        """Record the episode of an index, successful or not."""
-        seed = attempt_seed(self.seed, index, 0)
-        task = task_class(self.task).begin(self.opened, seed)
+    def _recorded(self, task: Task, policy: Policy) -> tuple[dict[str, np.ndarray], bool]:
         watch = watched(task)
-        rng = np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=(0,)))
-        moves = task.expert(Hand(self.opened, rng, self.noise))
 
         def state() -> State:
             return {**task.state(), "achieved": np.array(task.success())}
 
-        arrays = record(self.opened, lambda _: next(moves, None), MAX_STEPS, watch.done, state)
-        success = watch.achieved
-        facts = {"drawn": task.drawn(), "index": index, "attempt": 0, "rejected": []}
-        meta = Meta(self.task, index, self.seed, "expert", success, self.config() | facts, software_versions(*VERSIONS))
-        return Episode(meta, arrays | watch.tracker.arrays())
+        arrays = record(self.opened, policy, MAX_STEPS, watch.done, state)
+        return arrays | watch.tracker.arrays(), watch.achieved

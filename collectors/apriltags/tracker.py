@@ -82,18 +82,19 @@ class Tracker:
 
         Args:
             picture: (H, W, 3) RGB or (H, W) grey, uint8, without lens distortion.
-            t_ns: When it was taken, not before the last one, [ns].
+            t_ns: When it was taken, [ns]. One from before the last sighting, such as a slower camera's, tells nothing.
             camera: Of the camera that took it.
 
         Returns:
-            What is known at that time, as `at`.
+            What is known at the time of the latest picture, as `at`.
         """
-        if found := self._believed(picture, camera):
+        if (self._seen is None or t_ns >= self._seen[0]) and (found := self._believed(picture, camera)):
             self._seen = (t_ns, found)
-        if track := self.at(t_ns):
-            if self._rows and self._rows[-1][0] == t_ns:
+        now_ns = max(t_ns, self._rows[-1][0]) if self._rows else t_ns
+        if track := self.at(now_ns):
+            if self._rows and self._rows[-1][0] == now_ns:
                 self._rows.pop()
-            self._rows.append((t_ns, track))
+            self._rows.append((now_ns, track))
         return track
 
     def at(self, t_ns: int) -> Track | None:

@@ -79,6 +79,7 @@ class Watch:
         cameras: Mapping[str, TagCamera],
         success: Callable[[NDArray[np.float64]], bool],
         max_age: float = MAX_AGE,
+        now: Callable[[], int] | None = None,
     ) -> None:
         """Begin to watch, with a first look.
 
@@ -87,9 +88,12 @@ class Watch:
             cameras: By name; the next one is only asked when the one before does not see the object now.
             success: Whether a pose, (7,), is one of success: `Reached`, `Lifted`, or one's own.
             max_age: Of a pose that success may rest on, [s].
+            now: Time on the episode clock, [ns]; without it, that of the picture that was looked at. Needed where a
+                camera may hang: the pose in a picture that stays the same then grows old.
         """
-        self.tracker, self.cameras, self.success, self.max_age = tracker, cameras, success, max_age
+        self.tracker, self.cameras, self.success, self.max_age, self.now = tracker, cameras, success, max_age, now
         self.track: Track | None = None
+        self._sees = False
         self.look()
 
     def look(self) -> Track | None:
@@ -97,8 +101,11 @@ class Watch:
         for camera in self.cameras.values():
             t_ns, picture = camera()
             self.track = self.tracker.see(picture, t_ns, camera.calibration)
-            if self.track is not None and self.track.age == 0.0:
+            self._sees = self.track is not None and self.track.age == 0.0
+            if self._sees:
                 break
+        if self.now is not None:
+            self.track = self.tracker.at(self.now())
         return self.track
 
     def done(self) -> bool:
@@ -120,7 +127,7 @@ class Watch:
         """
         for _ in range(LOOKS):
             track = self.look()
-            if track is not None and track.age == 0.0:
+            if track is not None and self._sees and track.fresh(self.max_age):
                 return track.pose
         ids = ", ".join(map(str, self.tracker.layout.tags))
         last = "never seen" if track is None else f"last seen {track.age:.1f} s ago at {np.round(track.pose[:3], 3)} m"

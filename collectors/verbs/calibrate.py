@@ -4,7 +4,11 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
+from collectors.verbs.options import between
 from svfl_data.cli import Commands, natural
+
+DOUBTFUL_PX, WRONG_PX = 1.0, 5.0  # root mean square reprojection error
+CAUSES = "another board's file, poses of other pictures, wrong intrinsics, or a bent tag"
 
 
 def add(commands: Commands) -> None:
@@ -32,7 +36,8 @@ def add(commands: Commands) -> None:
     place = verb.add_mutually_exclusive_group(required=True)
     place.add_argument(
         "--board-pose", type=_numbers(4), metavar="X,Y,Z,DEG",
-        help="of the board's lower left corner, face up: base axes, m, and yaw of its x axis",
+        help="of the board's lower left corner, face up: base axes, m, and yaw of its x axis; with a negative X, write "
+        "--board-pose=X,Y,Z,DEG",
     )  # fmt: skip
     place.add_argument(
         "--board-poses", type=Path, metavar="CSV", help="picture,x,y,z,qx,qy,qz,qw: of the board in base"
@@ -40,11 +45,12 @@ def add(commands: Commands) -> None:
     place.add_argument("--hand-poses", type=Path, metavar="CSV", help="the same: of the hand that holds the board")
     verb.add_argument(
         "--intrinsics", type=_numbers(4), metavar="FX,FY,CX,CY",
-        help="px, the centre of the first pixel being 0,0 (an episode has them)",
+        help="px, the centre of the first pixel being 0,0 (default: the episode's)",
     )  # fmt: skip
     verb.add_argument(
-        "--depth-scale", type=float, metavar="M", help="metres per unit of depth (default 0.001, or the episode's)"
-    )
+        "--depth-scale", type=between(1e-6, 1, "a length in m"), metavar="M",
+        help="metres per unit of depth (default 0.001, or the episode's)",
+    )  # fmt: skip
     verb.add_argument("--camera", default="front", metavar="NAME", help="name of the camera (default front)")
     verb.add_argument("--out", type=Path, required=True, metavar="FILE", help="calibration file, JSON")
     verb.set_defaults(command=run)
@@ -55,7 +61,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     Raises:
         UsageError: If options do not fit together.
-        CollectError: If the board is seen too rarely.
+        CollectError: If the board is seen too rarely, or what is given does not fit together.
     """
     import numpy as np
 
@@ -71,11 +77,11 @@ def run(arguments: argparse.Namespace) -> None:
     if not 50.0 < arguments.printed < 200.0:
         raise UsageError(f"--printed {arguments.printed:g}: the sheet's line is about 100 mm long; give it in mm")
     board = Layout.read(arguments.board).scaled(arguments.printed / 100.0)
-    folder = arguments.path.is_dir() and not (arguments.path / "dataset.json").exists()
+    folder = arguments.path.is_dir() and arguments.episode is None and not (arguments.path / "dataset.json").exists()
     source = of_folder(arguments) if folder else of_episode(arguments)
     detector = TagDetector(board.family, find=MEASURE)  # small tags count too; time does not
-    looks = progress(source.pictures, "looking for the board", len(source.pictures))
-    found = [view(name, read(), board, source.intrinsics, detector) for name, read in looks]
+    looks = progress(source.checked(), "looking for the board", len(source.pictures))
+    found = [view(name, picture, board, source.intrinsics, detector) for name, picture in looks]
     views = [one for one in found if one is not None]
     if not views:
         ids = ", ".join(map(str, board.tags))
@@ -92,6 +98,10 @@ def run(arguments: argparse.Namespace) -> None:
     for name, error in result.errors.items():
         print(f"  {name:<28} {error:6.2f} px")
     print(f"board seen in {len(views)} of {len(found)} pictures; error {result.error:.2f} px (root mean square)")
+    if not result.error <= WRONG_PX:  # nor if it is none
+        raise CollectError(f"error {result.error:.1f} px: {CAUSES}; nothing is written")
+    if result.error > DOUBTFUL_PX:
+        print(f"  that is much: {CAUSES}")
     place, turn = result.position_deviation * 1e3, np.degrees(result.rotation_deviation)
     where = result.T_base_camera[:3, 3]
     print(f"camera at x, y, z = {where[0]:.4f}, {where[1]:.4f}, {where[2]:.4f} m")

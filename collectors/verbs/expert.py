@@ -1,10 +1,16 @@
 """``svfl-collect expert``: demonstrations of a task, or of all of them."""
 
+from __future__ import annotations
+
 import argparse
+from typing import TYPE_CHECKING
 
 from collectors.tasks import PAPER, TASKS
 from collectors.verbs.options import add_collection, add_world, between, engine, world
 from svfl_data.cli import Commands, positive
+
+if TYPE_CHECKING:  # at run time only when collecting: the command line itself loads no simulation
+    from collectors.expert import ExpertCollector
 
 ALL = "all"
 
@@ -20,6 +26,7 @@ def add(commands: Commands) -> None:
         "svfl-collect expert --task all --episodes 50 --workers 2 --out data/tasks   # a folder for each task\n"
         "svfl-collect expert --task block_picking --cameras front,top --image-size 128 --out data/two_views\n"
         "svfl-collect expert --task block_picking --shoves 0.15 --out data/picking_shoved   # to clone a policy from\n"
+        "svfl-collect expert --task block_picking --tags --out data/tagged   # AprilTags tell success\n"
         "svfl-collect expert --task block_picking --out data/seen --rerun   # watch it, after starting: rerun\n"
         "svfl-collect expert --task block_picking --engine ray --address head:6379 --workers 64 --out data/large",
     )
@@ -42,6 +49,12 @@ def add(commands: Commands) -> None:
         "demonstrations have seen the way back (default 0)",
     )  # fmt: skip
     verb.add_argument(
+        "--tags",
+        action="store_true",
+        help="the block wears AprilTags, and they, not the simulation, tell when the task is achieved, as on a real "
+        "table (block_picking, block_pushing)",
+    )
+    verb.add_argument(
         "--keep-failures",
         action="store_true",
         help="write failed attempts into a dataset of their own, FOLDER/failures",
@@ -54,10 +67,11 @@ def run(arguments: argparse.Namespace) -> None:
     """Collect and say what there is.
 
     Raises:
+        UsageError: If tags cannot tell success of the task.
         DatasetError: If a folder holds another dataset.
     """
     from collectors.dataset import collect_dataset
-    from collectors.expert import ExpertCollector, summary
+    from collectors.expert import summary
     from collectors.live import watched
     from collectors.progress import CollectionProgress
     from svfl_data.dataset import INFO, Dataset
@@ -67,9 +81,8 @@ def run(arguments: argparse.Namespace) -> None:
         raise DatasetError(f"{arguments.out} holds a dataset; --task all needs a folder for one dataset of each task")
     tasks = {name: arguments.out / name for name in PAPER} if arguments.task == ALL else {arguments.task: arguments.out}
     where, config, workers = engine(arguments), world(arguments), arguments.workers
-    collectors = {
-        name: ExpertCollector(arguments.seed, name, arguments.noise, arguments.shoves, config) for name in tasks
-    }
+    kind = _kind(arguments.tags)
+    collectors = {name: kind(arguments.seed, name, arguments.noise, arguments.shoves, config) for name in tasks}
     datasets = {
         name: Dataset.create_or_resume(tasks[name], name, arguments.seed, collector.config())
         for name, collector in collectors.items()
@@ -86,3 +99,14 @@ def run(arguments: argparse.Namespace) -> None:
                 progress,
             )
     print(*map(summary, datasets.values()), sep="\n")
+
+
+def _kind(tags: bool) -> type[ExpertCollector]:
+    """Who says when a task is achieved: AprilTags, which need the extra ``real``, or the simulation."""
+    if tags:
+        from collectors.apriltags.simulated import TaggedCollector
+
+        return TaggedCollector
+    from collectors.expert import ExpertCollector
+
+    return ExpertCollector

@@ -1,21 +1,30 @@
 """A camera is found again from pictures of a board, and the residuals tell the truth about how well."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
+from collectors.apriltags import extrinsics
 from collectors.apriltags.calibration import image_axes, read_calibrations
-from collectors.apriltags.calibration_pictures import board_pose
+from collectors.apriltags.calibration_pictures import board_pose, read_poses
+from collectors.apriltags.detector import TagDetector
 from collectors.apriltags.layout import Layout
+from collectors.apriltags.pose import fit
 from collectors.apriltags.sheet import cell_mm
 from collectors.cli import build_parser
 from collectors.simulation.camera import CAMERAS, calibration
-from svfl_data.errors import CollectError, FormatError, UsageError
+from svfl_data.dataset import Dataset
+from svfl_data.errors import CollectError, DatasetError, FormatError, UsageError
+from svfl_data.store import write_episode
+from tests.builders import make_episode
 from tests.collectors.apriltag_scenes import COLUMNS, ROWS, SIZE_MM, board_picture, camera
 
 TRUE = camera((0.95, 0.15, 0.55), fov_deg=40.0)
+BOARD = Layout.grid(COLUMNS, ROWS, 1e-3 * SIZE_MM, 1e-3 * cell_mm("tag36h11", SIZE_MM))
+HEADER = "picture,x,y,z,qx,qy,qz,qw"
 INTRINSICS = ",".join(str(TRUE.intrinsics[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
 
 
@@ -35,7 +44,7 @@ def hand_poses(tilt):
 
 def table(poses):
     """The poses as CSV."""
-    rows = ["picture,x,y,z,qx,qy,qz,qw"]
+    rows = [HEADER]
     for number, T in enumerate(poses):
         vector = cv2.Rodrigues(T[:3, :3])[0][:, 0]
         angle = np.linalg.norm(vector)
@@ -51,7 +60,7 @@ def calibrate(folder, poses_of_board, *words):
     base = np.linalg.inv(TRUE.T_base_camera)
     for number, T in enumerate(poses_of_board):
         cv2.imwrite(str(pictures / f"{number}.png"), board_picture(base @ T, TRUE.intrinsics, seed=number))
-    Layout.grid(COLUMNS, ROWS, 1e-3 * SIZE_MM, 1e-3 * cell_mm("tag36h11", SIZE_MM)).write(folder / "board.json")
+    BOARD.write(folder / "board.json")
     out = folder / "calibration.json"
     options = ["--board", folder / "board.json", "--intrinsics", INTRINSICS, "--out", out]
     arguments = build_parser().parse_args(["calibrate", *map(str, [pictures, *options, *words])])
@@ -121,6 +130,168 @@ def test_known_places_of_the_board_and_what_can_be_wrong(tmp_path):
     (tmp_path / "calibration.json").write_text("{}")
     with pytest.raises(FormatError, match="no calibration file"):
         read_calibrations(tmp_path / "calibration.json")
+
+
+def boards(path, pictures):
+    """A dataset with one episode, whose camera took these pictures."""
+    color = np.repeat(np.stack(pictures)[..., None], 3, axis=-1)
+    episode, front = make_episode(), "cameras/front/"
+    arrays = {f"{front}color": color, f"{front}depth": np.zeros(color.shape[:3], np.uint16)}
+    arrays |= {f"{front}intrinsics": TRUE.intrinsics, f"{front}depth_scale": np.array(0.0005)}
+    dataset = Dataset.create_or_resume(path, episode.meta.task, 0, {})
+    write_episode(replace(episode, arrays=episode.arrays | arrays), dataset.episode_path(0))
+    return path
+
+
+@pytest.fixture(scope="module")
+def episode(tmp_path_factory):
+    """A dataset whose episode looks at the board, and the board's file beside it."""
+    folder = tmp_path_factory.mktemp("boards")
+    BOARD.write(folder / "board.json")
+    base = np.linalg.inv(TRUE.T_base_camera)
+    count = len(make_episode().cameras["front"].color)
+    picture = board_picture(base @ board_pose(0.47, -0.06, 0.0, 20.0), TRUE.intrinsics)
+    return boards(folder / "boards", [np.full_like(picture, 120), *[picture] * (count - 1)])
+
+
+def of_episode(path, *words):
+    """Run the command on the pictures of an episode."""
+    options = ["--board", path.parent / "board.json", "--out", path.parent / "calibration.json"]
+    arguments = build_parser().parse_args(["calibrate", *map(str, [path, *options, *words])])
+    arguments.command(arguments)
+    return path.parent / "calibration.json"
+
+
+def test_the_pictures_of_an_episode(episode, capsys):
+    out = of_episode(episode, "--episode", 0, "--board-pose", "0.47,-0.06,0,20")
+    found = read_calibrations(out)["front"]
+    assert off(found)[0] < 3.0
+    assert off(found)[1] < 0.3
+    assert found.depth_scale == 0.0005  # the episode's
+    assert np.array_equal(found.intrinsics, TRUE.intrinsics)
+    assert "board seen in 4 of 5 pictures" in capsys.readouterr().out
+    of_episode(episode, "--board-pose", "0.47,-0.06,0,20", "--camera", "front", "--intrinsics", "660,660,320,240")
+    assert read_calibrations(out)["front"].intrinsics[0].tolist() == [660.0, 0.0, 320.0]
+
+
+@pytest.mark.parametrize(
+    ("words", "error", "message"),
+    [
+        (["--camera", "wrist"], UsageError, "no camera 'wrist'; its cameras are front"),
+        (["--episode", "7"], DatasetError, "no episode 7"),
+        (["--intrinsics", "0,0,0,0"], UsageError, "cannot be those of 0, which has 640 x 480 px"),
+        (["--intrinsics", "660,660,700,240"], UsageError, "another resolution"),
+        (["--printed", "9"], UsageError, "about 100 mm"),
+    ],
+)
+def test_options_that_do_not_fit_an_episode(episode, words, error, message):
+    with pytest.raises(error, match=message):
+        of_episode(episode, "--board-pose", "0.47,-0.06,0,20", *words)
+
+
+def test_a_board_that_is_not_seen(episode):
+    file, out = episode.parent / "other.json", episode.parent / "none.json"
+    Layout.grid(COLUMNS, ROWS, 1e-3 * SIZE_MM, 0.05, first=100).write(file)
+    with pytest.raises(CollectError, match=r"tags 100, 101, .* are in none of 5 pictures"):
+        of_episode(episode, "--board-pose", "0,0,0,0", "--board", file, "--out", out)
+    assert not out.exists()
+
+
+def test_a_board_file_that_does_not_fit_the_pictures_gives_no_camera(tmp_path):
+    Layout.grid(COLUMNS, ROWS, 1e-3 * SIZE_MM, 0.05, first=2).write(tmp_path / "other.json")
+    with pytest.raises(CollectError, match=r"error .* px: another board's file, .*; nothing is written"):
+        calibrate(
+            tmp_path,
+            [board_pose(0.47, -0.06, 0.0, 20.0)],
+            "--board-pose",
+            "0,0,0,0",
+            "--board",
+            tmp_path / "other.json",
+        )
+    assert not (tmp_path / "calibration.json").exists()
+
+
+def test_a_wrong_board_file_takes_no_longer_than_the_right_one(monkeypatch):
+    """Its tags agree in no way; leaving some out in turn would fit thousands of poses."""
+    picture = board_picture(np.linalg.inv(TRUE.T_base_camera) @ board_pose(0.47, -0.06, 0.0, 20.0), TRUE.intrinsics)
+    counts = []
+    for board in (BOARD, Layout.grid(ROWS, COLUMNS, 1e-3 * SIZE_MM, 0.0375)):
+        calls = []
+        monkeypatch.setattr(extrinsics, "fit", lambda *given, calls=calls: calls.append(1) or fit(*given))
+        assert extrinsics.view("0", picture, board, TRUE.intrinsics, TagDetector()) is not None
+        counts.append(len(calls))
+    assert counts[0] == counts[1] == extrinsics.TRIED
+
+
+def test_pictures_of_different_sizes(tmp_path):
+    picture = board_picture(np.linalg.inv(TRUE.T_base_camera) @ board_pose(0.47, -0.06, 0.0, 20.0), TRUE.intrinsics)
+    (tmp_path / "pictures").mkdir()
+    cv2.imwrite(str(tmp_path / "pictures" / "a.png"), picture)
+    cv2.imwrite(str(tmp_path / "pictures" / "b.png"), picture[:400])
+    with pytest.raises(UsageError, match=r"b\.png has 640 x 400 px, a\.png 640 x 480"):
+        calibrate(tmp_path, [], "--board-pose", "0.47,-0.06,0,20")
+    cv2.imwrite(str(tmp_path / "pictures" / "b.png"), picture)
+    with pytest.raises(FormatError, match="no dataset"):  # a folder of pictures has no episodes
+        calibrate(tmp_path, [], "--board-pose", "0.47,-0.06,0,20", "--episode", 0)
+
+
+def test_one_or_two_pictures_of_a_board_in_the_hand_are_too_few(tmp_path):
+    hands, held = hand_poses(tilt=0.4)
+    (tmp_path / "hands.csv").write_text(table(hands))
+    for count in (1, 2):
+        with pytest.raises(CollectError, match=f"seen in {count} of the pictures; 3 are needed"):
+            calibrate(tmp_path, [hand @ held for hand in hands[:count]], "--hand-poses", tmp_path / "hands.csv")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (f"{HEADER}\n0,nan,0,0,0,0,0,1\n", "line 2: .* are not numbers"),
+        (f"{HEADER}\n0,inf,0,0,0,0,0,1\n", "line 2: .* are not numbers"),
+        (f"{HEADER}\n0,0,0,0,0,0,0.5,1\n", "has norm 1.12, not 1"),
+        (f"{HEADER}\n0,0,0,0,0,0,0,1\n0,0,0,0,0,0,0,1\n", "line 3: a second pose for 0"),
+        (f"{HEADER}\n0,0,0\n", "there is no z"),
+        (f"{HEADER}\n0,x,0,0,0,0,0,1\n", "line 2: .*'x'"),
+        ("picture,x,y,z,qx,qy,qz\n0,0,0,0,0,0,0\n", "there is no qw"),
+        ("", "has no poses"),
+        ("\x89", "no table of poses"),
+    ],
+)
+def test_tables_that_are_wrong(tmp_path, content, message):
+    (tmp_path / "poses.csv").write_bytes(content.encode("latin-1"))
+    with pytest.raises(FormatError, match=message):
+        read_poses(tmp_path / "poses.csv")
+
+
+def test_a_table_from_a_spreadsheet(tmp_path):
+    (tmp_path / "poses.csv").write_text(f"\ufeff{HEADER}\n0.png, 0.1, 0.2, 0.3, 0, 0, 1, 0\n")
+    assert np.allclose(
+        read_poses(tmp_path / "poses.csv")["0.png"],
+        [[-1, 0, 0, 0.1], [0, -1, 0, 0.2], [0, 0, 1, 0.3], [0, 0, 0, 1]],
+    )
+
+
+@pytest.mark.parametrize(
+    "T",
+    [
+        [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]],
+        [[1, 0, 0, float("nan")], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],
+        [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0.02, 1]],
+        [[2, 0, 0, 0], [0, 2, 0, 0], [0, 0, 2, 0], [0, 0, 0, 1]],
+    ],
+)
+def test_a_board_file_with_something_else_than_a_pose(tmp_path, T):
+    tags = [{"id": 0, "size": 0.03, "T_body_tag": T}]
+    (tmp_path / "board.json").write_text(json.dumps({"family": "tag36h11", "tags": tags}))
+    with pytest.raises(FormatError, match="is not a pose"):
+        Layout.read(tmp_path / "board.json")
+
+
+def test_a_board_file_that_is_another_file_is_named_in_one_short_line(tmp_path):
+    (tmp_path / "board.json").write_bytes(b"\x89HDF" * 1000)
+    with pytest.raises(FormatError, match="no layout of tags") as raised:
+        Layout.read(tmp_path / "board.json")
+    assert len(str(raised.value)) < 400
 
 
 @pytest.mark.parametrize("name", CAMERAS)

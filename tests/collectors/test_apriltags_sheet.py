@@ -1,14 +1,16 @@
 """Sheets have true sizes, in vectors and pixels, and every tag on them is found."""
 
+import itertools
 import re
 
 import numpy as np
 import pytest
 
 from collectors.apriltags.detector import TagDetector
-from collectors.apriltags.layout import Layout
-from collectors.apriltags.paper import pdf, picture, png
-from collectors.apriltags.sheet import PAPERS, RULER, board_page, cell_mm, tag_pages
+from collectors.apriltags.layout import FACES, Layout
+from collectors.apriltags.native import CORRECTED
+from collectors.apriltags.paper import POINT, pdf, picture, png
+from collectors.apriltags.sheet import GAP, LETTER, PAPERS, RULER, board_page, cell_mm, tag_pages
 from collectors.cli import build_parser
 from svfl_data.errors import UsageError
 
@@ -89,11 +91,55 @@ def test_the_command_writes_sheet_and_layout(tmp_path, capsys):
     assert "tags of 30 mm" in capsys.readouterr().out
 
 
+def test_the_sheet_of_a_cube_says_where_each_tag_belongs(tmp_path):
+    """In words that do not run into each other, however small the tags."""
+    for edge, family in ((50, "tag36h11"), (18.75, "tagStandard41h12"), (5, "tag36h11")):
+        collect("--cube", edge, "--family", family, "--out", tmp_path / "cube.pdf")
+        document = (tmp_path / "cube.pdf").read_text("latin-1")
+        labels = re.findall(r"Tf (\S+) (\S+) Td \(([^)]*on [+-][xyz])\)", document)
+        assert [label.split()[-1] for *_, label in labels] == list(FACES)
+        for (left, y, words), (right, below, _) in itertools.pairwise(labels):
+            assert y != below or float(left) + LETTER * POINT * len(words) < float(right) + 1.5 * LETTER * POINT
+
+
+def test_a_cube_with_smaller_tags_in_the_middle_of_pieces_as_large_as_its_faces(tmp_path):
+    collect("--cube", 50, "--size", 30, "--out", tmp_path / "cube.pdf")
+    assert Layout.read(tmp_path / "cube.json").tags[3].size == pytest.approx(0.03)
+    (page,) = tag_pages("tag36h11", [0, 1], 30.0, "a4", piece=50.0)
+    one, two = TagDetector()(picture(page, DPI))
+    assert np.abs(mm(two.corners) - mm(one.corners) - (50.0 + GAP, 0.0)).max() < 0.3
+    with pytest.raises(UsageError, match="a face of 50 mm has room for 40 mm"):
+        collect("--cube", 50, "--size", 41, "--out", tmp_path / "cube.pdf")
+
+
+def test_a_printer_that_shrinks_shrinks_the_tags_and_not_the_cube(tmp_path):
+    collect("--cube", 50, "--printed", 98, "--out", tmp_path / "block.pdf")
+    layout = Layout.read(tmp_path / "block.json")
+    assert layout.tags[0].size == pytest.approx(0.98 * 0.04)
+    assert np.allclose(layout.tags[0].T_body_tag[:3, 3], [0, 0, 0.025])
+    with pytest.raises(UsageError, match="svfl-collect calibrate"):
+        collect("--board", "4x5", "--printed", 98, "--out", tmp_path / "board.pdf")
+
+
+@pytest.mark.parametrize("family", CORRECTED)
+def test_boards_of_all_families_are_read_from_their_sheets(family):
+    page, cell = board_page(family, 2, 2, 25.0, 1, "a4"), cell_mm(family, 25.0)
+    layout = Layout.grid(2, 2, 0.025, 1e-3 * cell, 1, family)
+    found = TagDetector(family)(picture(page, DPI))
+    assert [one.id for one in found] == [1, 2, 3, 4]
+    origin = np.array([(page.width - 2 * cell) / 2, 20.0 + 2 * cell])
+    for one in found:
+        on_board = (mm(one.corners) - origin) * (1, -1)
+        assert np.abs(on_board - 1e3 * layout.tags[one.id].corners[:, :2]).max() < 0.3
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (["--board", "9x9", "--out", "x.pdf"], "do not fit on a4: at most 16 mm"),
-        (["--size", "200", "--out", "x.pdf"], "at most 148 mm"),
+        (["--board", "200x200", "--out", "x.pdf"], "do not fit on a4, whatever their size"),
+        (["--size", "200", "--out", "x.pdf"], "at most 148 mm, 186 mm with"),
+        (["--cube", "200", "--out", "x.pdf"], "at most 148 mm, 186 mm with"),
         (["--out", "x.jpg"], r"FILE\.pdf"),
         (["--count", "40", "--family", "tag16h5", "--out", "x.pdf"], "0 to 29"),
     ],

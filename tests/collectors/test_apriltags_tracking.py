@@ -101,6 +101,24 @@ def test_a_lost_object_keeps_its_pose_and_grows_old(scene):
     assert again.age == 0.0
 
 
+def test_a_picture_that_comes_late_tells_nothing_and_time_goes_on(scene):
+    tracker, calibration = Tracker(scene.layout), scene.calibration
+    scene.put(0.5, 0.0, 0.3)
+    early = scene.picture()
+    scene.put(0.6, 0.0, 0.3)
+    seen = tracker.see(scene.picture(), 3 * STEP_NS, calibration)
+    late = tracker.see(early, STEP_NS, calibration)
+    assert np.array_equal(late.pose, seen.pose)
+    empty = np.full((480, 640, 3), 150, np.uint8)
+    assert tracker.see(empty, 5 * STEP_NS, calibration).age == pytest.approx(0.1)
+    between = tracker.see(early, 4 * STEP_NS, calibration)  # of another camera, that has seen it since
+    assert abs(between.pose[0] - 0.5) < 0.003
+    assert between.age == pytest.approx(0.05)
+    stream = tracker.arrays()
+    assert stream["streams/tags/t_ns"].tolist() == [3 * STEP_NS, 5 * STEP_NS]
+    assert (stream["streams/tags/age"] >= 0).all()
+
+
 def test_doubtful_sightings_are_refused(scene):
     scene.put(0.55, 0.0, 0.3)
     picture, calibration = scene.picture(), scene.calibration
@@ -154,6 +172,24 @@ def test_success_never_rests_on_an_old_pose(scene):
     fresh = round(MAX_AGE / 0.05)
     assert told == [True] * (fresh + 1) + [False] * (6 - fresh)
     with pytest.raises(CollectError, match=r"tags 0, 1.* last seen .* s ago.*one can see it"):
+        watch.reset_pose()
+
+
+def test_the_last_picture_of_a_camera_that_hangs_is_not_one_of_now(scene):
+    scene.put(0.6, 0.05, 0.0)
+    picture, clock = scene.picture(), iter(range(0, 10**12, STEP_NS))
+
+    class Hangs:
+        calibration = scene.calibration
+
+        def __call__(self):
+            return 0, picture
+
+    goal = Reached((0.6, 0.05), 0.05, 0.04)
+    watch = Watch(Tracker(scene.layout), {"one": Hangs()}, goal, now=lambda: next(clock))
+    told = [watch.achieved, *(watch.done() for _ in range(5))]
+    assert told == [True] * 4 + [False] * 2  # 0, 0.05, 0.1, 0.15 s, then too old
+    with pytest.raises(CollectError, match=r"last seen 1\.2 s ago"):
         watch.reset_pose()
 
 
