@@ -18,7 +18,7 @@ class ContactRule:
     """When a force is a contact.
 
     A wrist sensor also feels the inertia of the hand: in simulated block centering each 20 Hz action starts with a
-    spike of up to 30 N that lasts 30 ms. The default threshold and duration (one action) leave these out: of the first
+    spike of tens of newtons that lasts 30 ms. The default threshold and duration (one action) leave these out: of the first
     60 centering episodes (seed 0) they find every final collision and 1 other interval; 2 N and 20 ms find 390 others.
 
     Attributes:
