@@ -207,7 +207,8 @@ class Session:
     def _tare(self) -> None:
         self._world.tare()
         force = np.linalg.norm(self._world.tare_offset[:3])
-        self._message = f"tared: {force:.1f} N are subtracted"
+        touching = " in contact, so again when the hand is free" if self._contact else ""
+        self._message = f"tared{touching}: {force:.1f} N are subtracted"
 
     def _tick(self, observation: Observation) -> list[Command]:
         """Show what there is, wait for the beat, and hear what is told; a broken device or a signal tells to quit."""

@@ -13,6 +13,8 @@ from svfl_data.errors import CollectError
 TITLE = "SVFL teleoperation"
 SDL_NAMES = {"enter": "return"}
 """SDL's names of keys, where they are not what is printed on them."""
+LATIN = 0x24F
+"""The last Latin letter of Unicode. A layout of another script has none, and its letters are told by their places."""
 
 
 class Window:
@@ -38,6 +40,7 @@ class Window:
             raise _no_display(str(error)) from error
         self._canvas = pygame.Surface(SIZE)
         self._keys = {pygame.key.key_code(SDL_NAMES.get(key, key)): command for key, command, _ in COMMANDS}
+        self._places = {getattr(pygame, f"KSCAN_{key}"): command for key, command, _ in COMMANDS if len(key) == 1}
 
     def present(self, device: Device) -> None:
         """Show the controls of this device from now on."""
@@ -52,6 +55,8 @@ class Window:
                 commands.append(Command.QUIT)
             elif event.type == pygame.KEYDOWN and event.key in self._keys:
                 commands.append(self._keys[event.key])
+            elif event.type == pygame.KEYDOWN and event.key > LATIN and event.scancode in self._places:
+                commands.append(self._places[event.scancode])
         return events, commands
 
     def show(self, view: View) -> None:

@@ -133,6 +133,25 @@ def test_the_last_tare_is_the_one_of_the_whole_episode(dataset, what, tmp_path):
     assert not replay(episode).exact  # whose tare is that of the beginning
 
 
+class Reader(NoScreen):
+    """Reads what the screen says."""
+
+    def __init__(self):
+        self.views = []
+
+    def show(self, view):
+        self.views.append(view)
+
+
+def test_a_tare_in_contact_is_said_to_be_one(dataset, what, tmp_path):
+    screen = Reader()
+    told = at(0, REST, "start"), at(2, REST, "tare"), at(4, DOWN), at(46, DOWN, "tare"), at(48, DOWN, "stop")
+    run(dataset, what, script(tmp_path, *told), screen)
+    said = [view.message for view in screen.views if view.message.startswith("tared")]
+    assert "in contact" not in said[0]
+    assert "in contact, so again when the hand is free" in said[-1]
+
+
 class Audience(dict):
     """A viewer that remembers the times of what it is shown of each episode, and of the robot when that is over."""
 
@@ -297,3 +316,26 @@ def test_closing_the_window_keeps_the_episode(dataset, what, monkeypatch):
     beats = episode.arrays["extra/teleop/beat_ns"]
     assert (beats.shape, (np.diff(beats) > 0).all()) == ((4,), True)
     assert episode.meta.config["teleop"]["jitter_ms"].keys() == {"median", "p99", "max"}
+
+
+@pytest.mark.parametrize(
+    ("scancode", "letter", "tells"),
+    [
+        (pygame.KSCAN_X, "x", [Command.STOP]),
+        (pygame.KSCAN_SEMICOLON, "m", [Command.SUCCESS]),  # French: where it is printed, not where others have it
+        (pygame.KSCAN_M, ",", []),
+        (pygame.KSCAN_T, "è", []),  # Bépo
+        (pygame.KSCAN_X, "ч", [Command.STOP]),  # Russian
+        (pygame.KSCAN_R, "ρ", [Command.AGAIN]),  # Greek
+        (pygame.KSCAN_W, "ц", []),
+    ],
+)
+def test_keys_tell_the_same_on_every_layout(monkeypatch, scancode, letter, tells):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    window = Window()
+    try:
+        pygame.event.clear()
+        pygame.event.post(key(pygame.KEYDOWN, scancode, ord(letter)))
+        assert window.poll()[1] == tells
+    finally:
+        window.close()

@@ -52,6 +52,7 @@ def test_typed_keys_pick_a_block(tmp_path):
             said, complaints = process.communicate(timeout=120)
         finally:
             process.kill()
+            process.wait()
     assert (process.returncode, complaints) == (0, "")
     assert "episode 0 saved: success (achieved)" in said
     episode = Dataset.open(out).read(0)

@@ -25,7 +25,7 @@ FULL = (PACE * BOUND * [1, 1, 1, 0.5]).tolist()  # what a held key moves in a ti
 KEYS = (("s", "w"), ("d", "a"), ("e", "q"), ("Left", "Right"))  # towards larger and smaller x, y, z, yaw
 
 needs_display = pytest.mark.skipif(
-    not (shutil.which("Xvfb") and shutil.which("xdotool")), reason="needs Xvfb and xdotool (apt-get install)"
+    not (shutil.which("Xvfb") and shutil.which("xdotool")), reason="needs Xvfb and xdotool (.ci/apt-packages.txt)"
 )
 
 
