@@ -18,8 +18,9 @@ class ContactRule:
     """When a force is a contact.
 
     A wrist sensor also feels the inertia of the hand: in simulated block centering each 20 Hz action starts with a
-    spike of tens of newtons that lasts 30 ms. The default threshold and duration (one action) leave these out: of the first
-    60 centering episodes (seed 0) they find every final collision and 1 other interval; 2 N and 20 ms find 390 others.
+    spike of tens of newtons that lasts 30 ms. The default threshold and duration (one action) leave these out: of the
+    first 60 centering episodes (seed 0) they find every final collision and 1 other interval; 2 N and 20 ms find 390
+    others.
 
     Attributes:
         threshold_n: A contact begins when the force exceeds this, [N].

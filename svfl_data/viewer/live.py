@@ -131,6 +131,7 @@ class Live:
             self.finish()
             self._recording = self._recording or self._open(rig, seen)
             self._rig, self._known, self._before = rig, 0, None
+            self._readings.append((np.array([self._ends_ns + 1]), np.full((1, 6), np.nan)))  # here the curves break
             self._begins_ns = self._ends_ns + GAP_NS
             self._titles.append((self._begins_ns, self.name))
         self._ends_ns = self._begins_ns + seen.t_ns
@@ -155,7 +156,8 @@ class Live:
     def _open(self, rig: Rig, seen: Seen) -> rr.RecordingStream:
         """Begin the recording: everything that never changes."""
         recording = rr.RecordingStream(names.APPLICATION)
-        recording.connect_grpc(self._address, default_blueprint=arrange(list(rig.cameras)))
+        recording.connect_grpc(self._address)
+        recording.send_blueprint(arrange(list(rig.cameras)))  # not as a default, which the last window's would outlast
         recording.send_recording_name("live")
         scene.log_surroundings(recording, "", rig.workspace)
         plots.log_styles(recording, "")
@@ -206,14 +208,15 @@ class Live:
 
     def _send_moves(self, recording: rr.RecordingStream) -> None:
         """Send what was commanded and what came of it, at the time of the observation before."""
-        moves = [
-            (step.before, step.action, step.seen) for step in self._steps if step.before and step.action is not None
+        nothing = np.full(3, np.nan)  # instead of an episode's first observation: where the last episode ended
+        t_ns = np.array([(step.before or step).t_ns for step in self._steps])
+        t_ns -= [0 if step.before else step.seen.t_ns + GAP_NS for step in self._steps]
+        commanded = [nothing if step.action is None else step.action[1:4] for step in self._steps]
+        achieved = [
+            step.seen.proprio[1:4] - step.before.seen.proprio[1:4] if step.before else nothing for step in self._steps
         ]
-        if moves:
-            t_ns = np.array([before.t_ns for before, _, _ in moves])
-            achieved = np.stack([seen.proprio[1:4] - before.seen.proprio[1:4] for before, _, seen in moves])
-            plots.send_curve(recording, names.COMMANDED, t_ns, np.stack([action[1:4] for _, action, _ in moves]))
-            plots.send_curve(recording, names.ACHIEVED, t_ns, achieved)
+        plots.send_curve(recording, names.COMMANDED, t_ns, np.stack(commanded))
+        plots.send_curve(recording, names.ACHIEVED, t_ns, np.stack(achieved))
 
 
 def arrange(cameras: list[str]) -> rrb.Blueprint:
@@ -228,10 +231,10 @@ def arrange(cameras: list[str]) -> rrb.Blueprint:
     }
     pictures = [
         rrb.Spatial2DView(
-            origin=images.camera_entity("", camera), contents=[f"$origin/{kind}"], name=f"{camera}: {kind}"
+            origin=images.camera_entity("", camera), contents=[f"$origin/{kind}"], name=f"{camera}: {word}"
         )
         for camera in cameras
-        for kind in ("color", "depth")
+        for kind, word in (("color", "colour"), ("depth", "depth"))
     ]
     lines = [
         rrb.TimeSeriesView(
@@ -247,6 +250,7 @@ def arrange(cameras: list[str]) -> rrb.Blueprint:
             ),
             rrb.Vertical(*lines, rrb.TextDocumentView(origin=names.ABOUT, name="Now"), row_shares=[4, 4, 4, 1]),
         ),
+        rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         rrb.TimePanel(state="collapsed", timeline=names.TIMELINE, play_state="following"),
     )

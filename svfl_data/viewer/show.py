@@ -4,10 +4,12 @@ import errno
 import os
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import rerun as rr
@@ -143,7 +145,14 @@ def web_address(bind: str, port: int) -> str:
 
 def _run(arguments: list[str], advice: str) -> None:
     command = [sys.executable, "-P", "-m", "rerun", *arguments]
-    viewer = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False)
+    # Rerun's Python program starts the viewer as a child of its own, so that both have to be ended: as one group.
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True) as viewer:
+        try:
+            _, said = viewer.communicate()
+        except BaseException:
+            with suppress(ProcessLookupError):
+                os.killpg(viewer.pid, signal.SIGKILL)
+            raise
     if viewer.returncode:
-        reason = (viewer.stderr.strip().splitlines() or ["no reason given"])[-1]
+        reason = (said.strip().splitlines() or ["no reason given"])[-1]
         raise ViewerError(f"the viewer failed ({reason}); {advice}")
