@@ -18,9 +18,10 @@ from rich.console import Console
 from svfl_models.config import TrainingConfig
 from svfl_models.experiments.figures import save
 from svfl_models.experiments.folder import RUNS, claimed, describe
-from svfl_models.experiments.grid import Grid, run_name
+from svfl_models.experiments.grid import Grid
 from svfl_models.experiments.page import markdown
 from svfl_models.experiments.results import Cell, Results
+from svfl_models.experiments.training import Training, run_name
 
 NETWORKS = [  # preset, group, epochs
     ("tiny", "D4", (50, 150, 500)),
@@ -89,7 +90,8 @@ def main() -> None:
     }
     base = replace(cells[0], group="D4", preset="default")
     with claimed(options.out, describe("sizes", base, options.fresh)):
-        Grid(options.out, runs, options.fresh).run(options.workers, Console(stderr=True))
+        jobs = {name: Training(config, options.out / RUNS / name, options.fresh) for name, config in runs.items()}
+        Grid(options.out, jobs).run(options.workers, Console(stderr=True))
         results = Results(runs, options.out / RUNS)
         draw(results, options.out / "sizes.png")
     print(f"{platform.processor() or platform.machine()}; {' '.join(cell_words(options))}\n")

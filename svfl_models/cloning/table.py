@@ -1,70 +1,112 @@
-"""Many clonings side by side: tasks, networks, numbers of demonstrations and seeds, each trained and tried once."""
+"""Many clonings side by side: tasks, networks, numbers of demonstrations and seeds, each trained and tried once.
+
+Light to import, for a worker unpickles its first run before it knows what it needs.
+"""
 
 import json
-import multiprocessing
-import os
-import signal
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-from svfl_data.errors import SvflError, TrainingError
+from svfl_data.errors import StorageError, SvflError, TrainingError, UsageError
 from svfl_models import run_folder
 from svfl_models.cloning.config import CloningConfig
-from svfl_models.cloning.evaluate import wilson
+from svfl_models.experiments.folder import RUNS, finished
 
-RUNS = "runs"
 GROUPS = {"svfl": "D4", "cnn": "none"}
 """The two networks that are compared -> group."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One policy: how it is trained, and where it lies.
+    """One policy: how it is trained and tried, and where it lies; a `worker.Job`.
 
     Attributes:
         config: Of its training.
         folder: Of its checkpoint, metrics, result and evaluation.
+        trials: Episodes that it is tried in.
     """
 
     config: CloningConfig
     folder: Path
+    trials: int
 
     @property
     def task(self) -> str:
         """Name of its dataset's folder."""
         return Path(self.config.data).name
 
-    def outcome(self, trials: int) -> dict[str, Any] | None:
+    @property
+    def cost(self) -> float:
+        """The same for all, since all take as many steps: they are done in their order."""
+        return 1.0
+
+    def outcome(self) -> dict[str, Any] | None:
         """What its training and its evaluation found; None unless both are done.
 
         Raises:
-            TrainingError: If its folder holds a run with another configuration.
+            TrainingError: If its folder holds a run with another configuration, finished or not.
         """
-        result, judged = (_read(self.folder / name) for name in (run_folder.RESULT, run_folder.EVALUATION))
-        if result is None or judged is None or len(judged["success"]) != trials:
-            return None
-        if result["config"] != self.config.plain():
+        done = finished(self.folder)
+        begun = done["config"] if done else _read(self.folder / run_folder.CONFIG)
+        if begun not in (None, self.config.plain()):
             raise TrainingError(f"{self.folder} holds a run with another configuration; choose another --out")
-        return {**result["result"], "success": judged["success"]}
+        success = (_read(self.folder / run_folder.EVALUATION) or {}).get("success", ())
+        return {**done["result"], "success": success} if done and len(success) == self.trials else None
+
+    def words(self) -> str | None:
+        """How often it succeeded; None unless it is trained and tried."""
+        found = self.outcome()
+        return f"{sum(found['success']) / self.trials:.0%} of {self.trials}" if found else None
+
+    def __call__(self) -> None:
+        """Do what is left: an interrupted training goes on after its last whole epoch.
+
+        Raises:
+            TrainingError: If its data cannot serve, which may serve other policies, or its training diverges.
+            StorageError: If the disk refuses.
+        """
+        import torch
+        from rich.console import Console
+
+        from svfl_models.cloning.evaluate import evaluate
+        from svfl_models.cloning.train import train_cloning
+
+        torch.set_num_threads(1)
+        quiet = Console(quiet=True)
+        try:
+            if finished(self.folder) is None:
+                train_cloning(self.config, self.folder, quiet)
+            evaluation = evaluate(self.folder / run_folder.CHECKPOINT, self.trials, console=quiet)
+            evaluation.save(self.folder / run_folder.EVALUATION)
+        except StorageError:
+            raise
+        except SvflError as error:
+            raise TrainingError(str(error)) from error
 
 
-def runs(base: CloningConfig, data: Sequence[str], episodes: Sequence[int], seeds: int, out: Path) -> list[Run]:
+def runs(
+    base: CloningConfig, data: Sequence[str], episodes: Sequence[int], seeds: int, trials: int, out: Path
+) -> list[Run]:
     """Every policy of a table; those of fewer demonstrations train for more epochs, so that all take as many steps.
+
+    All first seeds come first, so that a table that was stopped shows something of everything.
 
     Args:
         base: What all have in common; its epochs are those of the largest number of demonstrations.
         data: Dataset folders, one for each task.
         episodes: Numbers of demonstrations.
         seeds: 0 to this number, exclusive.
+        trials: Episodes that each policy is tried in.
         out: Folder of the table.
+
+    Raises:
+        UsageError: If datasets have the same name.
     """
+    tasks = [Path(folder).name for folder in data]
+    if twice := sorted({task for task in tasks if tasks.count(task) > 1}):
+        raise UsageError(f"--data has several folders called {', '.join(twice)}; a table tells tasks by their names")
     configs = [
         replace(base, data=folder, episodes=count, epochs=base.epochs * max(episodes) // count, group=group, seed=seed)
         for seed in range(seeds)
@@ -73,65 +115,7 @@ def runs(base: CloningConfig, data: Sequence[str], episodes: Sequence[int], seed
         for group in GROUPS.values()
     ]
     names = [f"{Path(one.data).name}_{one.encoder}_{one.model}_{one.episodes}_seed{one.seed}" for one in configs]
-    return [Run(config, out / RUNS / name) for config, name in zip(configs, names, strict=True)]
-
-
-def train_and_try(run: Run, trials: int) -> str:
-    """Do what is left of a run: an interrupted training goes on after its last whole epoch."""
-    import torch
-
-    from svfl_models.cloning.evaluate import evaluate
-    from svfl_models.cloning.train import train_cloning
-
-    torch.set_num_threads(1)
-    quiet = Console(quiet=True)
-    found = _read(run.folder / run_folder.RESULT)
-    if found is None or found["config"] != run.config.plain():
-        train_cloning(run.config, run.folder, quiet)
-    evaluation = evaluate(run.folder / run_folder.CHECKPOINT, trials, console=quiet)
-    evaluation.save(run.folder / run_folder.EVALUATION)
-    return f"{run.folder.name}: {evaluation.rate:.0%} of {trials}"
-
-
-def complete(table: Sequence[Run], trials: int, workers: int, console: Console) -> None:
-    """Train and try what is not done yet, in the order of the seeds; what is finished is kept whatever happens.
-
-    Raises:
-        TrainingError: If a folder holds another run, or workers die.
-        SvflError: If data cannot serve or a training diverges.
-        KeyboardInterrupt: If the user stopped it.
-    """
-    waiting = [run for run in table if run.outcome(trials) is None]
-    columns = (TextColumn("policies"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal) as bar:
-        shown = bar.add_task("", total=len(table), completed=len(table) - len(waiting))
-        for words in _done(waiting, trials, workers):
-            bar.update(shown, advance=1, description=words)
-            if not console.is_terminal:
-                console.print(words, highlight=False)
-
-
-def _done(waiting: Sequence[Run], trials: int, workers: int) -> Iterator[str]:
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # workers inherit it: one core each
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _start_worker)
-    try:
-        jobs = {pool.submit(train_and_try, run, trials): run for run in waiting}
-        for job in as_completed(jobs):
-            try:
-                yield job.result()
-            except BrokenProcessPool as error:
-                raise TrainingError("a worker process died (killed, or out of memory); run the same again") from error
-            except SvflError as error:
-                raise type(error)(f"{jobs[job].folder.name}: {error}") from error
-    finally:
-        # A worker that is still at it is ended: its last whole epoch is on disk.
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        pool.shutdown(cancel_futures=True)
-
-
-def _start_worker() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    return [Run(config, out / RUNS / name, trials) for config, name in zip(configs, names, strict=True)]
 
 
 def _read(file: Path) -> dict[str, Any] | None:
@@ -170,4 +154,6 @@ class Rate:
     @property
     def interval(self) -> tuple[float, float]:
         """Of `share`, 95 %, for scenes drawn anew; seeds' differences are not in it."""
+        from svfl_models.cloning.evaluate import wilson
+
         return wilson(self.successes, self.trials)

@@ -6,8 +6,7 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from svfl_models.config import TrainingConfig
-from svfl_models.experiments.cost import cost
+from svfl_models.experiments.worker import Job
 
 DAY_S = 86400.0
 
@@ -16,14 +15,14 @@ class Bar:
     """The bar; a context, since it must leave the terminal as it was.
 
     Args:
-        runs: All runs by name.
+        jobs: All runs by name.
         waiting: Names of those that are still to be done.
         console: Where to show it.
     """
 
-    def __init__(self, runs: Mapping[str, TrainingConfig], waiting: Iterable[str], console: Console) -> None:
-        self.costs = {name: cost(runs[name]) for name in waiting}
-        self.total, self.done = len(runs), len(runs) - len(self.costs)
+    def __init__(self, jobs: Mapping[str, Job], waiting: Iterable[str], console: Console) -> None:
+        self.costs = {name: jobs[name].cost for name in waiting}
+        self.total, self.done = len(jobs), len(jobs) - len(self.costs)
         self.console = console
         columns = (
             TextColumn("runs {task.fields[done]}"),

@@ -12,21 +12,20 @@ from typing import Protocol, cast
 
 from rich.console import Console
 
-from svfl_data.errors import DatasetError, TrainingError
+from svfl_data.errors import DatasetError
 from svfl_models.config import USES, Latent, TrainingConfig
 from svfl_models.experiments import page
 from svfl_models.experiments.folder import RUNS, claimed, describe
-from svfl_models.experiments.grid import Grid, run_name
+from svfl_models.experiments.grid import Grid
 from svfl_models.experiments.results import Results
 from svfl_models.experiments.reuse import take_from
+from svfl_models.experiments.training import Training, run_name
 from svfl_models.fitting import storage_errors
 from svfl_models.pretrained import describe as describe_latent
 
 RECIPE = ("test_samples", "preset", "epochs", "patience", "learning_rate", "augment")
 """Options that become part of every run's configuration."""
 SUMMARY = "summary.csv"
-TOLD = 3
-"""So many failed runs are named; of more, the number."""
 
 
 class Experiment(Protocol):
@@ -72,7 +71,7 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
         if arguments.also:
             with storage_errors(out):
                 take_from(arguments.also, about, out, runs)
-        grid = Grid(out, runs, arguments.fresh)
+        grid = Grid(out, {name: Training(config, out / RUNS / name, arguments.fresh) for name, config in runs.items()})
         try:
             grid.run(arguments.workers or usable_cores(), Console(stderr=True))
         finally:
@@ -91,8 +90,7 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
     print(words)
     for file in (out / f"{name}.md", *pictures, out / SUMMARY, out / "runs.csv"):
         print(file)
-    if grid.failed:
-        raise TrainingError(_told(grid.failed, len(runs)))
+    grid.raise_failures()
 
 
 def publish(name: str, out: Path, pictures: Sequence[Path], docs: Path) -> None:
@@ -146,9 +144,3 @@ def _check_enough(episodes: int, train: int, base: TrainingConfig) -> None:
             f"{base.data} has {episodes} samples; {base.test_samples} for testing and {train} for training are "
             f"{base.test_samples + train}; collect more, or ask for fewer with --train-samples"
         )
-
-
-def _told(failed: dict[str, str], count: int) -> str:
-    named = "; ".join(f"{name}: {why}" for name, why in list(failed.items())[:TOLD])
-    more = f"; and {len(failed) - TOLD} more" if len(failed) > TOLD else ""
-    return f"{len(failed)} of {count} runs failed ({named}{more}); the same command tries them again"

@@ -47,6 +47,32 @@ def describe(name: str, base: TrainingConfig, fresh: Path | None) -> dict[str, A
 
 
 @contextmanager
+def held(out: Path) -> Iterator[None]:
+    """Keep other processes out of the folder of an experiment, as long as the context lasts.
+
+    Args:
+        out: The folder; it need not exist.
+
+    Raises:
+        TrainingError: If another process works in it.
+        StorageError: If it cannot be created.
+    """
+    try:
+        (out / RUNS).mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(out, os.O_RDONLY)  # the kernel drops the lock when the process dies
+    except OSError as error:
+        raise StorageError(f"{out}: {error.strerror or error}") from error
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise TrainingError(f"{out}: another process is working on this experiment") from error
+        yield
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
 def claimed(out: Path, about: dict[str, Any]) -> Iterator[None]:
     """Hold a folder for one experiment, new or begun before, as long as the context lasts.
 
@@ -59,19 +85,9 @@ def claimed(out: Path, about: dict[str, Any]) -> Iterator[None]:
         StorageError: If it cannot be created.
     """
     _check(out, about)
-    try:
-        (out / RUNS).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageError(f"{out}: {error.strerror or error}") from error
-    descriptor = os.open(out, os.O_RDONLY)  # the kernel drops the lock when the process dies
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    with held(out):
         write_atomically(out / ABOUT, (json.dumps(about, indent=2) + "\n").encode())
         yield
-    except BlockingIOError as error:
-        raise TrainingError(f"{out}: another process is working on this experiment") from error
-    finally:
-        os.close(descriptor)
 
 
 def _check(out: Path, about: dict[str, Any]) -> None:

@@ -1,39 +1,47 @@
-"""A process that trains one network after the other, on one core or one GPU of its own."""
+"""A process that does one job after the other, on one core or one GPU of its own."""
 
 import multiprocessing
 import os
 import signal
+import threading
 import traceback
-from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Protocol
 
 from svfl_data.errors import SvflError, TrainingError
-from svfl_models.config import TrainingConfig
 
 DYING_S = 5.0
-Train = Callable[[TrainingConfig, Path, Path | None], object]
-"""Trains one network into a folder: configuration, folder, fresh dataset."""
 
 
-def train(config: TrainingConfig, out: Path, fresh: Path | None) -> None:
-    """Train one network in silence."""
-    import torch
-    from rich.console import Console
+class Job(Protocol):
+    """A run that a worker can do: it travels to another process (pickle), and its files tell whether it is finished."""
 
-    from svfl_models.train import train_centering
+    @property
+    def cost(self) -> float:
+        """About how long it takes, compared with the others."""
 
-    torch.set_num_threads(1)
-    train_centering(config, out, fresh, Console(quiet=True))
+    def words(self) -> str | None:
+        """How it went; None if it is not finished.
+
+        Raises:
+            TrainingError: If something else is where its files should be.
+        """
+
+    def __call__(self) -> None:
+        """Do it, or what is left of it.
+
+        Raises:
+            TrainingError: If it fails.
+            SvflError: If what has happened would happen to every run, such as a full disk.
+        """
 
 
 class Worker:
     """Such a process, seen from the one that gives it work.
 
     Args:
-        train: What it does; importable, so that a new process finds it.
-        fresh: Dataset that every network is tested on besides.
         device: Which of the machine's GPUs it sees; None where there is none.
         log: File that its output is appended to.
 
@@ -41,13 +49,12 @@ class Worker:
         name: Of the run it is at; None if it waits.
     """
 
-    def __init__(self, train: Train, fresh: Path | None, device: str | None, log: Path) -> None:
-        self.device = device
+    def __init__(self, device: str | None, log: Path) -> None:
         self.name: str | None = None
         # Fresh processes: a forked one would inherit the parent's threads and locks.
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, train, fresh, device, log), daemon=True)
+        self.process = context.Process(target=_serve, args=(theirs, device, log), daemon=True)
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # inherited: Ctrl-C is the parent's to handle
         try:
             self.process.start()
@@ -55,11 +62,11 @@ class Worker:
             signal.signal(signal.SIGINT, handler)
         theirs.close()  # now only the process holds it, and its death is the end of the connection
 
-    def begin(self, name: str, config: TrainingConfig, folder: Path) -> None:
+    def begin(self, name: str, job: Job) -> None:
         """Give it a run."""
         self.name = name
         with suppress(OSError):  # it has died; `outcome` tells
-            self.connection.send((config, folder))
+            self.connection.send(job)
 
     def outcome(self) -> SvflError | None:
         """How the run ended: None if well. Waits for it.
@@ -80,7 +87,9 @@ class Worker:
         return self.process.exitcode
 
     def end(self) -> None:
-        """End it, whatever it does: an unfinished run leaves nothing that counts, so there is nothing to wait for."""
+        """End it, whatever it does; a training ends with its batch, so that no checkpoint is cut in half."""
+        self.process.terminate()
+        self.process.join(DYING_S)
         self.process.kill()
         self.process.join()
         self.connection.close()
@@ -96,24 +105,30 @@ def devices() -> list[str | None]:
     return [*names] or [None]
 
 
-def _serve(connection: Connection, train: Train, fresh: Path | None, device: str | None, log: Path) -> None:
+def _serve(connection: Connection, device: str | None, log: Path) -> None:
     """Body of the process: runs come in, errors go out, until the parent is gone."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     descriptor = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     os.dup2(descriptor, 1)  # what libraries print must not tear the parent's progress bar
     os.dup2(descriptor, 2)
     if device is not None:
         os.environ["CUDA_VISIBLE_DEVICES"] = device  # torch reads it when it starts, so nothing here has imported it
-    while True:
-        try:
-            config, folder = connection.recv()
-        except EOFError:
-            return
-        connection.send(_outcome(train, config, folder, fresh))
+    with suppress(EOFError, KeyboardInterrupt):  # the latter is how Lightning takes `Worker.end`, see `fitting.run`
+        while True:
+            connection.send(_outcome(connection.recv()))
 
 
-def _outcome(train: Train, config: TrainingConfig, folder: Path, fresh: Path | None) -> SvflError | None:
+def _end_with_parent() -> None:
+    """Even with one that was killed: its folder is free then, and the next to take it must be alone there."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+def _outcome(job: Job) -> SvflError | None:
     try:
-        train(config, folder, fresh)
+        job()
     except SvflError as error:
         return error
     except Exception as error:  # our own mistake in one run must not cost the others

@@ -23,7 +23,7 @@ def add(commands: Commands) -> None:
         "bc-table", help="behaviour cloning on several tasks: SVFL against CNN, success and learning curves",
         example=EXAMPLE,
         description="Clone and try many policies. What has finished is kept; the same command goes on after Ctrl-C, "
-        "trainings after their last whole epoch.",
+        "trainings after their last whole epoch. One that fails is named at the end, after all others.",
     )  # fmt: skip
     add = verb.add_argument
     add("--data", type=Path, nargs="+", required=True, metavar="FOLDER", help="datasets of demonstrations")
@@ -43,29 +43,42 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Do the table, or what is left of it, and print its page."""
+    """Do the table, or what is left of it, and print its page.
+
+    Raises:
+        TrainingError: If the folder holds something else, or at the end if policies failed.
+        SvflError: If there is no such dataset, or the disk refuses.
+        KeyboardInterrupt: If the user stopped it; what is finished is kept, and on the page.
+    """
     from rich.console import Console
 
+    from svfl_data.dataset import Dataset
     from svfl_models.cloning import table, table_page  # torch, lightning and escnn take seconds to import
+    from svfl_models.experiments.folder import held
+    from svfl_models.experiments.grid import Grid
     from svfl_models.fitting import storage_errors
 
-    base = CloningConfig("", **{option: getattr(arguments, option) for option in RECIPE})
+    out, base = arguments.out, CloningConfig("", **{option: getattr(arguments, option) for option in RECIPE})
     episodes, data = sorted(set(arguments.episodes)), list(map(str, arguments.data))
-    runs = table.runs(base, data, episodes, arguments.seeds, arguments.out)
-    try:
-        table.complete(runs, arguments.trials, arguments.workers, Console(stderr=True))
-    finally:
-        with storage_errors(arguments.out):
-            arguments.out.mkdir(parents=True, exist_ok=True)
-            made = table_page.Table(runs, arguments.trials)
-            words, files = table_page.write(made, _command_line(arguments), arguments.out)
-    if arguments.docs:
-        with storage_errors(arguments.docs):
-            arguments.docs.mkdir(parents=True, exist_ok=True)
-            for file in files:
-                shutil.copyfile(file, arguments.docs / (file.name if file.name != "runs.csv" else "bc_table.csv"))
+    runs = table.runs(base, data, episodes, arguments.seeds, arguments.trials, out)
+    jobs = {run.folder.name: run for run in runs}
+    grid = Grid(out, jobs)
+    for folder in {jobs[name].config.data for name in grid.unfinished()}:
+        Dataset.open(folder)  # a misspelt one is said before anything begins
+    with held(out):
+        try:
+            grid.run(arguments.workers, Console(stderr=True))
+        finally:
+            with storage_errors(out):
+                words, files = table_page.write(table_page.Table(runs), _command_line(arguments), out)
+        if arguments.docs:
+            with storage_errors(arguments.docs):
+                arguments.docs.mkdir(parents=True, exist_ok=True)
+                for file in files:
+                    shutil.copyfile(file, arguments.docs / (file.name if file.name != "runs.csv" else "bc_table.csv"))
     print(words)
     print(*files, sep="\n")
+    grid.raise_failures()
 
 
 def _command_line(arguments: argparse.Namespace) -> str:

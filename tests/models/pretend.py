@@ -5,9 +5,11 @@ import json
 import os
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 
+from svfl_data.atomically import write_atomically
 from svfl_data.errors import DatasetError, TrainingError
 from svfl_data.symmetry import border_distance, nearest_direction
 from svfl_models import run_folder
@@ -74,8 +76,23 @@ def train_seed_0_only(config: TrainingConfig, out, fresh):
     train(config, out, fresh)
 
 
+def train_for_ever(config, out, fresh):
+    """Says who does it, and takes longer than any test waits."""
+    out.mkdir(parents=True)
+    write_atomically(out / "process", str(os.getpid()).encode())
+    time.sleep(600)
+
+
 def train_and_tell(config, out, fresh):
     """Leaves a note about what the process sees, and lasts long enough for every worker to get one."""
     train(config, out, fresh)
     (out / "device").write_text(f"{os.environ['CUDA_VISIBLE_DEVICES']} torch: {'torch' in sys.modules}")
     time.sleep(1)
+
+
+def is_running(process):
+    """Whether there is such a process; dead ones that nobody has buried yet have no command line."""
+    try:
+        return bool(Path(f"/proc/{process}/cmdline").read_bytes())
+    except (FileNotFoundError, ProcessLookupError):
+        return False

@@ -1,42 +1,76 @@
 """The table of clonings: every policy once, in any number of sittings, and a page that says what was found."""
 
-import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
 
 import pytest
-from rich.console import Console
 
-from svfl_data.errors import TrainingError
-from svfl_models import run_folder
-from svfl_models.cli import build_parser
-from svfl_models.cloning import table, table_page
+from svfl_data.errors import DatasetError, StorageError, TrainingError
+from svfl_models import cli, run_folder
+from svfl_models.cloning import evaluate, table, table_page, train
 from svfl_models.cloning.config import CloningConfig
-from svfl_models.cloning.evaluate import wilson
+from svfl_models.cloning.evaluate import Evaluation, wilson
+from svfl_models.cloning.metrics import MetricsFile
 from svfl_models.cloning.table import Rate
+from svfl_models.experiments.folder import held
+from svfl_models.experiments.grid import Grid
+from tests.models.demonstrations import demonstrations
+from tests.models.pretend import is_running
+from tests.models.pretend_cloning import SUCCESS, Diverging, Endless, Quick
 
 TRIALS = 4
 BASE = CloningConfig("", preset="tiny", epochs=2)
-SUCCESS = {"svfl": [True, True, True, False], "cnn": [True, False, False, False]}
+ENDLESS = f"""
+import sys
+from svfl_models import cli
+from svfl_models.cloning import table
+from {Endless.__module__} import Endless
+table.Run = Endless
+sys.exit(cli.main(sys.argv[1:]))
+"""
 
 
 def pretend(run):
     """What a finished run leaves."""
-    run.folder.mkdir(parents=True)
-    figures = {
-        "valid_gripper": 0.01,
-        "valid_xy_mm": 4.0,
-        "valid_z_mm": 3.0,
-        "seconds": 10.0,
-        "parameters": 5,
-        "epochs": 2,
-    }
-    (run.folder / run_folder.RESULT).write_text(json.dumps({"config": run.config.plain(), "result": figures}))
-    (run.folder / run_folder.EVALUATION).write_text(json.dumps({"success": SUCCESS[run.config.model]}))
-    (run.folder / run_folder.METRICS).write_text("epoch,train_loss,valid_loss\n0,1.0,1.1\n1,0.5,0.7\n")
+    Quick(run.config, run.folder, run.trials)()
 
 
 @pytest.fixture
 def runs(tmp_path):
-    return table.runs(BASE, ["data/picking", "data/pushing"], [5, 10], 2, tmp_path / "out")
+    return table.runs(BASE, ["data/picking", "data/pushing"], [5, 10], 2, TRIALS, tmp_path / "out")
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    return demonstrations(tmp_path_factory.mktemp("data") / "block_picking")
+
+
+@pytest.fixture
+def one(data, tmp_path):
+    """A policy that can really be trained, of little."""
+    base = replace(BASE, encoder="p", epochs=3)
+    return table.runs(base, [str(data)], [6], 1, TRIALS, tmp_path / "out")[0]
+
+
+@pytest.fixture
+def tried(monkeypatch):
+    """Policies are not tried in simulation, but said to succeed always."""
+    monkeypatch.setattr(
+        evaluate, "evaluate", lambda checkpoint, trials, **_: Evaluation("", "", 0, [True] * trials, [1] * trials)
+    )
+
+
+def words(data, out, *more):
+    few = ("--episodes", 6, "--seeds", 2, "--trials", TRIALS, "--preset", "tiny", "--epochs", 2)
+    return [str(word) for word in ("bc-table", "--data", data, *few, "--out", out, *more)]
+
+
+def written(out):
+    return {file.parent.name: file.stat().st_mtime_ns for file in out.glob("runs/*/evaluation.json")}
 
 
 def test_every_combination_is_there_once_and_seeds_come_in_turn(runs):
@@ -51,21 +85,113 @@ def test_fewer_demonstrations_train_for_as_many_steps(runs):
     assert {run.config.epochs * run.config.episodes for run in runs} == {BASE.epochs * 10}
 
 
-def test_what_is_finished_is_not_done_again(runs, monkeypatch):
+def test_what_is_finished_is_not_done_again_and_the_order_is_kept(runs, tmp_path):
     for run in runs[:3]:
         pretend(run)
-    asked = []
-    monkeypatch.setattr(table, "_done", lambda waiting, *_: asked.extend(waiting) or [])
-    table.complete(runs, TRIALS, 1, Console(quiet=True))
-    assert asked == runs[3:]
-    assert runs[0].outcome(TRIALS + 1) is None  # tried less often than is asked for now
+    assert Grid(tmp_path, {run.folder.name: run for run in runs}).unfinished() == [run.folder.name for run in runs[3:]]
+    assert replace(runs[0], trials=TRIALS + 1).outcome() is None  # tried less often than is asked for now
 
 
-def test_a_run_of_another_configuration_is_refused(runs, tmp_path):
-    pretend(runs[0])
-    (other,) = table.runs(CloningConfig("", preset="wide", epochs=2), ["data/picking"], [5], 1, tmp_path / "out")[:1]
-    with pytest.raises(TrainingError, match="holds a run with another configuration"):
-        other.outcome(TRIALS)
+@pytest.mark.parametrize("finished", [True, False])
+def test_a_run_of_another_configuration_is_refused(runs, finished):
+    if finished:
+        pretend(runs[0])
+    else:
+        run_folder.claim(runs[0].folder, runs[0].config.plain())
+    other = replace(runs[0], config=replace(runs[0].config, epochs=7))
+    with pytest.raises(TrainingError, match="holds a run with another configuration; choose another --out"):
+        other.words()
+
+
+def test_tasks_are_told_by_their_names(tmp_path, capsys):
+    assert cli.main(words(tmp_path / "a" / "picking", tmp_path / "out", "--data", "a/picking", "b/picking")) == 2
+    assert "--data has several folders called picking" in capsys.readouterr().err
+
+
+def test_an_interrupted_policy_goes_on_after_its_last_whole_epoch(one, tried, monkeypatch):
+    def stop_in_the_second_epoch(self, trainer, *_):
+        if trainer.current_epoch == 1:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(MetricsFile, "on_train_batch_end", stop_in_the_second_epoch)
+        with pytest.raises(KeyboardInterrupt):
+            one()
+    assert one.words() is None
+    epochs = []
+    monkeypatch.setattr(
+        MetricsFile, "on_train_epoch_start", lambda self, trainer, *_: epochs.append(self.rows[-1]["epoch"])
+    )
+    one()
+    assert epochs == [0, 1]
+    assert one.words() == "100% of 4"
+    replace(one, trials=6)()
+    assert len(epochs) == 2  # more trials need no training
+    assert replace(one, trials=6).words() == "100% of 6"
+
+
+@pytest.mark.parametrize(
+    ("error", "told"), [(DatasetError, TrainingError), (TrainingError, TrainingError), (StorageError, StorageError)]
+)
+def test_what_is_wrong_with_one_dataset_is_nothing_to_the_others(one, monkeypatch, error, told):
+    def fail(*_):
+        raise error("for a reason")
+
+    monkeypatch.setattr(train, "train_cloning", fail)
+    with pytest.raises(told, match="for a reason"):
+        one()
+
+
+def test_a_failing_policy_is_named_and_the_others_are_done(data, tmp_path, monkeypatch, capsys):
+    out, name = tmp_path / "out", "block_picking_vfp_cnn_6_seed0"
+    monkeypatch.setattr(table, "Run", Diverging)
+    assert cli.main(words(data, out)) == 1
+    said = capsys.readouterr()
+    message = f"svfl-train: 1 of 4 runs failed ({name}: the training diverged); the same command tries them again"
+    assert said.err.splitlines()[-1] == message
+    assert "4 policies, 3 of them finished" in said.out
+    assert said.out.startswith((out / "bc_table.md").read_text().strip())
+    first = written(out)
+    assert len(first) == 3
+    monkeypatch.setattr(table, "Run", Quick)
+    assert cli.main(words(data, out)) == 0
+    assert f"4/4 {name}: 25% of 4" in capsys.readouterr().err
+    assert first.items() < written(out).items()
+
+
+def test_two_tables_in_one_folder_are_one_too_many(data, tmp_path, capsys):
+    with held(tmp_path / "out"):
+        assert cli.main(words(data, tmp_path / "out")) == 1
+    assert capsys.readouterr().err == f"svfl-train: {tmp_path / 'out'}: another process is working on this experiment\n"
+    assert os.listdir(tmp_path / "out" / "runs") == []
+
+
+def test_data_are_needed_for_what_is_unfinished_only(data, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(table, "Run", Quick)
+    gone = tmp_path / "block_picking"
+    assert cli.main(words(gone, tmp_path / "out")) == 1
+    assert capsys.readouterr().err == f"svfl-train: {gone}: no such folder\n"
+    assert not (tmp_path / "out").exists()
+    for run in table.runs(BASE, [str(gone)], [6], 2, TRIALS, tmp_path / "out"):
+        run()
+    assert cli.main(words(gone, tmp_path / "out")) == 0
+    assert "4 policies, 4 of them finished" in capsys.readouterr().out
+
+
+def test_a_table_that_is_told_to_end_leaves_no_process(data, tmp_path):
+    out = tmp_path / "out"
+    command = subprocess.Popen(
+        [sys.executable, "-c", ENDLESS, *words(data, out, "--workers", 2)], stderr=subprocess.PIPE, text=True
+    )
+    while len(begun := list(out.glob(f"runs/*/{run_folder.CHECKPOINT}"))) < 2:
+        assert command.poll() is None
+        time.sleep(0.02)
+    command.send_signal(signal.SIGTERM)
+    _, complaint = command.communicate(timeout=60)
+    assert complaint == "svfl-train: interrupted; everything finished so far is on disk\n"
+    assert command.returncode == 128 + signal.SIGTERM
+    assert "4 policies, 0 of them finished" in (out / "bc_table.md").read_text()
+    assert not any(is_running(file.read_text()) for file in begun)  # and the file is still there, to go on from
 
 
 def test_rates_of_seeds_are_pooled():
@@ -80,18 +206,18 @@ def test_the_page_says_what_is_known(runs, tmp_path, finished):
     for run in runs[:finished]:
         pretend(run)
     (tmp_path / "out").mkdir(exist_ok=True)
-    words, files = table_page.write(table_page.Table(runs, TRIALS), "svfl-train bc-table", tmp_path / "out")
+    page, files = table_page.write(table_page.Table(runs), "svfl-train bc-table", tmp_path / "out")
     assert all(file.stat().st_size for file in files)
-    assert f"16 policies, {finished} of them finished" in words
-    assert words.count("| picking | 10 | SVFL | 75.0% |") == (1 if finished else 0)
-    assert ("pushing +50 points" in words) == (finished == 16)
+    assert f"16 policies, {finished} of them finished" in page
+    assert page.count("| picking | 10 | SVFL | 75.0% |") == (1 if finished else 0)
+    assert ("pushing +50 points" in page) == (finished == 16)
 
 
 def test_the_command_line_is_what_gives_the_numbers():
     from svfl_models.verbs.bc_table import _command_line
 
-    words = "bc-table --data a b --episodes 10 50 --seeds 2 --trials 20 --view camera --epochs 7 --workers 3 --out c"
-    arguments = build_parser().parse_args(words.split())
+    given = "bc-table --data a b --episodes 10 50 --seeds 2 --trials 20 --view camera --epochs 7 --workers 3 --out c"
+    arguments = cli.build_parser().parse_args(given.split())
     assert (
         _command_line(arguments)
         == "svfl-train bc-table --data a b --episodes 10 50 --seeds 2 --trials 20 --view camera --epochs 7"

@@ -17,9 +17,9 @@ from svfl_models import cli
 from svfl_models.config import TrainingConfig
 from svfl_models.experiments import command, page, table
 from svfl_models.experiments.bar import Bar
-from svfl_models.experiments.grid import Grid
 from svfl_models.experiments.mistakes import Predictions
 from svfl_models.experiments.results import Cell, Mean, Results, Run
+from svfl_models.experiments.training import Training
 from svfl_models.latent.config import MODELS
 from svfl_models.verbs.experiments import VERBS
 from tests.builders import make_episode
@@ -56,7 +56,7 @@ def quick(monkeypatch):
     """Choose how to pretend to train."""
 
     def choose(train):
-        monkeypatch.setattr(command, "Grid", functools.partial(Grid, train=train))
+        monkeypatch.setattr(command, "Training", functools.partial(Training, train=train))
 
     choose(pretend.train)
     return choose

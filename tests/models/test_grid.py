@@ -1,6 +1,11 @@
 import json
 import multiprocessing
+import os
+import re
 import signal
+import subprocess
+import sys
+import time
 
 import pytest
 from rich.console import Console
@@ -10,16 +15,37 @@ from svfl_models.config import TrainingConfig
 from svfl_models.experiments.bar import Bar
 from svfl_models.experiments.cost import cost
 from svfl_models.experiments.folder import claimed
-from svfl_models.experiments.grid import Grid, run_name
+from svfl_models.experiments.grid import Grid
+from svfl_models.experiments.training import Training, run_name
 from svfl_models.experiments.worker import devices
 from tests.models import pretend
+from tests.models.pretend import is_running
 
 BASE = TrainingConfig("data")
 QUIET = Console(quiet=True)
+FOR_EVER = """
+import pathlib, sys
+from rich.console import Console
+from svfl_data import cli
+from svfl_models.experiments import grid
+from tests.models import pretend, test_grid
+
+grid.devices = lambda: [None]  # torch takes seconds to import
+jobs = test_grid.jobs(pathlib.Path(sys.argv[1]), test_grid.runs(0, 1, 2), pretend.train_for_ever)
+sys.exit(cli.run(lambda: grid.Grid(pathlib.Path(sys.argv[1]), jobs).run(2, Console(quiet=True)), "svfl"))
+"""
 
 
 def runs(*seeds):
     return {f"seed{seed}": TrainingConfig("data", seed=seed) for seed in seeds}
+
+
+def jobs(out, configs, train=pretend.train):
+    return {name: Training(config, out / "runs" / name, train=train) for name, config in configs.items()}
+
+
+def grid_of(out, configs, train=pretend.train):
+    return Grid(out, jobs(out, configs, train))
 
 
 def results(out):
@@ -27,13 +53,13 @@ def results(out):
 
 
 def test_every_run_is_done_once(tmp_path):
-    grid = Grid(tmp_path, runs(0, 1, 2), train=pretend.train)
+    grid = grid_of(tmp_path, runs(0, 1, 2))
     grid.run(2, QUIET)
     first = results(tmp_path)
     assert set(first) == {"seed0", "seed1", "seed2"}
     grid.run(2, QUIET)
     assert results(tmp_path) == first
-    Grid(tmp_path, runs(0, 1, 2, 3), train=pretend.train).run(2, QUIET)
+    grid_of(tmp_path, runs(0, 1, 2, 3)).run(2, QUIET)
     again = results(tmp_path)
     assert set(again) - set(first) == {"seed3"}
     assert {name: again[name] for name in first} == first
@@ -43,7 +69,7 @@ def test_half_a_run_is_none(tmp_path):
     (tmp_path / "runs" / "seed0").mkdir(parents=True)
     (tmp_path / "runs" / "seed0" / "result.json").write_text('{"config": {"da')
     (tmp_path / "runs" / "seed0" / "checkpoint.ckpt").write_text("half")
-    grid = Grid(tmp_path, runs(0), train=pretend.train)
+    grid = grid_of(tmp_path, runs(0))
     assert grid.unfinished() == ["seed0"]
     grid.run(1, QUIET)
     assert grid.unfinished() == []
@@ -51,13 +77,13 @@ def test_half_a_run_is_none(tmp_path):
 
 
 def test_a_finished_run_of_another_configuration_is_not_taken_for_this_one(tmp_path):
-    Grid(tmp_path, runs(0), train=pretend.train).run(1, QUIET)
+    grid_of(tmp_path, runs(0)).run(1, QUIET)
     with pytest.raises(TrainingError, match="seed0 holds a run with another configuration; choose another --out"):
-        Grid(tmp_path, {"seed0": TrainingConfig("data", epochs=7)}).unfinished()
+        grid_of(tmp_path, {"seed0": TrainingConfig("data", epochs=7)}).unfinished()
 
 
 def test_accidents_cost_their_own_run_only(tmp_path):
-    grid = Grid(tmp_path, runs(2, 1, 3, 0, 4), train=pretend.train_with_accidents)
+    grid = grid_of(tmp_path, runs(2, 1, 3, 0, 4), pretend.train_with_accidents)
     grid.run(1, QUIET)
     assert set(results(tmp_path)) == {"seed0", "seed4"}
     assert grid.failed == {
@@ -68,21 +94,53 @@ def test_accidents_cost_their_own_run_only(tmp_path):
     assert "train_with_accidents" in (tmp_path / "workers.log").read_text()  # where our own mistake was made
 
 
+def test_failures_are_named_with_their_reasons(tmp_path):
+    grid = grid_of(tmp_path, runs(*range(6)))
+    grid.raise_failures()  # there is none
+    grid.failed = {f"seed{seed}": "it diverged" for seed in range(5)}
+    told = "seed0: it diverged; seed1: it diverged; seed2: it diverged; and 2 more"
+    with pytest.raises(TrainingError, match=re.escape(f"5 of 6 runs failed ({told}); the same command tries them")):
+        grid.raise_failures()
+
+
 def test_what_befalls_every_run_ends_it_all(tmp_path):
     with pytest.raises(DatasetError, match="the dataset has no labels"):
-        Grid(tmp_path, runs(0, 1, 2), train=pretend.train_without_data).run(2, QUIET)
+        grid_of(tmp_path, runs(0, 1, 2), pretend.train_without_data).run(2, QUIET)
     assert multiprocessing.active_children() == []
 
 
 def test_ctrl_c_keeps_what_is_finished_and_waits_for_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(Bar, "ended", lambda *arguments: signal.raise_signal(signal.SIGINT))
-    grid = Grid(tmp_path, runs(0, 1, 2), train=pretend.train_seed_0_only)
+    grid = grid_of(tmp_path, runs(0, 1, 2), pretend.train_seed_0_only)
     with pytest.raises(KeyboardInterrupt):
         grid.run(2, QUIET)
     assert multiprocessing.active_children() == []
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert set(results(tmp_path)) == {"seed0"}
     assert sorted(grid.unfinished()) == ["seed1", "seed2"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_whatever_ends_an_experiment_ends_its_workers(tmp_path, number):
+    command = subprocess.Popen(
+        [sys.executable, "-c", FOR_EVER, tmp_path], start_new_session=True, stderr=subprocess.PIPE, text=True
+    )
+    while len(begun := list(tmp_path.glob("runs/*/process"))) < 2:
+        assert command.poll() is None
+        time.sleep(0.02)
+    if number == signal.SIGINT:
+        os.killpg(command.pid, number)  # as a terminal does: workers are told, too
+    else:
+        command.send_signal(number)
+    _, complaint = command.communicate(timeout=60)
+    if number == signal.SIGINT:
+        assert command.returncode == 128 + number
+        assert complaint == "svfl: interrupted; everything finished so far is on disk\n"
+    deadline = time.monotonic() + 60
+    while any(is_running(file.read_text()) for file in begun):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    assert (tmp_path / "workers.log").read_text() == ""
 
 
 def test_the_longest_runs_come_first(tmp_path):
@@ -95,7 +153,7 @@ def test_the_longest_runs_come_first(tmp_path):
         "D8": TrainingConfig("data", encoder="vf", group="D8"),
         "cnn": TrainingConfig("data", encoder="vf", group="none"),
     }
-    order = Grid(tmp_path, configs).unfinished()
+    order = grid_of(tmp_path, configs).unfinished()
     assert order[:3] == ["D8", "vf", "v"]
     assert order[-1] == "few"
     assert all(cost(config) > 0 for config in configs.values())
@@ -108,7 +166,7 @@ def test_names_tell_what_is_special():
 
 
 def test_progress(tmp_path):
-    configs = runs(0, 1, 2)
+    configs = jobs(tmp_path, runs(0, 1, 2))
     terminal, paper = Console(force_terminal=True, record=True, width=120), Console(record=True, width=40)
     for console in (terminal, paper):
         with Bar(configs, ["seed1", "seed2"], console) as bar:
@@ -132,7 +190,7 @@ def test_gpus_take_turns(count, variable, found, monkeypatch):
 
 def test_a_worker_sees_its_own_gpu_only(tmp_path, monkeypatch):
     monkeypatch.setattr("svfl_models.experiments.grid.devices", lambda: ["4", "6"])
-    Grid(tmp_path, runs(0, 1, 2), train=pretend.train_and_tell).run(3, QUIET)
+    grid_of(tmp_path, runs(0, 1, 2), pretend.train_and_tell).run(3, QUIET)
     seen = sorted(file.read_text() for file in tmp_path.glob("runs/*/device"))
     assert seen == ["4 torch: False", "4 torch: False", "6 torch: False"]
 
