@@ -5,10 +5,12 @@ import shlex
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 
+from svfl_data.checks import check_episode
 from svfl_data.fields import markdown_table
-from svfl_data.store import write_episode
+from svfl_data.store import read_episode, write_episode
 from tests.builders import make_episode
 
 ROOT = Path(__file__).parents[1]
@@ -54,6 +56,18 @@ def test_the_python_of_the_page_on_symmetry_runs(capsys):
     printed = [float(line) for line in capsys.readouterr().out.splitlines()]
     assert len(printed) == 2
     assert max(printed) < 1e-5
+
+
+def test_the_program_of_the_page_on_recording_writes_a_valid_episode(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    for block in re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "recording.md").read_text(), re.M | re.S):
+        exec(block, names)
+    assert "episode_000000.hdf5" in capsys.readouterr().out
+    episode = read_episode(tmp_path / "data" / "mine" / "episode_000000.hdf5")
+    assert [one for one in check_episode(episode) if one.severity == "error"] == []
+    assert len(episode.wrench) > 200
+    assert names["in_base"](np.diag([1.0, -1.0, -1.0]), np.arange(6.0)).tolist() == [0, -1, -2, 3, -4, -5]
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.suffix == ".md"], ids=lambda page: page.name)
