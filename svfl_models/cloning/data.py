@@ -161,7 +161,8 @@ def successful(dataset: Dataset, count: int) -> list[int]:
             found.append(index)
     if len(found) < count:
         raise DatasetError(
-            f"{dataset.path}: asked for {count} successful episodes, but it has {len(found)} among {len(dataset)}"
+            f"{dataset.path}: asked for {count} successful episodes, but it has {len(found)} among {len(dataset)}; "
+            "--episodes asks for fewer"
         )
     if count < 2:
         raise DatasetError(f"{dataset.path}: asked for {count} episode; needed: one to learn from and one held out")
