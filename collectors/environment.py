@@ -24,7 +24,8 @@ from collectors.tasks import TASKS, task_class
 from collectors.tasks.hand import Hand, Moves
 from collectors.tasks.task import MAX_STEPS, Task
 from svfl_data.errors import UsageError
-from svfl_data.topdown import EYE_M, topdown_frame
+from svfl_data.top_view import EYE_M
+from svfl_data.topdown import topdown_frame
 from svfl_data.windows import WINDOW
 
 View = Literal["camera", "top"]

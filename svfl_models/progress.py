@@ -61,7 +61,31 @@ class MetricsFile(pl.Callback):
         return [f"{row[name]:.6g}" if name in row else "" for name in self.columns]
 
 
-class ProgressLine(pl.Callback):
+class Bar(pl.Callback):
+    """A bar that goes away with its training, whatever ends that.
+
+    Args:
+        bar: To be started and moved on a terminal.
+        console: Where to print.
+    """
+
+    def __init__(self, bar: Progress, console: Console) -> None:
+        self.bar, self.console = bar, console
+
+    def on_fit_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Take the bar away."""
+        self._take_away()
+
+    def on_exception(self, trainer: pl.Trainer, pl_module: pl.LightningModule, exception: BaseException) -> None:
+        """Take the bar away, so that the message stands alone."""
+        self._take_away()
+
+    def _take_away(self) -> None:
+        if self.console.is_terminal:
+            self.bar.stop()
+
+
+class ProgressLine(Bar):
     """A progress bar on a terminal, an occasional line elsewhere.
 
     Args:
@@ -70,12 +94,11 @@ class ProgressLine(pl.Callback):
     """
 
     def __init__(self, epochs: int, console: Console) -> None:
+        columns = (TextColumn("epoch"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
+        super().__init__(Progress(*columns, TimeElapsedColumn(), console=console, transient=True), console)
         self.epochs = epochs
-        self.console = console
         self.best = 0.0
         self.next_line = 0.0
-        columns = (TextColumn("epoch"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
-        self.bar = Progress(*columns, TimeElapsedColumn(), console=console, transient=True)
         self.task = self.bar.add_task("", total=epochs)
 
     def on_fit_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
@@ -96,15 +119,3 @@ class ProgressLine(pl.Callback):
         elif time.monotonic() >= self.next_line:
             self.console.print(f"epoch {epoch}/{self.epochs}: {words}", highlight=False)
             self.next_line = time.monotonic() + QUIET_SECONDS
-
-    def on_fit_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Take the bar away."""
-        self._take_away()
-
-    def on_exception(self, trainer: pl.Trainer, pl_module: pl.LightningModule, exception: BaseException) -> None:
-        """Take the bar away, so that the message stands alone."""
-        self._take_away()
-
-    def _take_away(self) -> None:
-        if self.console.is_terminal:
-            self.bar.stop()

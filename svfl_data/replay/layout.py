@@ -8,7 +8,7 @@ import numpy as np
 from svfl_data.episode import Camera, Episode
 from svfl_data.errors import DatasetError, FieldError
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
-from svfl_data.topdown import Optics
+from svfl_data.top_view import Optics
 
 ACTION_BOUNDS = ("max_move", "max_turn")
 """Names of the bounds of an action, [m] and [rad], in the configuration of a world."""

@@ -10,7 +10,8 @@ from svfl_data.atomically import write_atomically
 from svfl_data.cli import Commands, natural, positive
 from svfl_data.episode import Episode
 from svfl_data.errors import UsageError
-from svfl_data.topdown import SIZE, TopDown, latest_frame, topdown
+from svfl_data.top_view import SIZE
+from svfl_data.topdown import TopDown, latest_frame, topdown
 from svfl_data.verbs.plot import plotting
 from svfl_data.verbs.source import add_episode, add_path, read
 

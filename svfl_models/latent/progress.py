@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from svfl_models.latent.module import LatentModule, columns
-from svfl_models.progress import MetricsFile
+from svfl_models.progress import Bar, MetricsFile
 
 Row = dict[str, float]
 
@@ -43,7 +43,7 @@ def steps_of(module: pl.LightningModule) -> int:
     return module.steps
 
 
-class StepsBar(pl.Callback):
+class StepsBar(Bar):
     """A progress bar on a terminal, a line per leg elsewhere.
 
     Args:
@@ -52,9 +52,10 @@ class StepsBar(pl.Callback):
     """
 
     def __init__(self, steps: int, console: Console) -> None:
-        self.steps, self.console = steps, console
         fields = (TextColumn("step"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
-        self.bar = Progress(*fields, TimeElapsedColumn(), TimeRemainingColumn(), console=console, transient=True)
+        bar = Progress(*fields, TimeElapsedColumn(), TimeRemainingColumn(), console=console, transient=True)
+        super().__init__(bar, console)
+        self.steps = steps
         self.task = self.bar.add_task("", total=steps)
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
@@ -76,15 +77,3 @@ class StepsBar(pl.Callback):
             self.bar.update(self.task, description=words)
         else:
             self.console.print(f"step {steps_of(pl_module)}/{self.steps}: {words}", highlight=False)
-
-    def on_fit_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Take the bar away."""
-        self._take_away()
-
-    def on_exception(self, trainer: pl.Trainer, pl_module: pl.LightningModule, exception: BaseException) -> None:
-        """Take the bar away, so that the message stands alone."""
-        self._take_away()
-
-    def _take_away(self) -> None:
-        if self.console.is_terminal:
-            self.bar.stop()

@@ -152,9 +152,10 @@ def test_an_evaluation_is_written_beside_the_checkpoint(checkpoint, capsys):
 
 
 def test_a_table_tries_what_is_trained(checkpoint):
-    run = table.Run(CloningConfig(**json.loads((checkpoint.parent / run_folder.CONFIG).read_text())), checkpoint.parent)
-    before = checkpoint.read_bytes()
-    assert run.outcome(2) is None
-    assert table.train_and_try(run, 2).endswith(" of 2")
-    assert len(run.outcome(2)["success"]) == 2
+    config = CloningConfig(**json.loads((checkpoint.parent / run_folder.CONFIG).read_text()))
+    run, before = table.Run(config, checkpoint.parent, trials=2), checkpoint.read_bytes()
+    assert run.words() is None
+    run()
+    assert run.words().endswith(" of 2")
+    assert len(run.outcome()["success"]) == 2
     assert checkpoint.read_bytes() == before
