@@ -1,14 +1,26 @@
-"""Files that are either whole or as they were before: written aside, synced to disk, and only then given their name."""
+"""Files that are either whole or as they were before: written aside, synced to disk, and only then given their name.
+
+What is written aside lies in the same folder, so in the same file system, as ``.NAME.*.part``, and is locked while its
+writer lives: the kernel drops the lock with the process, and that tells a leftover from a file that is being written.
+"""
 
 import errno
+import fcntl
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from svfl_data.errors import StorageError
+from svfl_data.errors import FormatError, StorageError
+from svfl_data.regular_file import open_regular
+
+PARTS = ".*.part"
+"""Names of what is written aside."""
+NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
+"""What a file system without locks answers."""
 
 
 def write_atomically(path: Path, content: bytes, replace: bool = True) -> None:
@@ -40,27 +52,98 @@ def written_aside(path: Path, size: int | None = None, replace: bool = True) -> 
         StorageError: If the disk is full, read-only or otherwise refuses, in the block, too, or the file exists and
             must not be replaced; nothing is left behind.
     """
-    aside = None
+    with named_aside(path, size, replace) as part, part.open("r+b") as file:
+        yield file
+
+
+@contextmanager
+def named_aside(path: Path, size: int | None = None, replace: bool = True) -> Iterator[Path]:
+    """As `written_aside`, for those who write to a file by its name: an empty file, which they must not replace.
+
+    Raises:
+        StorageError: As `written_aside`.
+    """
+    part = None
     try:
-        handle, aside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-        with os.fdopen(handle, "wb") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(aside, 0o644)
-        if replace:
-            os.replace(aside, path)
-        else:
-            name_unless_taken(Path(aside), path)
+        if path.exists() and not path.is_file():
+            raise FileExistsError(errno.EEXIST, "it is no ordinary file")
+        descriptor, part = _locked_part(path)
+        try:
+            yield part
+            os.fsync(descriptor)
+            os.fchmod(descriptor, 0o644)
+            if replace:
+                os.replace(part, path)
+            else:
+                name_unless_taken(part, path)
+        finally:
+            os.close(descriptor)
         sync_folder(path.parent)
     except OSError as error:
         bytes_ = "" if size is None else f" ({size} bytes)"
         raise StorageError(
-            f"cannot write {path}{bytes_}: {error.strerror}; everything written before is intact"
+            f"cannot write {path}{bytes_}: {error.strerror or error}; everything written before is intact"
         ) from error
     finally:
-        if aside:
-            Path(aside).unlink(missing_ok=True)  # renamed, or cleared away by who took it for that of a killed process
+        if part:
+            part.unlink(missing_ok=True)
+
+
+def _locked_part(path: Path) -> tuple[int, Path]:
+    """A new empty file beside another, locked: its descriptor and its name."""
+    while True:
+        descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+        try:
+            mark_alive(descriptor)
+        except OSError:
+            os.close(descriptor)
+            os.unlink(name)
+            raise
+        if os.fstat(descriptor).st_nlink:
+            return descriptor, Path(name)
+        os.close(descriptor)  # `clear_leftovers` came between creation and lock and took it for a leftover
+
+
+def mark_alive(descriptor: int) -> None:
+    """Lock an open file or folder, so that `clear_leftovers` leaves it alone as long as this process lives.
+
+    Does nothing where the file system has no locks; nothing is ever cleared there.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    except OSError as error:
+        if error.errno not in NO_LOCKS:
+            raise
+
+
+def clear_leftovers(folder: Path, pattern: str = PARTS) -> list[Path]:
+    """Remove what killed processes were writing aside in a folder; what living ones are writing stays.
+
+    Args:
+        folder: Where to look; not in folders inside it.
+        pattern: Of the names. Files and folders are removed if nobody holds their lock (`mark_alive`).
+
+    Returns:
+        What was removed.
+    """
+    return [path for path in sorted(folder.glob(pattern)) if _cleared(path)]
+
+
+def _cleared(path: Path) -> bool:
+    kind = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+    try:
+        whole = path.is_dir() and not path.is_symlink()
+        descriptor = os.open(path, kind) if whole else open_regular(path, os.O_RDWR)
+    except (OSError, FormatError):  # gone meanwhile, another user's, or nothing that was written aside
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        shutil.rmtree(path) if whole else path.unlink()
+    except OSError:  # its writer lives, or has just given it its name
+        return False
+    finally:
+        os.close(descriptor)
+    return True
 
 
 def name_unless_taken(file: Path, path: Path) -> None:
