@@ -1,4 +1,4 @@
-"""Runs an exported network on one episode, with neither svfl_models nor escnn: a model for your own program.
+"""Runs an exported network on one episode, without escnn and without what built it: a model for your own program.
 
 .venv/bin/python docs/run_exported.py out/centering/classifier.onnx --data data/centering --episode 3
 """
@@ -18,17 +18,22 @@ Network = Callable[[dict[str, np.ndarray]], np.ndarray]
 
 
 def load_program(path: Path) -> tuple[Network, dict[str, Any]]:
-    """A ``.pt2`` file, with nothing but torch."""
+    """A ``.pt2`` file, with torch and the one module of svfl_models that reads such files.
+
+    A file of your own can be opened by ``torch.export.load``, too; one from elsewhere never, because that runs whatever
+    Python somebody has put into the file.
+    """
     import torch
 
-    texts = {FACTS: ""}
-    program = torch.export.load(path, extra_files=texts).module()
+    from svfl_models.program import read
+
+    program, facts = read(path, FACTS)
 
     def network(inputs: dict[str, np.ndarray]) -> np.ndarray:
         with torch.inference_mode():
-            return program({name: torch.from_numpy(values) for name, values in inputs.items()}).numpy()
+            return program(*map(torch.from_numpy, inputs.values()))[0].numpy()
 
-    return network, json.loads(texts[FACTS])
+    return network, json.loads(facts)
 
 
 def load_onnx(path: Path) -> tuple[Network, dict[str, Any]]:

@@ -26,6 +26,7 @@ from svfl_models.data import CROP
 from svfl_models.encoders import IMAGE_CHANNELS
 from svfl_models.latent_trunk import LatentTrunk
 from svfl_models.layers import SymmetricConv, SymmetricLinear
+from svfl_models.program import from_bytes
 from svfl_models.visual_force import Batch
 
 FACTS = "svfl_centering.json"
@@ -76,9 +77,9 @@ def _ordinary(layer: SymmetricConv) -> nn.Conv2d | nn.Linear:
 
 
 def save_program(classifier: CenteringClassifier, path: Path, view: str = "camera") -> float:
-    """Write a network as a ``torch.export`` program, which `torch.export.load` opens.
+    """Write a network as a ``torch.export`` program, which `program.read` opens, and `torch.export.load`, too.
 
-    The program is called as the network is, with a dictionary of its inputs.
+    `program.Program` is called with the inputs in their order; PyTorch's own takes a dictionary of them.
 
     Args:
         classifier: The network.
@@ -95,7 +96,13 @@ def save_program(classifier: CenteringClassifier, path: Path, view: str = "camer
     buffer = io.BytesIO()
     torch.export.save(_program(classifier), buffer, extra_files={FACTS: json.dumps(facts(classifier, view), indent=2)})
     content = buffer.getvalue()
-    difference = _tried(classifier, torch.export.load(io.BytesIO(content)).module(), path)
+    program, _ = from_bytes(content, FACTS)
+
+    def run(batch: Batch) -> Tensor:
+        (output,) = program(*batch.values())
+        return output
+
+    difference = _tried(classifier, run, path)
     write_atomically(path, content)
     return difference
 

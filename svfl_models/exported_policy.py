@@ -8,29 +8,35 @@ The program takes what a policy sees at one step and gives what it does:
 - ``proprio`` (1, 5) float32: gripper opening 0..1, TCP x, y, z [m], yaw [rad], base;
 - out: (1, 5), gripper opening 0..1, dx, dy, dz [m], dtheta [rad], base axes.
 
-Cropping, normalisation and the change to image axes are part of the program.
+Cropping, normalisation and the change to image axes are part of the program. A file is never unpickled (`program`).
 """
 
+import io
 import json
-import logging
 from pathlib import Path
-from typing import Any, Protocol
-from zipfile import is_zipfile
+from typing import Annotated, Any, Protocol
 
+import msgspec
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
-from torch.export import ExportedProgram
-from torch.export.passes import move_to_device_pass
 
+from svfl_data.atomically import write_atomically
 from svfl_data.errors import FormatError, TrainingError
 from svfl_data.windows import WINDOW
+from svfl_models.program import Program, from_bytes, read
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
 FACTS = "svfl_policy.json"
 """Name, inside the file, of what the program does not say itself."""
 ACTION = (1, 5)
+
+
+class Facts(msgspec.Struct):
+    """Content of `FACTS`."""
+
+    depth_scale: Annotated[float, msgspec.Meta(gt=0)]
 
 
 class Frame(Protocol):
@@ -71,7 +77,20 @@ def save(network: nn.Module, file: Path, image_size: tuple[int, int], depth_scal
         depth_scale: Metres per unit of the depth that the cameras give.
 
     Raises:
-        TrainingError: If the network does not take or give these shapes.
+        TrainingError: If the network does not take or give these shapes, does what a policy's file may not say
+            (`operators`), or has weights that are not finite.
+        StorageError: If the disk refuses; a file that was there before is untouched.
+    """
+    content = exported(network, image_size, depth_scale)
+    opened(content, str(file))
+    write_atomically(Path(file), content)
+
+
+def exported(network: nn.Module, image_size: tuple[int, int], depth_scale: float = 1e-4) -> bytes:
+    """What `save` writes.
+
+    Raises:
+        TrainingError: As `save`, but for what only `opened` finds out.
     """
     inputs = tuple(torch.zeros(shape) for shape in _shapes(image_size))
     try:
@@ -83,7 +102,18 @@ def save(network: nn.Module, file: Path, image_size: tuple[int, int], depth_scal
         raise TrainingError(f"the network gives {_words(action)}, an action is {ACTION}")
     with torch.no_grad():
         program = torch.export.export(network, inputs)
-    torch.export.save(program, file, extra_files={FACTS: json.dumps({"depth_scale": depth_scale})})
+    buffer = io.BytesIO()
+    torch.export.save(program, buffer, extra_files={FACTS: json.dumps({"depth_scale": depth_scale})})
+    return buffer.getvalue()
+
+
+def opened(content: bytes, name: str) -> "ExportedPolicy":
+    """A policy from what `exported` gave.
+
+    Raises:
+        TrainingError: If it is none that could be loaded again.
+    """
+    return ExportedPolicy(*from_bytes(content, FACTS), name)
 
 
 def load(file: Path) -> "ExportedPolicy":
@@ -92,40 +122,29 @@ def load(file: Path) -> "ExportedPolicy":
     Raises:
         FormatError: If the file is missing, damaged, or not a policy.
     """
-    file = Path(file)
-    if not file.is_file():
-        raise FormatError(f"{file}: no such file")
-    if not is_zipfile(file):
-        raise FormatError(f"{file}: not an exported program (or one that is cut off)")
-    facts = {FACTS: ""}
-    log = logging.getLogger("torch.export")
-    log.disabled = True  # it would log the traceback of what is said in one line below
-    try:
-        program = torch.export.load(file, extra_files=facts)
-        depth_scale = float(json.loads(facts[FACTS])["depth_scale"])
-    except Exception as error:  # torch raises nearly anything
-        raise FormatError(f"{file}: not a policy made by svfl_models.exported_policy.save: {_line(error)}") from error
-    finally:
-        log.disabled = False
-    return ExportedPolicy(program, depth_scale, str(file))
+    return ExportedPolicy(*read(file, FACTS), str(file))
 
 
 class ExportedPolicy:
-    """A policy: called with an observation, it gives an action (5,), float32."""
+    """A policy: called with an observation, it gives an action (5,), float32.
 
-    def __init__(self, program: ExportedProgram, depth_scale: float, name: str) -> None:
+    Attributes:
+        size: Height and width of the images that it takes, [px].
+        program: What runs, on `DEVICE`.
+    """
+
+    def __init__(self, program: Program, facts: str, name: str) -> None:
         """Check what the program takes and gives, and bring it to the device.
 
         Args:
             program: The program.
-            depth_scale: Metres per unit of depth.
+            facts: `Facts` as JSON.
             name: What to call it in messages.
 
         Raises:
-            FormatError: If its inputs or outputs are other ones.
+            FormatError: If its inputs, outputs or facts are other ones.
         """
-        inputs = _signature(program, program.graph_signature.user_inputs)
-        outputs = _signature(program, program.graph_signature.user_outputs)
+        inputs, outputs = program.inputs, program.outputs
         image = inputs[0] if inputs else ()
         self.size = (image[2], image[3]) if len(image) == 4 else (0, 0)
         if inputs != _shapes(self.size) or outputs != [ACTION]:
@@ -133,8 +152,12 @@ class ExportedPolicy:
                 f"{name}: takes {_list(inputs)} and gives {_list(outputs)}, but a policy takes image (1, 4, H, W), "
                 f"wrench (1, {WINDOW}, 6), proprio (1, 5) and gives an action {ACTION}"
             )
-        self._run = move_to_device_pass(program, str(DEVICE)).module()
-        self._depth_scale, self._name = np.float32(depth_scale), name
+        try:
+            scale = msgspec.json.decode(facts, type=Facts).depth_scale
+        except ValueError as error:
+            raise FormatError(f"{name}: {FACTS} in it is not what a policy's says: {error}") from error
+        self.program = program.to(DEVICE)
+        self._depth_scale, self._name = np.float32(scale), name
 
     @torch.inference_mode()
     def __call__(self, seen: Seen) -> NDArray[np.float32]:
@@ -153,7 +176,7 @@ class ExportedPolicy:
         image[:3] = frame.color.transpose(2, 0, 1) / np.float32(255)
         image[3] = frame.depth * self._depth_scale
         inputs = (torch.from_numpy(np.array(part)[None]).to(DEVICE) for part in (image, seen.wrench, seen.proprio))
-        action: NDArray[np.float32] = self._run(*inputs)[0].float().cpu().numpy()
+        action: NDArray[np.float32] = self.program(*inputs)[0][0].float().cpu().numpy()
         if not np.isfinite(action).all():
             raise TrainingError(f"{self._name}: the policy's action is not finite: {action.tolist()}")
         return action
@@ -161,12 +184,6 @@ class ExportedPolicy:
 
 def _shapes(image_size: tuple[int, int]) -> list[tuple[int, ...]]:
     return [(1, 4, *image_size), (1, WINDOW, 6), ACTION]
-
-
-def _signature(program: ExportedProgram, names: Any) -> list[tuple[int, ...]]:  # noqa: ANN401 - torch's own
-    """Shapes of a program's inputs or outputs."""
-    values = {node.name: node.meta.get("val") for node in program.graph.nodes}
-    return [tuple(getattr(values.get(name), "shape", ())) for name in names]
 
 
 def _list(shapes: list[tuple[int, ...]]) -> str:

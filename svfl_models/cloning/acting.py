@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from svfl_data.atomically import write_atomically
 from svfl_data.errors import StorageError, TrainingError, UsageError
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.windows import WINDOW
@@ -17,8 +18,8 @@ from svfl_models.cloning.module import CloningModule
 from svfl_models.cloning.workplace import Workplace
 from svfl_models.data import centre_crop, crop_at, crop_side, scaled
 from svfl_models.export import TOLERANCE, plain
-from svfl_models.fitting import storage_errors
 from svfl_models.policy import Policy
+from svfl_models.program import from_bytes
 from svfl_models.squashed_gaussian import to_unit
 
 TRIALS = 8
@@ -98,9 +99,12 @@ def load(file: Path | str) -> exported_policy.ExportedPolicy:
         FormatError: If the file is not one.
     """
     module = load_policy(file)
-    with torch.no_grad():
-        program = torch.export.export(acting(module), _inputs(module, torch.zeros))
-    return exported_policy.ExportedPolicy(program, module.workplace.depth_scale, str(file))
+    return exported_policy.opened(_exported(module), str(file))
+
+
+def _exported(module: CloningModule) -> bytes:
+    side = module.workplace.image_side
+    return exported_policy.exported(acting(module), (side, side), module.workplace.depth_scale)
 
 
 def export(module: CloningModule, file: Path) -> float:
@@ -122,31 +126,25 @@ def export(module: CloningModule, file: Path) -> float:
         raise UsageError(f"{file}: cannot export a policy to {file.suffix or 'a file without suffix'}; possible: .pt2")
     if not file.parent.is_dir():
         raise StorageError(f"{file}: no such folder")
-    part, side = file.with_name(f".{file.stem}.part.pt2"), module.workplace.image_side
-    with storage_errors(file.parent):
-        try:
-            exported_policy.save(acting(module), part, (side, side), module.workplace.depth_scale)
-            worst = _difference(module, part)
-            if not worst < TOLERANCE:
-                raise TrainingError(f"{file}: not written, its actions differ from the network's by {worst:.1g}")
-            part.replace(file)
-        finally:
-            part.unlink(missing_ok=True)
+    content = _exported(module)
+    worst = _difference(module, content)
+    if not worst < TOLERANCE:
+        raise TrainingError(f"{file}: not written, its actions differ from the network's by {worst:.1g}")
+    write_atomically(file, content)
     return worst
 
 
 @torch.no_grad()
-def _difference(module: CloningModule, file: Path) -> float:
-    """How far the actions of a file are from its network's, component by component, in units of the bounds."""
-    network, program = (
-        ActingPolicy(module.policy, module.workplace, module.view).eval(),
-        torch.export.load(file).module(),
-    )
+def _difference(module: CloningModule, content: bytes) -> float:
+    """How far the actions of a program are from its network's, component by component, in units of the bounds."""
+    network = ActingPolicy(module.policy, module.workplace, module.view).eval()
+    program, _ = from_bytes(content, exported_policy.FACTS)
     generator = torch.Generator().manual_seed(0)
     worst = torch.zeros(())
     for _ in range(TRIALS):
         inputs = _inputs(module, lambda *shape: torch.rand(shape, generator=generator))
-        worst = torch.maximum(worst, (to_unit(program(*inputs)) - to_unit(network(*inputs))).abs().max())
+        (said,) = program(*inputs)
+        worst = torch.maximum(worst, (to_unit(said) - to_unit(network(*inputs))).abs().max())
     return float(worst)
 
 

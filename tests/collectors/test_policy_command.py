@@ -124,22 +124,32 @@ def test_files_that_are_no_policies_are_one_clear_line(lift, tmp_path):
     with pytest.raises(FormatError, match="not an exported program"):
         load(file)
     torch.save({"weights": torch.zeros(3)}, file)
-    with pytest.raises(FormatError, match="not a policy made by"):
+    with pytest.raises(FormatError, match="not an exported program"):
         load(file)
     inputs = (torch.zeros(1, 4, 16, 16), torch.zeros(1, 5))
     program = torch.export.export(Other(), inputs)
     torch.export.save(program, file)
-    with pytest.raises(FormatError, match="not a policy made by"):
+    with pytest.raises(FormatError, match="not an exported program"):
         load(file)
     torch.export.save(program, file, extra_files={"svfl_policy.json": '{"depth_scale": 1e-4}'})
     with pytest.raises(FormatError, match=r"takes \(1, 4, 16, 16\), \(1, 5\) and gives \(1, 5\), but a policy takes"):
         load(file)
 
 
+class Root(Lift):
+    """Has no action where it feels nothing."""
+
+    def forward(self, image, wrench, proprio):
+        return super().forward(image, wrench, proprio) + (wrench.square().sum() - 1).sqrt()
+
+
 def test_actions_that_are_no_numbers_and_other_cameras_are_errors(lift, tmp_path):
-    save(Lift(RAISED * np.nan), tmp_path / "nan.pt2", (16, 16))
+    save(Root(), tmp_path / "nan.pt2", (16, 16))
     with pytest.raises(TrainingError, match=r"action is not finite: .*nan"):
         load(tmp_path / "nan.pt2")(seen())
+    with pytest.raises(TrainingError, match="action has numbers that are not finite"):
+        save(Lift(RAISED * np.nan), tmp_path / "weights.pt2", (16, 16))
+    assert not (tmp_path / "weights.pt2").exists()
     with pytest.raises(TrainingError, match="was made for images of 16 x 16 px, the first camera gives 24 x 24"):
         load(lift)(seen(size=24))
 
