@@ -17,6 +17,7 @@ from svfl_data.episode import Meta
 from svfl_data.errors import DatasetError, StorageError
 from svfl_data.index import append_index
 from svfl_data.journal import SUFFIX
+from svfl_data.regular_file import open_regular
 from svfl_data.store import Rows, largest_size, write_sealed
 
 NEXT = -1
@@ -104,7 +105,7 @@ def _create(path: Path) -> int | None:
 def take_over(path: Path) -> int | None:
     """Lock the journal of a writer that is gone; None if the writer lives, or the journal is gone too."""
     try:
-        descriptor = os.open(path, os.O_RDWR)
+        descriptor = open_regular(path, os.O_RDWR)
     except FileNotFoundError:
         return None
     try:
@@ -135,13 +136,20 @@ def build(dataset: Dataset, meta: Meta, arrays: Mapping[str, Rows]) -> Path:
         part.unlink(missing_ok=True)
         if not isinstance(error, OSError):
             raise
-        free = os.statvfs(dataset.path)
         raise StorageError(
             f"cannot write episode {meta.index} to {dataset.path}: {error.strerror} (at most {largest_size(arrays)} "
-            f"bytes needed, {free.f_bavail * free.f_frsize} free); its readings are kept in {INFLIGHT}, make room and "
+            f"bytes needed, {_free_words(dataset.path)}); its readings are kept in {INFLIGHT}, make room and "
             "seal again or run svfl-data repair; everything written before is intact"
         ) from error
     return part
+
+
+def _free_words(folder: Path) -> str:
+    try:
+        free = os.statvfs(folder)
+    except OSError as error:  # a disk that is gone
+        return f"free space unknown: {error.strerror}"
+    return f"{free.f_bavail * free.f_frsize} free"
 
 
 def publish(part: Path, path: Path) -> None:

@@ -7,22 +7,21 @@ and running it twice changes nothing more.
 import filecmp
 import multiprocessing
 import os
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from svfl_data.atomically import write_atomically
 from svfl_data.claims import INFLIGHT, PART, build, claim, inflight, locked, publish, take_over
+from svfl_data.clocks import GAP
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Meta
-from svfl_data.errors import FormatError, SvflError
-from svfl_data.fields import CAMERA, FIELDS, camera_names, check_arrays
-from svfl_data.growth import grows
-from svfl_data.journal import SUFFIX, Journal, read_journal
+from svfl_data.errors import DatasetError, FieldError, FormatError, StorageError, SvflError
+from svfl_data.journal import SUFFIX, read_journal
+from svfl_data.printable import printable
+from svfl_data.regular_file import refuse_link
+from svfl_data.salvage import TOOL, Salvaged, salvage
 from svfl_data.seal import check_seal, has_seal
-from svfl_data.store import Rows, read_unsealed, resealed_bytes
+from svfl_data.store import read_unsealed, resealed_bytes
 
 DAMAGED = "damaged"
 READ_SECONDS = 60.0
@@ -67,6 +66,7 @@ def repair_dataset(path: Path | str, reseal: bool = False) -> list[RepairAction]
     """
     dataset = Dataset.open(path)
     actions: list[RepairAction] = []
+    refuse_link(dataset.path / INFLIGHT)
     if (dataset.path / INFLIGHT).is_dir():
         for journal in sorted((dataset.path / INFLIGHT).glob(f"*{SUFFIX}")):
             actions += _finish(dataset, journal)
@@ -84,65 +84,45 @@ def repair_exit_code(actions: list[RepairAction]) -> int:
 
 def _finish(dataset: Dataset, path: Path) -> list[RepairAction]:
     """Make an episode of a journal, if its writer is gone."""
-    descriptor = take_over(path)
+    try:
+        descriptor = take_over(path)
+    except (FormatError, OSError) as error:
+        return [_set_aside(dataset, path, _words(error, path))]
     if descriptor is None:
         return [RepairAction(path, "in use", "is being written")] if path.exists() else []
     try:
-        journal = read_journal(descriptor)
-        if journal.meta is None:
-            return [_set_aside(dataset, path, "not even its first record is intact")]
-        arrays = _salvage(journal)
-        try:
-            check_arrays({name: _shaped(array) for name, array in arrays.items()}, str(path))
-        except SvflError as error:
-            return [_set_aside(dataset, path, f"too little was recorded for an episode ({error})")]
-        action = _publish(dataset, _meta(journal, arrays), arrays)
-        path.unlink()
+        return [_finish_journal(dataset, path, descriptor)]
+    except StorageError:
+        raise
+    except Exception as error:  # whoever made it: one journal that cannot be used must not keep others from being saved
         path.with_suffix(PART).unlink(missing_ok=True)
-        return [action]
+        return [_set_aside(dataset, path, _words(error, path))]
     finally:
         os.close(descriptor)
 
 
-def _salvage(journal: Journal) -> dict[str, Rows]:
-    """The arrays; of an unfinished episode, each group is cut to the rows that all its streams have."""
-    if journal.end is not None:
-        return {**journal.constants, **journal.streams}
-    rows: dict[str, int] = {}
-    for path, stream in journal.streams.items():
-        group = path.rpartition("/")[0]
-        rows[group] = min(rows.get(group, stream.rows), stream.rows)
-    if "observations" in rows and "actions" in rows:
-        rows["actions"] = min(rows["actions"], rows["observations"] - 1)
-        rows["observations"] = rows["actions"] + 1
-    elif "observations" in rows:
-        rows["observations"] = 1
-    streams: dict[str, Rows] = {
-        path: stream.first(max(0, rows[path.rpartition("/")[0]])) for path, stream in journal.streams.items()
-    }
-    for field in FIELDS:  # what had not begun yet has no rows
-        if grows(field) and not field.optional and CAMERA not in field.path and field.path not in streams:
-            sizes = [size for size in field.shape[1:] if isinstance(size, int)]
-            streams[field.path] = np.zeros((0, *sizes), field.dtype)
-    frames = [f"cameras/{camera}/" for camera in camera_names(streams)]
-    for path, array in journal.constants.items():
-        if not path.startswith("cameras/") or path.startswith(tuple(frames)):
-            streams[path] = array
-    return streams
+def _finish_journal(dataset: Dataset, path: Path, descriptor: int) -> RepairAction:
+    journal = read_journal(descriptor)
+    try:
+        saved = salvage(journal, str(path))
+    except FieldError as error:
+        raise FieldError(f"too little was recorded for an episode, or what no episode may hold ({error})") from error
+    if saved.meta.task != dataset.info["task"]:
+        raise DatasetError(f"is of task {saved.meta.task!r}, not of {dataset.info['task']!r} as the dataset")
+    if path.name != f"episode_{saved.meta.index:06d}{SUFFIX}":
+        raise DatasetError(f"says that it is of episode {saved.meta.index}")
+    action = _publish(dataset, saved)
+    if journal.damaged_inside:
+        aside = _set_aside(dataset, path, "kept")
+        action = replace(action, detail=f"{action.detail}; the damaged journal is kept as {aside.path}")
+    path.unlink(missing_ok=True)
+    path.with_suffix(PART).unlink(missing_ok=True)
+    return action
 
 
-def _meta(journal: Journal, arrays: Mapping[str, Rows]) -> Meta:
-    if journal.end is not None:
-        return Meta(**journal.end)
-    meta = Meta(**(journal.meta or {}))
-    rows = {path: array.shape[0] for path, array in arrays.items() if path in journal.streams}
-    entry = {"tool": "repair", "salvaged": True, "rows": rows, "damaged_bytes": journal.size - journal.intact}
-    return replace(meta, success=False, history=[*meta.history, entry])
-
-
-def _publish(dataset: Dataset, meta: Meta, arrays: Mapping[str, Rows]) -> RepairAction:
+def _publish(dataset: Dataset, saved: Salvaged) -> RepairAction:
+    meta, arrays = saved.meta, saved.arrays
     path = dataset.episode_path(meta.index)
-    salvaged = any(entry.get("salvaged") for entry in meta.history)
     part = build(dataset, meta, arrays)
     try:
         check_seal(part)
@@ -150,18 +130,30 @@ def _publish(dataset: Dataset, meta: Meta, arrays: Mapping[str, Rows]) -> Repair
     except FileExistsError:
         if filecmp.cmp(part, path, shallow=False):
             part.unlink()
-            return RepairAction(path, "cleared", "had been published already", saved=True, lost=salvaged)
+            return RepairAction(path, "cleared", "had been published already", saved=True, lost=not saved.whole)
         part.unlink()
         index, descriptor, journal = claim(dataset)  # the index went to another episode: take the next one
         try:
-            return _publish(dataset, replace(meta, index=index), arrays)
+            return _publish(dataset, replace(saved, meta=replace(meta, index=index)))
         finally:
             journal.unlink()
             os.close(descriptor)
     steps = arrays["actions/action"].shape[0]
-    if salvaged:
-        return RepairAction(path, "salvaged", f"{steps} steps up to the writer's last flush", saved=True, lost=True)
+    if not saved.whole:
+        return RepairAction(path, "salvaged", _salvaged_words(steps, meta), saved=True, lost=True)
     return RepairAction(path, "published", f"all {steps} steps", saved=True)
+
+
+def _salvaged_words(steps: int, meta: Meta) -> str:
+    gaps = [one for one in meta.annotations if one["name"] == GAP and one.get("by", {}).get("tool") == TOOL]
+    where = ", ".join(sorted({printable(one["stream"]) for one in gaps}))
+    return f"{steps} steps up to the writer's last flush" + (f", with {len(gaps)} gaps in {where}" if gaps else "")
+
+
+def _words(error: Exception, path: Path) -> str:
+    """Why a journal cannot be used, in a line."""
+    words = str(error) if isinstance(error, SvflError) else f"not a readable journal ({error!r})"
+    return printable(words.replace(f"{path}: ", ""), 500)
 
 
 def _check_file(dataset: Dataset, index: int, path: Path, reseal: bool) -> list[RepairAction]:
@@ -202,14 +194,10 @@ def _read(path: Path) -> None:
 def _set_aside(dataset: Dataset, path: Path, why: str) -> RepairAction:
     """Move a file to ``damaged/``, never over another one."""
     folder = dataset.path / DAMAGED
+    refuse_link(folder)
     with locked(inflight(dataset.path)):
         folder.mkdir(exist_ok=True)
         copies = [path.name, *(f"{path.stem}.{number}{path.suffix}" for number in range(1, 10_000))]
-        target = next(folder / name for name in copies if not (folder / name).exists())
+        target = next(folder / name for name in copies if not os.path.lexists(folder / name))
         os.rename(path, target)
     return RepairAction(target, "quarantined", f"{path.name}: {why}", lost=True)
-
-
-def _shaped(array: Rows) -> np.ndarray:
-    """Stands for an array where only dtype and shape matter."""
-    return array if isinstance(array, np.ndarray) else np.broadcast_to(np.zeros((), array.dtype), array.shape)

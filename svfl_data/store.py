@@ -3,7 +3,7 @@
 A file is built in memory, or in a file beside it where it may be large, then synced and given its name. Writing HDF5
 straight to a full disk makes the HDF5 library crash the whole process, and a killed writer leaves a file that cannot be
 opened; this way an episode is either whole or absent. Equal episodes give equal bytes, whichever way they were written:
-HDF5's object times are not stored, and arrays are always handed over in the same blocks.
+HDF5's object times are not stored, and chunks are encoded by their content only (`svfl_data.chunk_encoding`).
 
 Behind the HDF5 content stands a seal, a SHA-256 of all bytes before it. HDF5 readers ignore it; ours checks it before
 HDF5 sees a byte, because damaged metadata can be read as if nothing had happened, or keep the library busy for ever.
@@ -12,8 +12,9 @@ HDF5 sees a byte, because damaged metadata can be read as if nothing had happene
 import io
 import json
 import os
-from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
@@ -21,6 +22,7 @@ import h5py
 import numpy as np
 
 from svfl_data.atomically import write_atomically
+from svfl_data.chunk_encoding import LEVEL, Encoding
 from svfl_data.episode import Episode, Meta, canonical_json
 from svfl_data.errors import FieldError, FormatError, SvflError
 from svfl_data.fields import EXTRA, field_at
@@ -32,10 +34,10 @@ FORMAT = "svfl-episode"
 FORMAT_VERSION = "1.0"
 """Major.minor: readers accept every minor of their own major, since a minor version only adds optional fields."""
 
-GZIP_LEVEL = 1  # readable everywhere; higher levels cost more time than they save bytes on rendered images
 STREAM_CHUNK = 1024  # rows per chunk of a stream
 CHUNK_BYTES = 2**20  # and no more than this, unless one row is larger
-BLOCK_BYTES = 2**20  # handed to HDF5 at once
+BLOCK_BYTES = 2**20  # encoded by a thread at once
+THREADS = 4  # of an episode that is sealed, at most; more would wait for HDF5 and the disk
 PLAIN_ATTRIBUTES = {"task": str, "index": int, "seed": int, "source": str, "success": bool}
 TEXT = h5py.h5t.py_create(h5py.string_dtype(), logical=True)
 SCALAR = h5py.h5s.create(h5py.h5s.SCALAR)
@@ -61,13 +63,13 @@ class Rows(Protocol):
 def episode_bytes(episode: Episode) -> bytes:
     """The episode as the content of a sealed HDF5 file; equal episodes give equal bytes."""
     buffer = io.BytesIO()
-    _write_hdf5(buffer, episode.meta, episode.arrays)
+    _write_hdf5(buffer, episode.meta, episode.arrays, None)
     content = buffer.getvalue()
     return content + seal(content)
 
 
 def write_sealed(descriptor: int, meta: Meta, arrays: Mapping[str, Rows]) -> None:
-    """Write a sealed episode of any length into a new file and sync it; memory holds a block at a time.
+    """Write a sealed episode of any length into a new file and sync it, with a few cores; memory holds a few blocks.
 
     The bytes are those of `episode_bytes` for the same content. What is written is read again for the seal.
 
@@ -80,9 +82,10 @@ def write_sealed(descriptor: int, meta: Meta, arrays: Mapping[str, Rows]) -> Non
         OSError: If the disk refuses; the file then holds nothing of use.
     """
     sink = Sink(descriptor)
-    with ThreadPoolExecutor(1) as thread:  # Ctrl-C interrupts the main thread, never HDF5 while it calls the sink
+    encoders = ThreadPoolExecutor(min(THREADS, len(os.sched_getaffinity(0))), "encode")
+    with encoders, ThreadPoolExecutor(1) as thread:  # Ctrl-C interrupts the main thread, never HDF5 in its own
         try:
-            thread.submit(_write_hdf5, sink, meta, arrays).result()
+            thread.submit(_write_hdf5, sink, meta, arrays, encoders).result()
         except BaseException as error:
             sink.error = sink.error or error
     if sink.error is not None:
@@ -102,7 +105,9 @@ def _bytes(array: Rows) -> int:
     return int(np.prod(array.shape, dtype=np.int64)) * array.dtype.itemsize
 
 
-def _write_hdf5(target: BinaryIO | Sink, meta: Meta, arrays: Mapping[str, Rows]) -> None:
+def _write_hdf5(
+    target: BinaryIO | Sink, meta: Meta, arrays: Mapping[str, Rows], encoders: ThreadPoolExecutor | None
+) -> None:
     with h5py.File(target, "w") as file:
         _write_text(file, "format", FORMAT)
         _write_text(file, "format_version", FORMAT_VERSION)
@@ -111,19 +116,23 @@ def _write_hdf5(target: BinaryIO | Sink, meta: Meta, arrays: Mapping[str, Rows])
         for key in JSON_ATTRIBUTES:
             _write_text(file, key, canonical_json(getattr(meta, key)))
         for path in sorted(arrays):
-            _write_array(file, path, arrays[path], target)
+            _write_array(file, path, arrays[path], target, encoders)
 
 
-def _write_array(file: h5py.File, path: str, array: Rows, target: BinaryIO | Sink) -> None:
+def _write_array(
+    file: h5py.File, path: str, array: Rows, target: BinaryIO | Sink, encoders: ThreadPoolExecutor | None
+) -> None:
     if array.shape and _bytes(array):
-        rows = _chunk_rows(path, array)
+        encoding = Encoding(array.dtype, (_chunk_rows(path, array), *array.shape[1:]))
         dataset = file.create_dataset(
-            path, shape=array.shape, dtype=array.dtype, chunks=(rows, *array.shape[1:]), compression="gzip",
-            compression_opts=GZIP_LEVEL, shuffle=array.dtype.itemsize > 1, fletcher32=True,
+            path, shape=array.shape, dtype=array.dtype, chunks=encoding.chunk, compression="gzip",
+            compression_opts=LEVEL, shuffle=encoding.shuffled,
         )  # fmt: skip
-        block = max(1, BLOCK_BYTES * array.shape[0] // _bytes(array) // rows) * rows
-        for start in range(0, array.shape[0], block):
-            dataset[start : start + block] = array[start : start + block]
+        row, none = 0, (0,) * len(array.shape[1:])
+        for block in _encoded(array, encoding, encoders):
+            for content in block:
+                dataset.id.write_direct_chunk((row, *none), content)
+                row += encoding.chunk[0]
             if isinstance(target, Sink) and target.error:
                 raise target.error
     else:
@@ -135,6 +144,26 @@ def _write_array(file: h5py.File, path: str, array: Rows, target: BinaryIO | Sin
         _write_text(dataset, "doc", field.doc)
         if field.components:
             _write_text(dataset, "components", ",".join(field.components))
+
+
+def _encoded(array: Rows, encoding: Encoding, encoders: ThreadPoolExecutor | None) -> Iterator[list[bytes]]:
+    """The chunks of an array in order, a block of them at a time; a few blocks are being encoded meanwhile."""
+    rows, chunk = array.shape[0], encoding.chunk[0]
+    step = max(1, BLOCK_BYTES * rows // _bytes(array) // chunk) * chunk
+
+    def encode(start: int) -> list[bytes]:
+        return encoding.encode(array[start : start + step])
+
+    if encoders is None or rows <= step:
+        yield from map(encode, range(0, rows, step))
+        return
+    ahead: deque[Future[list[bytes]]] = deque()
+    for start in range(0, rows, step):
+        ahead.append(encoders.submit(encode, start))
+        if len(ahead) > 2 * THREADS:
+            yield ahead.popleft().result()
+    while ahead:
+        yield ahead.popleft().result()
 
 
 def _write_text(owner: h5py.File | h5py.Dataset, name: str, text: str) -> None:
