@@ -77,7 +77,7 @@ def test_recorded_in_pieces_equals_written_at_once_to_the_byte(
         path: array for path, array in episode_arrays(rng, steps, size).items() if not without & set(path.split("/"))
     }
     arrays |= {f"extra/{n}": rng.random((rows, 5)) for n, rows in (("tactile/left", steps), ("empty/none", 0))}
-    meta = replace(make_episode().meta, config={"note": text}, annotations=[{"name": text}])
+    meta = replace(make_episode().meta, config={"note": text}, annotations=[{"name": text, "start_ns": 0, "end_ns": 1}])
     with EpisodeWriter(dataset, replace(meta, index=NEXT), constants_of(arrays)) as writer:
         append_all(writer, arrays, pieces, rng)
         path = writer.seal()
