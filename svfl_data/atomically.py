@@ -2,13 +2,13 @@
 
 import errno
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
 from svfl_data.errors import StorageError
+from svfl_data.leftovers import file_aside
 
 
 def write_atomically(path: Path, content: bytes, replace: bool = True) -> None:
@@ -42,16 +42,16 @@ def written_aside(path: Path, size: int | None = None, replace: bool = True) -> 
     """
     aside = None
     try:
-        handle, aside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-        with os.fdopen(handle, "wb") as file:
+        handle, aside = file_aside(path)
+        with os.fdopen(handle, "wb") as file:  # locked until it has its name: nobody takes it for a leftover
             yield file
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(aside, 0o644)
-        if replace:
-            os.replace(aside, path)
-        else:
-            name_unless_taken(Path(aside), path)
+            os.chmod(aside, 0o644)
+            if replace:
+                os.replace(aside, path)
+            else:
+                name_unless_taken(aside, path)
         sync_folder(path.parent)
     except OSError as error:
         bytes_ = "" if size is None else f" ({size} bytes)"
@@ -60,7 +60,7 @@ def written_aside(path: Path, size: int | None = None, replace: bool = True) -> 
         ) from error
     finally:
         if aside:
-            Path(aside).unlink(missing_ok=True)  # renamed, or cleared away by who took it for that of a killed process
+            aside.unlink(missing_ok=True)
 
 
 def name_unless_taken(file: Path, path: Path) -> None:

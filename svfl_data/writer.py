@@ -1,6 +1,5 @@
 """Recording an episode of any length: memory stays flat, and whatever ends the recording costs half a second of it."""
 
-import json
 import threading
 import time
 from collections.abc import Collection, Iterable, Mapping
@@ -11,14 +10,15 @@ from typing import Any, Self
 
 import numpy as np
 
-from svfl_data.agreement import agree
+from svfl_data.agreement import Agreement
 from svfl_data.claims import build, claim, publish
 from svfl_data.dataset import Dataset
-from svfl_data.episode import Meta, canonical_json
+from svfl_data.episode import Meta
 from svfl_data.errors import DatasetError, FieldError, StorageError, UsageError
 from svfl_data.fields import EXTRA
 from svfl_data.growth import Growth, check_constants
 from svfl_data.journal import JournalWriter, read_journal
+from svfl_data.metadata import checked_meta
 from svfl_data.store import Rows
 
 FLUSH_BYTES = 2**23
@@ -68,30 +68,23 @@ class EpisodeWriter:
     ) -> None:
         self._dataset = dataset if isinstance(dataset, Dataset) else Dataset.open(dataset)
         self._lock = threading.RLock()
-        self._varies = frozenset(varies)
         self._flush_s, self._sync_s = flush_s, sync_s
         self._constants = {path: np.asarray(array) for path, array in constants.items()}
         self._growth = Growth(self._constants)
         self._state: tuple[dict[str, int], list[dict[str, np.ndarray]]] = {}, []  # rows stored, appends waiting
         self._waiting_bytes = 0
-        if rates_hz:
-            meta = replace(meta, config={**meta.config, "rates_hz": dict(rates_hz)})
-        self._check_meta(meta)
+        declared = {"rates_hz": dict(rates_hz or {}), "varies": sorted(varies)}
+        config = {**meta.config, **{key: value for key, value in declared.items() if value}}
+        meta = self._checked(replace(meta, config=config))
         check_constants(self._constants)
-        self._agree(
-            {f"rates_hz/{group}": rate for group, rate in (rates_hz or {}).items()}
-            | {
-                path: array.tolist()
-                for path, array in self._constants.items()
-                if path.startswith("cameras/") or path == "workspace"
-            }
-        )
         index, descriptor, journal = claim(self._dataset, meta.index)
         self.meta = replace(meta, index=index)
         self._journal = JournalWriter(descriptor, journal)
+        self._agreement: Agreement | None = None
         self._closed = False
         self._flushed = self._synced = time.monotonic()
         try:
+            self._agreement = Agreement(self._dataset, journal, self.meta, self._constants)
             self._journal.append({"meta": asdict(self.meta)})
             self._append_constants(self._constants)
         except BaseException:
@@ -118,8 +111,8 @@ class EpisodeWriter:
             raise FieldError(f"{group}: no rows were given")
         with self._lock:
             if self._growth.check(group, arrays):
-                if not group.startswith(EXTRA):
-                    self._agree({path: [str(rows.dtype), list(rows.shape[1:])] for path, rows in arrays.items()})
+                if self._agreement and not group.startswith(EXTRA):
+                    self._agreement.extend(arrays)
                 self._growth.begin(group, arrays)
             self._waiting_bytes += sum(rows.nbytes for rows in arrays.values())
             self._state[1].append({path: rows.copy() for path, rows in arrays.items()})
@@ -183,9 +176,11 @@ class EpisodeWriter:
             success=self.meta.success if success is None else bool(success),
             annotations=[*self.meta.annotations, *annotations],
         )
-        self._check_meta(meta)
+        meta = self._checked(meta)
         self.flush()
         self._growth.check_whole(self._state[0], late, f"episode {meta.index}")
+        if self._agreement:
+            self._agreement.confirm(late)
         self._append_constants(late)
         self._journal.append({"end": asdict(meta)})
         path = self._dataset.episode_path(meta.index)
@@ -202,8 +197,13 @@ class EpisodeWriter:
         """End the episode and throw away what was recorded; does nothing after `seal`."""
         if not self._closed:
             self._journal.path.unlink(missing_ok=True)
-            self._journal.close()
-            self._closed = True
+            self._end()
+
+    def _end(self) -> None:
+        self._journal.close()
+        self._closed = True
+        if self._agreement:
+            self._agreement.leave()
 
     def __enter__(self) -> Self:
         return self
@@ -216,8 +216,7 @@ class EpisodeWriter:
         try:
             self.flush()
         finally:
-            self._journal.close()
-            self._closed = True
+            self._end()
 
     def __repr__(self) -> str:
         rows = ", ".join(f"{path} {count}" for path, count in self._state[0].items())
@@ -234,22 +233,10 @@ class EpisodeWriter:
             label = {"path": path, "dtype": array.dtype.str, "shape": array.shape, "constant": True}
             self._journal.append(label, array.tobytes())
 
-    def _agree(self, facts: Mapping[str, Any]) -> None:
-        same = {name: value for name, value in facts.items() if not self._may_vary(name.removeprefix("rates_hz/"))}
-        agree(self._dataset.path, same)
-
-    def _may_vary(self, path: str) -> bool:
-        return path in self._varies or path.rpartition("/")[0] in self._varies
-
-    def _check_meta(self, meta: Meta) -> None:
-        if meta.task != self._dataset.info["task"]:
+    def _checked(self, meta: Meta) -> Meta:
+        if meta.task not in str(self._dataset.info["task"]).split("+"):
             raise DatasetError(f"{self._dataset.path} is of task {self._dataset.info['task']!r}, not {meta.task!r}")
-        try:
-            stored = json.loads(canonical_json(asdict(meta)))
-        except (TypeError, ValueError) as error:
-            raise FieldError(f"metadata of episode {meta.index} cannot be stored as JSON ({error})") from error
-        if type(stored["index"]) is not int or type(stored["seed"]) is not int or type(stored["success"]) is not bool:
-            raise FieldError("metadata: index and seed must be integers, success must be true or false")
+        return checked_meta(meta)
 
     def _check_open(self) -> None:
         if self._closed:

@@ -102,7 +102,7 @@ def test_labels_success_and_annotations_may_come_at_the_end(dataset):
     episode = make_episode()
     late = {path: array for path, array in episode.arrays.items() if path.startswith("labels/")}
     early = {path: array for path, array in constants_of(episode.arrays).items() if path not in late}
-    contact = {"name": "contact", "start_ns": 5, "stop_ns": 9}
+    contact = {"name": "contact", "start_ns": 5, "end_ns": 9}
     with EpisodeWriter(dataset, replace(episode.meta, success=False), early, rates_hz=RATES) as writer:
         append_all(writer, episode.arrays)
         path = writer.seal(success=True, annotations=[contact], constants=late)
