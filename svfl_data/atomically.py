@@ -5,22 +5,14 @@ writer lives: the kernel drops the lock with the process, and that tells a lefto
 """
 
 import errno
-import fcntl
 import os
-import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from svfl_data.errors import FormatError, StorageError
-from svfl_data.regular_file import open_regular
-
-PARTS = ".*.part"
-"""Names of what is written aside."""
-NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
-"""What a file system without locks answers."""
+from svfl_data.errors import StorageError
+from svfl_data.leftovers import file_aside
 
 
 def write_atomically(path: Path, content: bytes, replace: bool = True) -> None:
@@ -67,8 +59,8 @@ def named_aside(path: Path, size: int | None = None, replace: bool = True) -> It
     try:
         if path.exists() and not path.is_file():
             raise FileExistsError(errno.EEXIST, "it is no ordinary file")
-        descriptor, part = _locked_part(path)
-        try:
+        descriptor, part = file_aside(path)
+        try:  # locked until it has its name: nobody takes it for a leftover
             yield part
             os.fsync(descriptor)
             os.fchmod(descriptor, 0o644)
@@ -87,63 +79,6 @@ def named_aside(path: Path, size: int | None = None, replace: bool = True) -> It
     finally:
         if part:
             part.unlink(missing_ok=True)
-
-
-def _locked_part(path: Path) -> tuple[int, Path]:
-    """A new empty file beside another, locked: its descriptor and its name."""
-    while True:
-        descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-        try:
-            mark_alive(descriptor)
-        except OSError:
-            os.close(descriptor)
-            os.unlink(name)
-            raise
-        if os.fstat(descriptor).st_nlink:
-            return descriptor, Path(name)
-        os.close(descriptor)  # `clear_leftovers` came between creation and lock and took it for a leftover
-
-
-def mark_alive(descriptor: int) -> None:
-    """Lock an open file or folder, so that `clear_leftovers` leaves it alone as long as this process lives.
-
-    Does nothing where the file system has no locks; nothing is ever cleared there.
-    """
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-    except OSError as error:
-        if error.errno not in NO_LOCKS:
-            raise
-
-
-def clear_leftovers(folder: Path, pattern: str = PARTS) -> list[Path]:
-    """Remove what killed processes were writing aside in a folder; what living ones are writing stays.
-
-    Args:
-        folder: Where to look; not in folders inside it.
-        pattern: Of the names. Files and folders are removed if nobody holds their lock (`mark_alive`).
-
-    Returns:
-        What was removed.
-    """
-    return [path for path in sorted(folder.glob(pattern)) if _cleared(path)]
-
-
-def _cleared(path: Path) -> bool:
-    kind = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
-    try:
-        whole = path.is_dir() and not path.is_symlink()
-        descriptor = os.open(path, kind) if whole else open_regular(path, os.O_RDWR)
-    except (OSError, FormatError):  # gone meanwhile, another user's, or nothing that was written aside
-        return False
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        shutil.rmtree(path) if whole else path.unlink()
-    except OSError:  # its writer lives, or has just given it its name
-        return False
-    finally:
-        os.close(descriptor)
-    return True
 
 
 def name_unless_taken(file: Path, path: Path) -> None:

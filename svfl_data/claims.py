@@ -7,14 +7,15 @@ name before the journal goes; whoever creates a journal looks for the final name
 
 import fcntl
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from svfl_data.atomically import name_unless_taken, sync_folder
-from svfl_data.dataset import Dataset
+from svfl_data.dataset import Dataset, inner_folder
 from svfl_data.episode import Meta
-from svfl_data.errors import DatasetError, StorageError
+from svfl_data.errors import DatasetError, StorageError, SvflError
 from svfl_data.index import append_index
 from svfl_data.journal import SUFFIX
 from svfl_data.regular_file import open_regular
@@ -23,6 +24,7 @@ from svfl_data.store import Rows, largest_size, write_sealed
 NEXT = -1
 """In place of an episode's index: the first after all that exist or are being written."""
 INFLIGHT = ".inflight"
+JOURNAL = re.compile(rf"episode_(\d{{6,18}}){re.escape(SUFFIX)}", re.ASCII)
 PART = ".part"
 
 
@@ -30,14 +32,10 @@ def inflight(folder: Path) -> Path:
     """The folder of a dataset's unfinished episodes; made if it does not exist.
 
     Raises:
+        FormatError: If it is a link or a file.
         StorageError: If the disk refuses.
     """
-    path = folder / INFLIGHT
-    try:
-        path.mkdir(exist_ok=True)
-    except OSError as error:
-        raise StorageError(f"cannot create {path}: {error.strerror}") from error
-    return path
+    return inner_folder(folder, INFLIGHT)
 
 
 @contextmanager
@@ -69,8 +67,8 @@ def claim(dataset: Dataset, index: int = NEXT) -> tuple[int, int, Path]:
     wanted = index
     while True:
         if wanted == NEXT:
-            journals = (int(file.stem.removeprefix("episode_")) for file in folder.glob(f"episode_*{SUFFIX}"))
-            index = max([-1, *dataset.indices, *journals]) + 1
+            journals = (JOURNAL.fullmatch(name) for name in os.listdir(folder))
+            index = max([-1, *dataset.indices, *(int(match[1]) for match in journals if match)]) + 1
         path = folder / f"episode_{index:06d}{SUFFIX}"
         descriptor = _create(path)
         if descriptor is not None and index not in dataset.indices:
@@ -127,7 +125,7 @@ def build(dataset: Dataset, meta: Meta, arrays: Mapping[str, Rows]) -> Path:
     """
     part = inflight(dataset.path) / f"episode_{meta.index:06d}{PART}"
     try:
-        descriptor = os.open(part, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o644)
+        descriptor = open_regular(part, os.O_RDWR | os.O_CREAT | os.O_TRUNC)
         try:
             write_sealed(descriptor, meta, arrays)
         finally:
@@ -167,5 +165,5 @@ def publish(part: Path, path: Path) -> None:
         raise
     except OSError as error:
         raise StorageError(f"cannot publish {path}: {error.strerror}") from error
-    with suppress(StorageError):  # the index lacks a line then, and is mended by whoever reads it next
+    with suppress(SvflError):  # the index lacks a line then, and is mended by whoever reads it next
         append_index(path.parent, path)

@@ -4,25 +4,45 @@ import fcntl
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from svfl_data.atomically import write_atomically
 from svfl_data.chunks import Extent
 from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
+from svfl_data.leftovers import clear_leftovers
+from svfl_data.printable import printable
 from svfl_data.reader import EpisodeReader
+from svfl_data.regular_file import open_regular, refuse_link
 from svfl_data.shards import MEMBER, member_extent, members, shard_files
+from svfl_data.side_files import Int64, parse_as, plain, read_side_file
 from svfl_data.store import read_episode
 
 FORMAT = "svfl-dataset"
 FORMAT_VERSION = "1.0"
 INFO = "dataset.json"
+SPLITS = "splits"
+EPISODE_LIKE = re.compile(r"episode.*\.(hdf5|h5)", re.IGNORECASE)
+"""What a person would take for an episode; it is one only if its name is that of `Dataset.file_name`."""
 BEGINNING = re.compile(rf"\.{re.escape(INFO)}\..*\.part")
 """Name under which `write_atomically` writes ``dataset.json`` aside."""
+
+
+class Info(msgspec.Struct):
+    """What ``dataset.json`` must say; other keys may stand there, too."""
+
+    format: str
+    format_version: str
+    task: str
+    seed: Int64
+    config: dict[str, Any]
+    varies: list[str] = []
 
 
 @dataclass(frozen=True)
@@ -31,7 +51,8 @@ class Dataset:
 
     Attributes:
         path: The folder.
-        info: Content of ``dataset.json``: ``task``, ``seed`` and ``config``, beside format and version.
+        info: Content of ``dataset.json``, checked: ``task``, ``seed`` and ``config``, beside format and version, and in
+            ``varies`` (if it is there) the paths and groups in which the episodes may differ on purpose.
     """
 
     path: Path
@@ -47,34 +68,51 @@ class Dataset:
         path = Path(path)
         if not path.is_dir():
             raise FormatError(f"{path}: {'is a file, not a dataset folder' if path.exists() else 'no such folder'}")
+        file = path / INFO
         try:
-            info = json.loads((path / INFO).read_text(encoding="utf-8"))
+            info = read_side_file(file)
         except FileNotFoundError as error:
             raise FormatError(f"{path}: not a dataset (it has no {INFO})") from error
-        except (OSError, ValueError) as error:
-            raise FormatError(f"{path / INFO}: not readable as JSON ({error})") from error
         if not isinstance(info, dict) or info.get("format") != FORMAT:
-            raise FormatError(f"{path / INFO}: does not describe a dataset (format is not {FORMAT!r})")
+            raise FormatError(f"{file}: does not describe a dataset (format is not {FORMAT!r})")
         if str(info.get("format_version")).split(".")[0] != FORMAT_VERSION.split(".")[0]:
-            found, ours = info.get("format_version"), FORMAT_VERSION.split(".")[0]
-            raise FormatError(f"{path / INFO}: format version {found}; this software reads {ours}.x")
+            found, ours = printable(info.get("format_version"), 40), FORMAT_VERSION.split(".")[0]
+            raise FormatError(f"{file}: format version {found}; this software reads {ours}.x")
+        parse_as(info, Info, file)
         return cls(path, info)
 
     @classmethod
-    def create_or_resume(cls, path: Path | str, task: str, seed: int, config: dict[str, Any]) -> "Dataset":
+    def create_or_resume(
+        cls, path: Path | str, task: str, seed: int, config: dict[str, Any], varies: Collection[str] = ()
+    ) -> "Dataset":
         """Start a dataset, or take up the same one again; any number of processes may do so at the same moment.
+
+        Args:
+            path: The folder; absent, empty, or this dataset.
+            task: What its episodes are about.
+            seed: Of all of them.
+            config: What they are recorded with (JSON values).
+            varies: Paths and groups in which its episodes may differ; stored when it is started.
 
         Raises:
             DatasetError: If the folder holds a dataset of another task, seed or configuration, or other files.
+            FieldError: If the configuration cannot be stored as JSON.
+            FormatError: If the folder's ``dataset.json`` is unreadable or of another version.
             StorageError: If the folder cannot be created or written.
         """
         path = Path(path)
-        info = {"format": FORMAT, "format_version": FORMAT_VERSION, "task": task, "seed": seed, "config": config}
+        asked = {"format": FORMAT, "format_version": FORMAT_VERSION, "task": task, "seed": seed, "config": config}
+        info: dict[str, Any] = plain(asked, f"description of {path}")
         if not (path / INFO).exists():
-            _begin(path, info)
+            _begin(path, {**info, "varies": sorted(varies)} if varies else info)
         found = cls.open(path)
-        _check_same(path, found.info, json.loads(json.dumps(info)))
+        _check_same(path, found.info, info)
         return found
+
+    @property
+    def varies(self) -> frozenset[str]:
+        """Paths and groups in which its episodes may differ (`recording_setup`), beside what they say themselves."""
+        return frozenset(self.info.get("varies", ()))
 
     def episode_path(self, index: int) -> Path:
         """File of an episode, whether or not it exists."""
@@ -87,16 +125,27 @@ class Dataset:
 
     @property
     def indices(self) -> list[int]:
-        """Indices of the episodes that exist, in files of their own or in shards, ascending."""
+        """Indices of the episodes that exist, in files of their own or in shards, ascending; the one answer to that.
+
+        Raises:
+            FormatError: If a shard is damaged.
+            StorageError: If the folder cannot be read.
+        """
         return sorted(self.own_files().keys() | self.packed().keys())
 
     def own_files(self) -> dict[int, Path]:
         """The episodes in files of their own, by index."""
-        return {
-            int(match[1]): Path(entry.path)
-            for entry in os.scandir(self.path)
-            if (match := MEMBER.fullmatch(entry.name))
-        }
+        return {int(match[1]): self.path / name for name in self._names() if (match := MEMBER.fullmatch(name))}
+
+    def strays(self) -> list[str]:
+        """Names that look like those of episodes and are not; no tool takes these files for episodes."""
+        return sorted(name for name in self._names() if EPISODE_LIKE.fullmatch(name) and not MEMBER.fullmatch(name))
+
+    def _names(self) -> list[str]:
+        try:
+            return os.listdir(self.path)
+        except OSError as error:
+            raise StorageError(f"cannot read {self.path}: {error.strerror}") from error
 
     def packed(self) -> dict[int, Path]:
         """The shard of each episode that lies in one; a file of its own comes before it when reading.
@@ -111,11 +160,16 @@ class Dataset:
 
         Raises:
             DatasetError: If the dataset has no such episode.
-            FormatError: If its shard is damaged.
+            FormatError: If its shard is damaged, or there is a link, folder, pipe or device of its name.
         """
         file = self.episode_path(index)
-        if file.exists():
+        try:
+            os.close(open_regular(file))
             return Extent.of_file(file)
+        except FileNotFoundError:
+            pass
+        except OSError as error:
+            raise FormatError(f"{file}: {error.strerror}") from error
         for shard in reversed(shard_files(self.path)):
             if index in members(shard):
                 return member_extent(shard, members(shard)[index])
@@ -150,7 +204,8 @@ class Dataset:
 
     def __repr__(self) -> str:
         indices = self.indices
-        head = f"Dataset({self.path}: {self.info['task']}, {len(indices)} episodes, seed {self.info['seed']})"
+        task = printable(self.info["task"], 80)
+        head = f"Dataset({self.path}: {task}, {len(indices)} episodes, seed {self.info['seed']})"
         if not indices:
             return head
         try:
@@ -165,22 +220,45 @@ class Dataset:
         Raises:
             DatasetError: If another process is collecting into the folder.
         """
-        descriptor = os.open(self.path, os.O_RDONLY)  # the kernel drops the lock when the process dies
+        try:
+            descriptor = os.open(self.path, os.O_RDONLY)  # the kernel drops the lock when the process dies
+        except OSError as error:
+            raise StorageError(f"cannot open {self.path}: {error.strerror}") from error
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            self._clear()
+            self.clear()
             try:
                 yield
             finally:
-                self._clear()
+                self.clear()
         except BlockingIOError as error:
             raise DatasetError(f"{self.path}: another process is collecting into this dataset") from error
         finally:
             os.close(descriptor)
 
-    def _clear(self) -> None:
-        for leftover in self.path.glob(".*.part"):
-            leftover.unlink(missing_ok=True)
+    def clear(self) -> None:
+        """Remove what killed processes were writing; files whose writers live are left alone."""
+        clear_leftovers(self.path)
+        if not (self.path / SPLITS).is_symlink():
+            clear_leftovers(self.path / SPLITS)
+
+
+def inner_folder(folder: Path, name: str) -> Path:
+    """A folder inside a dataset's; made if it does not exist.
+
+    Raises:
+        FormatError: If it is a link or a file.
+        StorageError: If the disk refuses.
+    """
+    path = folder / name
+    refuse_link(path)
+    try:
+        path.mkdir(exist_ok=True)
+    except FileExistsError as error:
+        raise FormatError(f"{path}: not a folder") from error
+    except OSError as error:
+        raise StorageError(f"cannot create {path}: {error.strerror}") from error
+    return path
 
 
 def _begin(path: Path, info: dict[str, Any]) -> None:
@@ -208,8 +286,9 @@ def _check_same(path: Path, found: dict[str, Any], asked: dict[str, Any]) -> Non
     here, wanted = _flat({key: found.get(key) for key in asked}), _flat(asked)
     for key in wanted | here:  # what only one of them has is a difference, too
         if here.get(key) != wanted.get(key):
+            its, asked_for = printable(repr(here.get(key)), 200), printable(repr(wanted.get(key)), 200)
             raise DatasetError(
-                f"{path} holds another dataset: its {key} is {here.get(key)!r}, asked for {wanted.get(key)!r}; "
+                f"{path} holds another dataset: its {printable(key, 200)} is {its}, asked for {asked_for}; "
                 "name another folder"
             )
 

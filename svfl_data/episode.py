@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from svfl_data.fields import CAMERA, OF_CAMERA, OF_EPISODE, camera_names, check_arrays
+from svfl_data.side_files import plain
 
 
 @dataclass(frozen=True)
@@ -141,5 +142,10 @@ def _array(owner: Episode | Camera, fields: dict[str, Any], name: str, where: st
 
 
 def canonical_json(value: Any) -> str:  # noqa: ANN401 - any JSON value
-    """JSON text that is the same for equal values, so that equal episodes are equal bytes."""
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    """JSON text that is the same for equal values, so that equal episodes are equal bytes.
+
+    Raises:
+        FieldError: If the value cannot be stored as JSON (`side_files.plain`).
+    """
+    made = plain(value, "value")
+    return json.dumps(made, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)

@@ -3,7 +3,6 @@
 import functools
 import hashlib
 import io
-import json
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,8 +15,9 @@ from svfl_data.chunks import Extent, Placement, placement, pread
 from svfl_data.episode import Meta
 from svfl_data.errors import FormatError, SvflError
 from svfl_data.fields import EXTRA, check_arrays, field_at
+from svfl_data.metadata import parse_meta
 from svfl_data.seal import HDF5_MAGIC, SEAL_MARK, SEAL_SIZE, broken
-from svfl_data.store import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, check_format, check_meaning
+from svfl_data.store import check_format, check_meaning
 
 HEADERS_KEPT = 512
 
@@ -86,16 +86,7 @@ def read_meta(extent: Extent) -> Meta:
     Raises:
         FormatError: If its attributes are not those of an episode.
     """
-    found = header(extent).attributes
-    try:
-        values = {key: json.loads(found[key]) for key in JSON_ATTRIBUTES}
-        values |= {key: np.asarray(found[key]).item() for key in PLAIN_ATTRIBUTES}
-        for key, kind in (JSON_ATTRIBUTES | PLAIN_ATTRIBUTES).items():
-            if type(values[key]) is not kind:
-                raise TypeError(f"attribute {key} is {values[key]!r}, not of type {kind.__name__}")
-        return Meta(**values)
-    except (KeyError, TypeError, ValueError) as error:
-        raise FormatError(f"{extent}: sealed, but not a readable episode ({error})") from error
+    return parse_meta(header(extent).attributes, extent)
 
 
 class _ExtentFile(io.RawIOBase):

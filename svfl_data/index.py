@@ -6,25 +6,33 @@ are appended with one write each, so that writers cannot mix theirs, and the las
 cut off by a crash is no line.
 """
 
-import json
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from svfl_data.atomically import write_atomically
 from svfl_data.chunks import Extent
 from svfl_data.dataset import Dataset
-from svfl_data.episode import canonical_json
+from svfl_data.duplicates import content_id
 from svfl_data.errors import StorageError, SvflError
 from svfl_data.fields import EXTRA
 from svfl_data.progress import progress
 from svfl_data.reader import EpisodeReader
-from svfl_data.shards import MEMBER, members, shard_files
+from svfl_data.recording_setup import Setup
+from svfl_data.regular_file import open_regular
+from svfl_data.shards import MEMBER
+from svfl_data.side_files import Count, Int64
 
 INDEX = "index.jsonl"
+SIZE_LIMIT = 2**29
+"""Bytes of an index that is believed: lines of a kilobyte or two for a quarter of a million episodes."""
+LINE_LIMIT = 2**20
 
 
 @dataclass(frozen=True)
@@ -37,7 +45,9 @@ class Entry:
         size: Size of the file (of the shard), [bytes].
         mtime_ns: Time of the file's last change, [ns].
         bytes: Size of the episode, [bytes].
-        error: Why it cannot be read; empty if it can. Then nothing below is known.
+        setup: With what it was recorded.
+        content: Hash of what was recorded (`duplicates.content_id`).
+        error: Why it cannot be read; empty if it can. Else nothing is known of it but its place.
         task: What it is about.
         source: Who acted.
         seed: Seed of its dataset.
@@ -50,20 +60,25 @@ class Entry:
     """
 
     name: str
-    index: int
-    size: int
-    mtime_ns: int
-    bytes: int
+    index: Count
+    size: Count
+    mtime_ns: Int64
+    bytes: Count
+    setup: Setup
+    content: str
     error: str = ""
     task: str = ""
     source: str = ""
-    seed: int = 0
+    seed: Int64 = 0
     success: bool = False
-    steps: int = 0
+    steps: Count = 0
     seconds: float = 0.0
     format_version: str = ""
-    streams: dict[str, list[Any]] = field(default_factory=dict)
-    cameras: dict[str, list[Any]] = field(default_factory=dict)
+    streams: dict[str, tuple[Count, float | None]] = field(default_factory=dict)
+    cameras: dict[str, tuple[Count, float | None, Count, Count]] = field(default_factory=dict)
+
+
+_DECODER = msgspec.json.Decoder(Entry)
 
 
 @dataclass(frozen=True)
@@ -102,15 +117,45 @@ def entries(dataset: Dataset) -> list[Entry]:
 
     Args:
         dataset: Which; if its folder is read-only, nothing is remembered.
+
+    Raises:
+        FormatError: If a shard is damaged, or the index is no ordinary file.
+        StorageError: If the folder cannot be read.
     """
-    present = {name: (size, mtime_ns) for name, size, mtime_ns in _present(dataset)}
-    lines = _read_lines(dataset.path / INDEX)
-    known = {entry.name: entry for entry in lines if present.get(entry.name) == (entry.size, entry.mtime_ns)}
+    present = _present(dataset)
+    known, lines = _known(dataset, present)
     unknown = sorted(present.keys() - known.keys())
-    fresh = {name: _examine(dataset, name) for name in progress(unknown, "reading episodes")}
+    fresh = {name: _examine(dataset, present[name]) for name in progress(unknown, "reading episodes")}
     known |= {name: entry for name, entry in fresh.items() if not entry.error}  # what is damaged is looked at again
-    _remember(dataset.path / INDEX, known, unknown, len(lines))
+    _remember(dataset.path / INDEX, known, unknown, lines)
     return sorted((known | fresh).values(), key=lambda entry: entry.index)
+
+
+def known_entries(dataset: Dataset) -> list[Entry]:
+    """The episodes of a dataset that the index knows, by index; if there are none, the first that can be read.
+
+    Quick whatever there is: for those that only need to know what kind of episodes there are.
+
+    Raises:
+        FormatError: If a shard is damaged, or the index is no ordinary file.
+        StorageError: If the folder cannot be read.
+    """
+    present = _present(dataset)
+    known, _ = _known(dataset, present)
+    if known:
+        return sorted(known.values(), key=lambda entry: entry.index)
+    examined = (_examine(dataset, place) for place in sorted(present.values(), key=lambda place: place.index))
+    return [entry for entry in [next((one for one in examined if not one.error), None)] if entry]
+
+
+def _known(dataset: Dataset, present: "Mapping[str, _Place]") -> tuple[dict[str, Entry], int]:
+    """The episodes that the index describes as they are now, by name, and the number of its lines."""
+    lines = _read_lines(dataset.path / INDEX)
+    known = {}
+    for entry in lines:
+        if present.get(entry.name) == _Place(entry.index, entry.size, entry.mtime_ns) and not entry.error:
+            known[entry.name] = entry
+    return known, len(lines)
 
 
 def summary(dataset: Dataset) -> Summary:
@@ -149,66 +194,76 @@ def describe(extent: Extent) -> Entry:
     """Open an episode and describe it; damage is described as well."""
     name = f"{extent.file.name}/{extent.member}" if extent.member else extent.file.name
     match = MEMBER.fullmatch(extent.member or extent.file.name)
-    place = (name, int(match[1]) if match else -1, extent.file_size, extent.mtime_ns, extent.size)
+    place = (name, int(match[1]) if match else 0, extent.file_size, extent.mtime_ns, extent.size)
     reader = EpisodeReader(extent)
     try:
         meta, rates = reader.meta, reader.rates
         clocks = [path for path in reader.paths if path.endswith("/t_ns") and not path.startswith(EXTRA)]
         streams = {path.split("/")[1]: path for path in clocks if path.startswith("streams/")}
         cameras = {path.split("/")[1]: path for path in clocks if path.startswith("cameras/")}
+        sizes = {camera: reader[f"cameras/{camera}/color"].shape for camera in cameras}
         return Entry(
-            *place, "", meta.task, meta.source, meta.seed, meta.success, len(reader), round(reader.seconds, 9),
+            *place, Setup.of(meta, {path: reader[path] for path in reader.paths}), content_id(reader), "",
+            meta.task, meta.source, meta.seed, meta.success, len(reader), round(reader.seconds, 9),
             reader.format_version,
-            {stream: [len(reader[path]), _rounded(rates.get(path))] for stream, path in streams.items()},
+            {stream: (len(reader[path]), _rounded(rates.get(path))) for stream, path in streams.items()},
             {
-                camera: [len(reader[path]), _rounded(rates.get(path)), *reader[f"cameras/{camera}/color"].shape[1:3]]
+                camera: (len(reader[path]), _rounded(rates.get(path)), sizes[camera][1], sizes[camera][2])
                 for camera, path in cameras.items()
             },
         )  # fmt: skip
     except SvflError as error:
-        return Entry(*place, error=str(error))
+        return Entry(*place, Setup(), "", str(error))
 
 
 def _rounded(rate: float | None) -> float | None:
     return None if rate is None else round(rate, 3)
 
 
-def _present(dataset: Dataset) -> Iterator[tuple[str, int, int]]:
-    """Name, size and time of change of every episode, as cheaply as the system tells."""
-    own = set()
-    with os.scandir(dataset.path) as listing:
-        for item in listing:
-            if match := MEMBER.fullmatch(item.name):
-                found = item.stat()
-                own.add(int(match[1]))
-                yield item.name, found.st_size, found.st_mtime_ns
-    seen = own
-    for shard in reversed(shard_files(dataset.path)):  # as in `Dataset.extent`: own files first, then later shards
-        found = shard.stat()
-        for index, info in members(shard).items():
-            if index not in seen:
-                yield f"{shard.name}/{info.filename}", found.st_size, found.st_mtime_ns
-        seen = seen | members(shard).keys()
+@dataclass(frozen=True)
+class _Place:
+    """Which episode a name stands for, and the size and time of change of its file."""
+
+    index: int
+    size: int
+    mtime_ns: int
 
 
-def _examine(dataset: Dataset, name: str) -> Entry:
-    match = MEMBER.fullmatch(name.rpartition("/")[2])
-    assert match, name
-    return describe(dataset.extent(int(match[1])))
+def _present(dataset: Dataset) -> dict[str, _Place]:
+    """Every episode by name, as cheaply as the system tells."""
+    own, found = dataset.own_files(), {}
+    for index, file in own.items():
+        with suppress(FileNotFoundError):  # gone since it was listed
+            state = os.lstat(file)
+            found[file.name] = _Place(index, state.st_size, state.st_mtime_ns)
+    for index, shard in dataset.packed().items():
+        if index not in own:
+            state = os.lstat(shard)
+            found[f"{shard.name}/{dataset.file_name(index)}"] = _Place(index, state.st_size, state.st_mtime_ns)
+    return found
+
+
+def _examine(dataset: Dataset, place: _Place) -> Entry:
+    try:
+        return describe(dataset.extent(place.index))
+    except SvflError as error:  # a link, a pipe, or gone since it was listed
+        name = dataset.file_name(place.index)
+        return Entry(name, place.index, place.size, place.mtime_ns, 0, Setup(), "", str(error))
 
 
 def _read_lines(file: Path) -> list[Entry]:
-    """The lines that are whole and of this version; none if there is no index."""
-    lines = []
+    """The lines that are whole and of this version; none if there is no index, or one beyond all measure."""
     try:
-        with open(file, encoding="utf-8", errors="replace") as text:
-            for line in text:
-                try:
-                    lines.append(Entry(**json.loads(line)))
-                except (ValueError, TypeError):
-                    continue
+        descriptor = open_regular(file)
     except OSError:
         return []
+    lines = []
+    with os.fdopen(descriptor, "rb") as text:
+        if os.fstat(descriptor).st_size > SIZE_LIMIT:
+            return []
+        while line := text.readline(LINE_LIMIT):
+            with suppress(msgspec.MsgspecError, RecursionError, UnicodeError):
+                lines.append(_DECODER.decode(line))
     return lines
 
 
@@ -225,7 +280,7 @@ def _remember(file: Path, known: dict[str, Entry], unknown: list[str], lines: in
 
 def _append(file: Path, fresh: list[Entry]) -> None:
     try:
-        descriptor = os.open(file, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        descriptor = open_regular(file, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
         try:
             for entry in fresh:
                 os.write(descriptor, _line(entry))
@@ -236,7 +291,7 @@ def _append(file: Path, fresh: list[Entry]) -> None:
 
 
 def _line(entry: Entry) -> bytes:
-    return (canonical_json(asdict(entry)) + "\n").encode()
+    return msgspec.json.encode(entry, order="deterministic") + b"\n"
 
 
 def _gathered(each: Iterable[Mapping[str, Sequence[Any]]]) -> dict[str, dict[str, Any]]:

@@ -2,44 +2,74 @@
 
 import dataclasses
 import os
-import shutil
-import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 from svfl_data.dataset import Dataset
+from svfl_data.duplicates import copies, copies_words
 from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError, StorageError
 from svfl_data.index import Entry, entries
+from svfl_data.leftovers import clear_leftovers, folder_aside
 from svfl_data.progress import progress
+from svfl_data.recording_setup import Common, first_difference, refuse_difference
 from svfl_data.relabel import history_entry
 from svfl_data.store import write_episode
 
 RATE_TOLERANCE = 0.05  # mean rates of short episodes differ by up to a reading
 
 
-def merge(sources: Sequence[Dataset], destination: Path) -> int:
+@dataclass(frozen=True)
+class Chosen:
+    """An episode that shall be in the new dataset.
+
+    Attributes:
+        source: Where it is.
+        entry: What the index says of it.
+    """
+
+    source: Dataset
+    entry: Entry
+
+    def __str__(self) -> str:
+        return str(self.source.path / self.entry.name)
+
+
+def merge(
+    sources: Sequence[Dataset], destination: Path, varies: Collection[str] = (), once: bool = False
+) -> tuple[int, int]:
     """Put the episodes of several datasets into a new one, numbered from 0.
 
     Args:
         sources: Where from, in this order.
         destination: A folder that does not exist yet, or is empty.
+        varies: Paths and groups in which the episodes may differ, beside what the sources say.
+        once: Whether of copies of one recording only the first is taken.
 
     Returns:
-        Number of episodes.
+        Number of episodes, and of copies that were left out.
 
     Raises:
-        DatasetError: If the destination is taken, an episode is damaged, or cameras, streams or rates differ.
+        DatasetError: If the destination is taken, an episode is damaged, two differ in their setup or are copies, or
+            streams or rates of datasets differ.
         StorageError: If the disk refuses; no part of the destination remains.
     """
-    check_compatible(sources)
-    chosen = [(source, entry.index) for source in sources for entry in readable(source)]
-    return copy(chosen, destination, "merge", {})
+    check_free(destination)
+    chosen = [Chosen(source, entry) for source in sources for entry in readable(source)]
+    return copy(chosen, destination, "merge", {}, varies, once)
 
 
-def choose(source: Dataset, destination: Path, keep: Callable[[Episode], bool], conditions: list[str]) -> int:
+def choose(
+    source: Dataset,
+    destination: Path,
+    keep: Callable[[Episode], bool],
+    conditions: list[str],
+    varies: Collection[str] = (),
+    once: bool = False,
+) -> tuple[int, int]:
     """Put the episodes that meet conditions into a new dataset, numbered from 0.
 
     Args:
@@ -47,44 +77,94 @@ def choose(source: Dataset, destination: Path, keep: Callable[[Episode], bool], 
         destination: A folder that does not exist yet, or is empty.
         keep: Whether to keep an episode.
         conditions: The same in words, for the record.
+        varies: Paths and groups in which the episodes may differ, beside what the source says.
+        once: Whether of copies of one recording only the first is taken.
 
     Returns:
-        Number of episodes.
+        Number of episodes, and of copies that were left out.
 
     Raises:
-        DatasetError: If the destination is taken, an episode is damaged, or none meets the conditions.
+        DatasetError: If the destination is taken, an episode is damaged, none meets the conditions, or two that do
+            differ in their setup or are copies.
         StorageError: If the disk refuses; no part of the destination remains.
     """
-    found = progress(readable(source), "choosing episodes")
-    chosen = [(source, entry.index) for entry in found if keep(source.read(entry.index))]
+    check_free(destination)
+    found = readable(source)
+    chosen = [Chosen(source, entry) for entry in progress(found, "choosing episodes") if keep(source.read(entry.index))]
     if not chosen:
-        raise DatasetError(f"{source.path}: no episode meets {', '.join(conditions)}")
-    return copy(chosen, destination, "filter", {"conditions": conditions})
+        raise DatasetError(
+            f"{source.path}: no episode meets {', '.join(conditions)}; of {len(found)} episodes {_have(found)}"
+        )
+    return copy(chosen, destination, "filter", {"conditions": conditions}, varies, once)
 
 
-def copy(chosen: Sequence[tuple[Dataset, int]], destination: Path, verb: str, facts: dict[str, Any]) -> int:
+def _have(found: Sequence[Entry]) -> str:
+    """What the usual conditions ask for, as the episodes have it."""
+    successes = sum(entry.success for entry in found)
+    sources, tasks = (sorted({getattr(entry, key) for entry in found}) for key in ("source", "task"))
+    return f"{successes} have success=true, sources are {', '.join(sources)}, tasks {', '.join(tasks)}"
+
+
+def copy(
+    chosen: Sequence[Chosen],
+    destination: Path,
+    verb: str,
+    facts: dict[str, Any],
+    varies: Collection[str] = (),
+    once: bool = False,
+) -> tuple[int, int]:
     """Copy episodes into a new dataset, which appears when it is whole; see `merge` and `choose`."""
-    if destination.exists() and (not destination.is_dir() or any(destination.iterdir())):
-        raise DatasetError(f"{destination} exists and is not empty; name a new folder")
-    sources = list({source.path: source for source, _ in chosen}.values())
+    check_free(destination)
+    sources = list({one.source.path: one.source for one in chosen}.values())
+    kept = _without_copies(chosen, once)
+    may_vary = {*varies, *(path for source in sources for path in source.varies)}
+    refuse_difference(
+        first_difference([(str(one), one.entry.setup) for one in kept], Common(may_vary)),
+        f"{verb} these episodes",
+        "if it differs on purpose, allow it with --varies {name}",
+    )
+    check_streams(sources, may_vary)
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
-        aside = Path(tempfile.mkdtemp(dir=destination.parent, prefix=f".{destination.name}.", suffix=".part"))
+        clear_leftovers(destination.parent)
+        with folder_aside(destination) as aside:
+            aside.chmod(0o755)
+            tasks = sorted({task for source in sources for task in str(source.info["task"]).split("+")})
+            config = {"made_by": f"svfl-data {verb}", **facts, "sources": [_origin(source) for source in sources]}
+            seed = int(sources[0].info["seed"])
+            new = Dataset.create_or_resume(aside, "+".join(tasks), seed, config, may_vary)
+            for number, one in enumerate(progress(kept, "copying episodes")):
+                episode = one.source.read(one.entry.index)
+                write_episode(_moved(episode, one.source, number, verb), new.episode_path(number))
+            os.replace(aside, destination)
     except OSError as error:
         raise StorageError(f"cannot create {destination}: {error.strerror}") from error
+    return len(kept), len(chosen) - len(kept)
+
+
+def _without_copies(chosen: Sequence[Chosen], once: bool) -> list[Chosen]:
+    found = copies((position, one.entry.content) for position, one in enumerate(chosen))
+    if found and not once:
+        words = copies_words([(chosen[copy], chosen[first]) for copy, first in found])
+        raise DatasetError(
+            f"the same recording more than once: {words}; in a split one could be trained and the other tested on; "
+            "--once takes the first of each"
+        )
+    left_out = {copy for copy, _ in found}
+    return [one for position, one in enumerate(chosen) if position not in left_out]
+
+
+def check_free(destination: Path) -> None:
+    """Check that a folder can become a new dataset.
+
+    Raises:
+        DatasetError: If it is not empty, or a file.
+    """
     try:
-        aside.chmod(0o755)
-        tasks = sorted({task for source in sources for task in str(source.info["task"]).split("+")})
-        config = {"made_by": f"svfl-data {verb}", **facts, "sources": [_origin(source) for source in sources]}
-        new = Dataset.create_or_resume(aside, "+".join(tasks), int(sources[0].info["seed"]), config)
-        for number, (source, index) in enumerate(progress(chosen, "copying episodes")):
-            write_episode(_moved(source.read(index), source, number, verb), new.episode_path(number))
-        os.replace(aside, destination)
+        if os.path.lexists(destination) and (not destination.is_dir() or any(destination.iterdir())):
+            raise DatasetError(f"{destination} exists and is not empty; name a new folder")
     except OSError as error:
-        raise StorageError(f"cannot create {destination}: {error.strerror}") from error
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
-    return len(chosen)
+        raise StorageError(f"cannot read {destination}: {error.strerror}") from error
 
 
 def _origin(source: Dataset) -> dict[str, Any]:
@@ -117,46 +197,38 @@ def readable(dataset: Dataset) -> list[Entry]:
     return found
 
 
-def check_compatible(sources: Sequence[Dataset]) -> None:
-    """Check that datasets have the same cameras with the same sizes, the same streams, and about the same rates.
+def check_streams(sources: Sequence[Dataset], varies: Collection[str]) -> None:
+    """Check that datasets have the same streams, at about the same rates, which the setups of episodes cannot say.
 
     Raises:
         DatasetError: If they do not.
     """
-    first, *others = [(source.path, dict(_traits(readable(source)))) for source in sources]
-    for path, traits in others:
-        for name in sorted(first[1].keys() | traits.keys()):
-            here, there = traits.get(name), first[1].get(name)
+    first, *others = [(source.path, dict(_rates(readable(source)))) for source in sources]
+    for path, rates in others:
+        for name in sorted((first[1].keys() | rates.keys()) - set(varies)):
+            here, there = rates.get(name), first[1].get(name)
             if not _same(here, there):
                 raise DatasetError(
-                    f"cannot merge: {name} is {_words(there)} in {first[0]}, but {_words(here)} in {path}"
+                    f"cannot merge: rate of {name} is {_words(there)} in {first[0]}, but {_words(here)} in {path}; "
+                    f"if it differs on purpose, allow it with --varies {name}"
                 )
 
 
-def _traits(found: Sequence[Entry]) -> Iterator[tuple[str, Any]]:
-    """What the episodes of a dataset have in common, by name: sizes of cameras, and rates."""
-    for name in sorted({name for entry in found for name in entry.cameras}):
-        yield f"camera {name}", sorted({tuple(entry.cameras[name][2:]) for entry in found if name in entry.cameras})
-        yield f"rate of camera {name}", _rate(entry.cameras[name][1] for entry in found if name in entry.cameras)
-    for name in sorted({name for entry in found for name in entry.streams}):
-        yield f"rate of {name}", _rate(entry.streams[name][1] for entry in found if name in entry.streams)
+def _rates(found: Sequence[Entry]) -> Iterator[tuple[str, float]]:
+    """The median rates of the streams and cameras of a dataset, by group, [Hz]; 0 if none has two readings."""
+    for kind in ("cameras", "streams"):
+        measured: dict[str, list[float]] = {}
+        for entry in found:
+            for name, (_, rate, *_size) in getattr(entry, kind).items():
+                measured.setdefault(name, []).extend([] if rate is None else [rate])
+        yield from ((f"{kind}/{name}", float(median(rates or [0.0]))) for name, rates in measured.items())
 
 
-def _rate(rates: Iterator[float | None]) -> float:
-    """The median rate of a stream, [Hz]; 0 if no episode has two readings."""
-    return float(median([rate for rate in rates if rate is not None] or [0.0]))
+def _same(here: float | None, there: float | None) -> bool:
+    if here is None or there is None:
+        return here == there
+    return abs(here - there) <= RATE_TOLERANCE * max(here, there) or 0.0 in (here, there)
 
 
-def _same(here: object, there: object) -> bool:
-    if isinstance(here, float) and isinstance(there, float):
-        return abs(here - there) <= RATE_TOLERANCE * max(here, there) or 0.0 in (here, there)
-    return here == there
-
-
-def _words(trait: object) -> str:
-    if trait is None:
-        return "missing"
-    if isinstance(trait, float):
-        return f"{trait:.1f} Hz"
-    assert isinstance(trait, list)
-    return " and ".join(f"{height} x {width} px" for height, width in trait)
+def _words(rate: float | None) -> str:
+    return "missing" if rate is None else f"{rate:.1f} Hz"

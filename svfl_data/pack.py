@@ -1,21 +1,24 @@
 """Packing thousands of episode files into a few large shards, and back; each episode stays the same to the byte."""
 
+import re
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from svfl_data.atomically import write_atomically, written_aside
 from svfl_data.chunks import Extent
-from svfl_data.dataset import Dataset
-from svfl_data.errors import DatasetError, UsageError
+from svfl_data.dataset import SPLITS, Dataset, inner_folder
+from svfl_data.errors import DatasetError, FormatError, UsageError
 from svfl_data.header import checked_seal
 from svfl_data.progress import progress
+from svfl_data.regular_file import read_regular, refuse_link
 from svfl_data.shards import shard_files
-from svfl_data.split import FOLDER as SPLITS
+from svfl_data.side_files import SIZE_LIMIT
 
 SHARD_BYTES = 2**30
 """Large enough for disks and networks to run at full speed, small enough to be sent again after a failure."""
 
+SHARD = re.compile(r"shard_(\d{6,18})\.zip", re.ASCII)
 EARLIEST = (1980, 1, 1, 0, 0, 0)  # times would make equal shards differ
 
 
@@ -43,7 +46,8 @@ def pack(dataset: Dataset, out: Path | str, shard_bytes: int = SHARD_BYTES) -> D
     target = _copy_of(dataset, out)
     with target.writing():
         missing = sorted(set(dataset.indices) - set(target.indices))
-        number = 1 + max((int(file.stem.removeprefix("shard_")) for file in shard_files(target.path)), default=-1)
+        numbers = (SHARD.fullmatch(file.name) for file in shard_files(target.path))
+        number = 1 + max((int(match[1]) for match in numbers if match), default=-1)
         waiting: list[tuple[int, Extent]] = []
         size = 0
         for index in progress(missing, "packing"):
@@ -90,14 +94,24 @@ def _copy_of(dataset: Dataset, out: Path | str) -> Dataset:
     if out.exists() and dataset.path.exists() and out.samefile(dataset.path):
         raise UsageError(f"{out} is the dataset itself; name another folder")
     info = dataset.info
-    target = Dataset.create_or_resume(out, info["task"], info["seed"], info["config"])
+    target = Dataset.create_or_resume(out, info["task"], info["seed"], info["config"], dataset.varies)
+    if not (dataset.path / SPLITS).exists():
+        return target
+    refuse_link(dataset.path / SPLITS)
     for file in sorted((dataset.path / SPLITS).glob("*.json")):
-        copy = target.path / SPLITS / file.name
-        copy.parent.mkdir(exist_ok=True)
-        if copy.exists() and copy.read_bytes() != file.read_bytes():
+        copy = inner_folder(target.path, SPLITS) / file.name
+        content = _content(file)
+        if copy.exists() and _content(copy) != content:
             raise DatasetError(f"{copy} differs from {file}; name another folder")
-        write_atomically(copy, file.read_bytes())
+        write_atomically(copy, content)
     return target
+
+
+def _content(file: Path) -> bytes:
+    try:
+        return read_regular(file, SIZE_LIMIT)
+    except OSError as error:
+        raise FormatError(f"{file}: {error.strerror}") from error
 
 
 def _write_shard(file: Path, episodes: Sequence[tuple[int, Extent]]) -> None:

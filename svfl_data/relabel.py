@@ -1,7 +1,10 @@
 """Changing what is said about an episode, never what was recorded: the file is rewritten, with a history entry."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+import fcntl
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -10,7 +13,8 @@ from typing import Any
 from svfl_data.contact import CONTACT, ContactRule, contact_annotations
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode, Meta
-from svfl_data.errors import UsageError
+from svfl_data.errors import FormatError, UsageError
+from svfl_data.regular_file import open_regular
 from svfl_data.store import read_episode, write_episode
 from svfl_data.transforms import Gravity, LowPass, Tare, as_record
 
@@ -23,6 +27,8 @@ Change = Callable[[Episode], Meta]
 def relabel(dataset: Dataset, index: int, change: Change) -> list[str]:
     """Change the metadata of one episode of a dataset; one that lies in a shard gets a file of its own before it.
 
+    Of several that change an episode at once, each sees what the one before it has left.
+
     Returns:
         Names of what changed; empty if nothing did, and then the file is left alone.
 
@@ -31,12 +37,44 @@ def relabel(dataset: Dataset, index: int, change: Change) -> list[str]:
         FormatError: If it is damaged.
         StorageError: If the disk refuses; the old file is then intact.
     """
-    return _rewrite(dataset.read(index), dataset.episode_path(index), change)
+    with _held(lambda: dataset.extent(index).file):
+        return _rewrite(dataset.read(index), dataset.episode_path(index), change)
 
 
 def relabel_file(file: Path, change: Change) -> list[str]:
     """Change the metadata of an episode file; see `relabel`."""
-    return _rewrite(read_episode(file), file, change)
+    with _held(lambda: file):
+        return _rewrite(read_episode(file), file, change)
+
+
+@contextmanager
+def _held(find: Callable[[], Path]) -> Iterator[None]:
+    """Lock the file that holds an episode, however often others replace it meanwhile.
+
+    Args:
+        find: Says which file that is now: the shard, until somebody gives the episode a file of its own.
+    """
+    while True:
+        file = find()
+        try:
+            descriptor = open_regular(file)
+        except OSError as error:
+            raise FormatError(f"{file}: {error.strerror}") from error
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            if find() == file and _still_named(descriptor, file):
+                yield
+                return
+        finally:
+            os.close(descriptor)
+
+
+def _still_named(descriptor: int, file: Path) -> bool:
+    """Whether an open file is the one of that name."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), os.lstat(file))
+    except FileNotFoundError:
+        return False
 
 
 def _rewrite(episode: Episode, file: Path, change: Change) -> list[str]:
@@ -108,4 +146,4 @@ def with_transforms(transforms: Sequence[Tare | LowPass | Gravity]) -> Change:
 
 
 def _sorted(annotations: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    return sorted(annotations, key=lambda one: (one.get("start_ns", 0), one.get("end_ns", 0), str(one.get("name"))))
+    return sorted(annotations, key=lambda one: (one["start_ns"], one["end_ns"], one["name"]))

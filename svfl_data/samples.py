@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from svfl_data.agreement import check_agreement
 from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError, UsageError
 from svfl_data.frames import Frames, corners, draws
@@ -155,6 +156,7 @@ class Samples:
             raise DatasetError(f"{self.dataset.path}: no episodes to take samples from")
         if self.cameras is None:
             self.cameras = readers[0].cameras
+        check_agreement(self.dataset, self.episodes, self.cameras)
         needed = [TIMES, PROPRIO, ACTION, WRENCH, WRENCH_TIMES, TARE, *self.labels]
         needed += [f"cameras/{camera}/{name}" for camera in self.cameras for name in ("t_ns", "color")]
         has_depth = [camera for camera in self.cameras if f"cameras/{camera}/depth" in readers[0]]

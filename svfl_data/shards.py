@@ -15,7 +15,8 @@ from svfl_data.chunks import Extent, pread
 from svfl_data.errors import FormatError
 
 PATTERN = "shard_*.zip"
-MEMBER = re.compile(r"episode_(\d+)\.hdf5")
+MEMBER = re.compile(r"episode_(\d{6}|[1-9]\d{6,17})\.hdf5", re.ASCII)
+"""The one name that the file of an episode has: its number in six digits, in more only where six do not suffice."""
 LOCAL_HEADER = struct.Struct("<4s22xHH")  # signature; lengths of the name and of the extra field that follow
 
 

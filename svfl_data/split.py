@@ -5,24 +5,40 @@ split is stored beside them, so that everyone trains and tests on the same ones.
 """
 
 import hashlib
-import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from svfl_data.atomically import write_atomically
-from svfl_data.dataset import Dataset
+from svfl_data.dataset import SPLITS as FOLDER
+from svfl_data.dataset import Dataset, inner_folder
+from svfl_data.duplicates import copies, copies_words
 from svfl_data.episode import canonical_json
 from svfl_data.errors import DatasetError, FormatError, StorageError, UsageError
+from svfl_data.index import entries
+from svfl_data.printable import printable
+from svfl_data.regular_file import refuse_link
+from svfl_data.side_files import Count, Int64, parse_as, read_side_file
 
-FOLDER = "splits"
 FORMAT = "svfl-split"
 FORMAT_VERSION = "1.0"
-NAME = re.compile(r"[\w-]+")
+NAME = re.compile(r"[\w-]{1,100}")
+MOST_NAMED = 5
+"""Missing episodes or stored splits that an error names."""
+
+
+class SplitFile(msgspec.Struct):
+    """What the file of a split must say."""
+
+    sha256: str
+    seed: Int64
+    rule: dict[str, Any]
+    parts: dict[str, list[Count]]
 
 
 @dataclass(frozen=True)
@@ -51,26 +67,32 @@ class Split:
         """Hash of which episodes are in which part, in hexadecimal; does not depend on names or on how it was drawn."""
         return hashlib.sha256(canonical_json(self.parts).encode()).hexdigest()
 
-    def save(self, dataset: Dataset) -> Path:
+    def save(self, dataset: Dataset, replace: bool = False) -> Path:
         """Store it beside the dataset's episodes; returns the file.
+
+        Args:
+            dataset: Where to.
+            replace: Whether it takes the place of another split of this name.
 
         Raises:
             DatasetError: If another split of this name is stored already; experiments may rest on it.
+            FormatError: If the file or its folder is a link.
             StorageError: If the disk refuses.
         """
         file = split_file(dataset, self.name)
-        try:
-            file.parent.mkdir(exist_ok=True)
-        except OSError as error:
-            raise StorageError(f"cannot create {file.parent}: {error.strerror}") from error
+        inner_folder(dataset.path, FOLDER)
+        refuse_link(file)
         content = {"format": FORMAT, "format_version": FORMAT_VERSION, "sha256": self.sha256, **asdict(self)}
         try:
-            write_atomically(file, (canonical_json(content) + "\n").encode(), replace=False)
+            write_atomically(file, (canonical_json(content) + "\n").encode(), replace)
         except StorageError:
-            if not file.exists():
+            if replace or not file.exists():
                 raise  # else it is stored already, perhaps by a process that was first by an instant
             if load_split(dataset, self.name).sha256 != self.sha256:
-                raise DatasetError(f"{file} holds another split; choose another name, or delete it first") from None
+                raise DatasetError(
+                    f"{file} holds another split; choose another name, or replace it (svfl-data split --replace) if "
+                    "nothing that was trained on it shall be tested on it"
+                ) from None
         return file
 
 
@@ -117,6 +139,20 @@ def split_episodes(indices: Sequence[int], shares: Mapping[str, float], seed: in
     return Split(name, seed, {"by": "episode", "shares": dict(shares), "episodes": len(indices)}, parts)
 
 
+def check_no_copies(dataset: Dataset) -> None:
+    """Check that no episode is a copy of another one, which a split could put into another part.
+
+    Raises:
+        DatasetError: If one is.
+    """
+    found = copies((dataset.path / entry.name, entry.content) for entry in entries(dataset) if not entry.error)
+    if found:
+        raise DatasetError(
+            f"the same recording more than once: {copies_words(found)}; in a split one could be trained and the other "
+            f"tested on; svfl-data filter {dataset.path} NEW --once takes the first of each"
+        )
+
+
 def load_split(dataset: Dataset, name: str) -> Split:
     """A stored split.
 
@@ -125,27 +161,35 @@ def load_split(dataset: Dataset, name: str) -> Split:
         DatasetError: If it is not stored, or names episodes that the dataset lacks.
     """
     file = split_file(dataset, name)
+    refuse_link(file.parent)
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        found = read_side_file(file)
     except FileNotFoundError as error:
         stored = sorted(other.stem for other in file.parent.glob("*.json") if NAME.fullmatch(other.stem))
-        raise DatasetError(f"{dataset.path}: no split {name!r}; it has {', '.join(stored) or 'none'}") from error
-    except (OSError, ValueError) as error:
-        raise FormatError(f"{file}: not readable as JSON ({error})") from error
+        raise DatasetError(f"{dataset.path}: no split {name!r}; it has {_named(stored)}") from error
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         raise FormatError(f"{file}: not a split (format is not {FORMAT!r})")
     if str(found.get("format_version")).split(".")[0] != FORMAT_VERSION.split(".")[0]:
-        raise FormatError(f"{file}: format version {found.get('format_version')}; this software reads 1.x")
-    try:
-        split = Split(found["name"], found["seed"], found["rule"], found["parts"])
-        together = [index for part in split.parts.values() for index in part]
-    except (KeyError, TypeError, AttributeError) as error:
-        raise FormatError(f"{file}: not a whole split ({error})") from error
-    if split.sha256 != found.get("sha256") or len(set(together)) != len(together):
+        version = printable(found.get("format_version"), 40)
+        raise FormatError(f"{file}: format version {version}; this software reads 1.x")
+    whole = parse_as(found, SplitFile, f"{file}: not a whole split")
+    split = Split(name, whole.seed, whole.rule, whole.parts)
+    together = [index for part in split.parts.values() for index in part]
+    if split.sha256 != whole.sha256 or len(set(together)) != len(together):
         raise FormatError(f"{file}: was edited (its parts do not match its hash)")
     if missing := sorted(set(together) - set(dataset.indices)):
-        raise DatasetError(f"{file}: names {len(missing)} episodes that the dataset lacks, the first is {missing[0]}")
+        raise DatasetError(
+            f"{file}: the dataset lacks {len(missing)} of its {len(together)} episodes ({_named(missing)}); put them "
+            f"back, or draw it again among those there are: svfl-data split {dataset.path} --name {name} --replace, or "
+            "under another name"
+        )
     return split
+
+
+def _named(things: Sequence[object]) -> str:
+    """Numbers or names, the first few of them."""
+    more = f" and {len(things) - MOST_NAMED} more" if len(things) > MOST_NAMED else ""
+    return (", ".join(str(one) for one in things[:MOST_NAMED]) or "none") + more
 
 
 def train_test_split(labels: np.ndarray, train: int, test: int, seed: int) -> tuple[np.ndarray, np.ndarray]:

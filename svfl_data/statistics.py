@@ -9,11 +9,11 @@ Source of the merging: Chan, Golub, LeVeque, "Algorithms for computing the sampl
 """
 
 import hashlib
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from svfl_data.atomically import write_atomically
@@ -21,8 +21,11 @@ from svfl_data.dataset import Dataset
 from svfl_data.episode import canonical_json
 from svfl_data.errors import DatasetError, FormatError
 from svfl_data.fields import field_at
+from svfl_data.printable import printable
 from svfl_data.progress import progress
 from svfl_data.reader import EpisodeReader
+from svfl_data.regular_file import refuse_link
+from svfl_data.side_files import parse_as, read_side_file
 from svfl_data.split import Split, split_file
 from svfl_data.symmetry import Part
 
@@ -117,6 +120,14 @@ class FieldStatistics:
     max: list[float]
 
 
+class StatisticsFile(msgspec.Struct):
+    """What the file of statistics must say."""
+
+    split_sha256: str
+    episodes_sha256: str
+    fields: dict[str, FieldStatistics]
+
+
 def statistics(values: np.ndarray, parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
     """Mean and scale (`Moments.scaling`) of values in memory, shape (..., C)."""
     return Moments.none(values.shape[-1]).and_also(values).scaling(parts)
@@ -169,6 +180,7 @@ def save_statistics(dataset: Dataset, split: Split, found: dict[str, FieldStatis
         "episodes_sha256": fingerprint(dataset, split[TRAIN]),
         "fields": {path: asdict(field) for path, field in found.items()},
     }
+    refuse_link(file.parent)
     write_atomically(file, (canonical_json(content) + "\n").encode())
     return file
 
@@ -181,19 +193,19 @@ def load_statistics(dataset: Dataset, split: Split) -> dict[str, FieldStatistics
         FormatError: If they cannot be read.
     """
     file = statistics_file(dataset, split.name)
+    refuse_link(file.parent)
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
-        fields = {path: FieldStatistics(**field) for path, field in found["fields"].items()}
-        belongs = (found["split_sha256"], found["episodes_sha256"])
+        found = parse_as(read_side_file(file), StatisticsFile, f"{file}: not readable as statistics")
     except FileNotFoundError as error:
         raise DatasetError(f"{dataset.path}: no statistics of split {split.name!r} yet") from error
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise FormatError(f"{file}: not readable as statistics ({error})") from error
-    if belongs[0] != split.sha256:
+    for path, field in found.fields.items():
+        if len({len(field.mean), len(field.scale), len(field.min), len(field.max)}) > 1:
+            raise FormatError(f"{file}: fields.{printable(path, 80)}: its lists have different lengths")
+    if found.split_sha256 != split.sha256:
         raise DatasetError(f"{file}: statistics of another split of this name; take them again")
-    if belongs[1] != fingerprint(dataset, split[TRAIN]):
+    if found.episodes_sha256 != fingerprint(dataset, split[TRAIN]):
         raise DatasetError(f"{file}: the training episodes have changed since; take the statistics again")
-    return fields
+    return found.fields
 
 
 def statistics_file(dataset: Dataset, name: str) -> Path:

@@ -10,7 +10,6 @@ HDF5 sees a byte, because damaged metadata can be read as if nothing had happene
 """
 
 import io
-import json
 import os
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -26,6 +25,7 @@ from svfl_data.chunk_encoding import LEVEL, Encoding
 from svfl_data.episode import Episode, Meta, canonical_json
 from svfl_data.errors import FieldError, FormatError, SvflError
 from svfl_data.fields import EXTRA, field_at
+from svfl_data.metadata import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, checked_meta, parse_meta
 from svfl_data.seal import SEAL_SIZE as SEAL_SIZE  # for readers
 from svfl_data.seal import file_seal, seal, unsealed
 from svfl_data.sink import Sink, write_all
@@ -38,12 +38,10 @@ STREAM_CHUNK = 1024  # rows per chunk of a stream
 CHUNK_BYTES = 2**20  # and no more than this, unless one row is larger
 BLOCK_BYTES = 2**20  # encoded by a thread at once
 THREADS = 4  # of an episode that is sealed, at most; more would wait for HDF5 and the disk
-PLAIN_ATTRIBUTES = {"task": str, "index": int, "seed": int, "source": str, "success": bool}
 TEXT = h5py.h5t.py_create(h5py.string_dtype(), logical=True)
 SCALAR = h5py.h5s.create(h5py.h5s.SCALAR)
 MEANING = ("unit", "axes", "about")
 """Attributes of a dataset without which its numbers mean nothing; they must be as declared."""
-JSON_ATTRIBUTES = {"config": dict, "software": dict, "transforms": list, "annotations": list, "history": list}
 
 
 class Rows(Protocol):
@@ -108,6 +106,7 @@ def _bytes(array: Rows) -> int:
 def _write_hdf5(
     target: BinaryIO | Sink, meta: Meta, arrays: Mapping[str, Rows], encoders: ThreadPoolExecutor | None
 ) -> None:
+    meta = checked_meta(meta)
     with h5py.File(target, "w") as file:
         _write_text(file, "format", FORMAT)
         _write_text(file, "format_version", FORMAT_VERSION)
@@ -228,7 +227,7 @@ def _read_content(content: bytes, path: Path) -> Episode:
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
             check_format(file.attrs, path)
-            return Episode(_read_meta(file), _read_arrays(file, path), name=str(path))
+            return Episode(parse_meta(file.attrs, path), _read_arrays(file, path), name=str(path))
     except SvflError:
         raise
     except Exception as error:  # whole, but not as we write it: h5py raises nearly anything
@@ -285,15 +284,6 @@ def check_meaning(path: str, attributes: Mapping[str, Any], where: object) -> No
             raise FieldError(f"{where}: field {path} has {name} {found!r}, expected {expected!r}")
 
 
-def _read_meta(file: h5py.File) -> Meta:
-    values = {key: json.loads(file.attrs[key]) for key in JSON_ATTRIBUTES}
-    values |= {key: np.asarray(file.attrs[key]).item() for key in PLAIN_ATTRIBUTES}
-    for key, kind in (JSON_ATTRIBUTES | PLAIN_ATTRIBUTES).items():
-        if type(values[key]) is not kind:
-            raise TypeError(f"attribute {key} is {values[key]!r}, not of type {kind.__name__}")
-    return Meta(**values)
-
-
 def resealed_bytes(content: bytes, entry: dict[str, Any]) -> bytes:
     """HDF5 content that other software has changed, sealed again, with an entry added to its history.
 
@@ -303,6 +293,7 @@ def resealed_bytes(content: bytes, entry: dict[str, Any]) -> bytes:
     """
     buffer = io.BytesIO(content)
     with h5py.File(buffer, "r+") as file:
-        file.attrs["history"] = canonical_json([*json.loads(file.attrs["history"]), entry])
+        history = parse_meta(file.attrs, "file").history
+        file.attrs["history"] = canonical_json([*history, entry])
     changed = buffer.getvalue()
     return changed + seal(changed)

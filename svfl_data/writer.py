@@ -1,6 +1,5 @@
 """Recording an episode of any length: memory stays flat, and whatever ends the recording costs half a second of it."""
 
-import json
 import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -12,16 +11,17 @@ from typing import Any, Self
 
 import numpy as np
 
-from svfl_data.agreement import agree
+from svfl_data.agreement import Agreement
 from svfl_data.claims import build, claim, publish
 from svfl_data.clocks import Gap, Late
 from svfl_data.dataset import Dataset
-from svfl_data.episode import Meta, canonical_json
+from svfl_data.episode import Meta
 from svfl_data.errors import DatasetError, FieldError, StorageError, UsageError
 from svfl_data.fields import EXTRA, field_at
 from svfl_data.growth import Growth, check_constants
 from svfl_data.held_folder import HeldFolder
 from svfl_data.journal import JournalWriter, read_journal
+from svfl_data.metadata import checked_meta
 from svfl_data.own_process import OwnProcess
 from svfl_data.recording_log import RecordingLog
 from svfl_data.store import Rows
@@ -86,21 +86,12 @@ class EpisodeWriter(OwnProcess):
     ) -> None:
         self._dataset = dataset if isinstance(dataset, Dataset) else Dataset.open(dataset)
         self._lock = threading.RLock()  # of what the episode consists of; the disk is never asked under it
-        self._varies = frozenset(varies)
         self._constants = {path: np.asarray(array) for path, array in constants.items()}
         self._growth = Growth(self._constants)
-        if rates_hz:
-            meta = replace(meta, config={**meta.config, "rates_hz": dict(rates_hz)})
-        self._check_meta(meta)
+        declared = {"rates_hz": dict(rates_hz or {}), "varies": sorted(varies)}
+        config = {**meta.config, **{key: value for key, value in declared.items() if value}}
+        meta = self._checked(replace(meta, config=config))
         check_constants(self._constants)
-        self._agree(
-            {f"rates_hz/{group}": rate for group, rate in (rates_hz or {}).items()}
-            | {
-                path: array.tolist()
-                for path, array in self._constants.items()
-                if path.startswith("cameras/") or path == "workspace"
-            }
-        )
         self._folder = HeldFolder(self._dataset.path)
         try:
             index, descriptor, journal = claim(self._dataset, meta.index)
@@ -111,8 +102,10 @@ class EpisodeWriter(OwnProcess):
         self._journal = JournalWriter(descriptor, journal)
         self._behind = WriteBehind(self._journal, flush_s, sync_s, most_waiting_bytes, when_full)
         self._log = RecordingLog(self._behind.note)
+        self._agreement: Agreement | None = None
         self._ended = self._closed = False
         try:
+            self._agreement = Agreement(self._dataset, journal, self.meta, self._constants)
             self._behind.record({"meta": asdict(self.meta)})
             self._append_constants(self._constants)
         except BaseException:
@@ -153,9 +146,8 @@ class EpisodeWriter(OwnProcess):
             raise FieldError(f"{group}: no rows were given")
         if late == "drop" and group == "observations":
             raise UsageError("observations cannot be dropped: an action follows each")
-        if self._growth.check(group, arrays) and not group.startswith(EXTRA):
-            # Reads the dataset's description, so outside the lock: other sensors do not wait for it.
-            self._agree({path: [str(rows.dtype), list(rows.shape[1:])] for path, rows in arrays.items()})
+        if self._growth.check(group, arrays) and self._agreement and not group.startswith(EXTRA):
+            self._agreement.extend(arrays)  # reads files, so outside the lock: other sensors do not wait for it
         with self._lock:
             self._check_open()
             if self._growth.check(group, arrays):
@@ -321,10 +313,12 @@ class EpisodeWriter(OwnProcess):
         check_constants(late, required=False)
         success = self.meta.success if success is None else bool(success)
         meta = replace(self.meta, success=success, annotations=[*self.meta.annotations, *annotations])
-        self._check_meta(meta)
+        meta = self._checked(meta)
         self._behind.flush()
         self._growth.check_whole(self._behind.stored, late, f"episode {meta.index}")
         meta = self._log.closed(meta, despite_faults)
+        if self._agreement:
+            self._agreement.confirm(late)
         self._append_constants(late)
         self._behind.record({"end": asdict(meta)})
         return meta
@@ -357,6 +351,8 @@ class EpisodeWriter(OwnProcess):
         self._journal.close()
         self._folder.close()
         self._ended = self._closed = True
+        if self._agreement:
+            self._agreement.leave()
 
     def _recorded(self) -> dict[str, Rows]:
         journal = read_journal(self._journal.descriptor)
@@ -372,22 +368,10 @@ class EpisodeWriter(OwnProcess):
             label = {"path": path, "dtype": array.dtype.str, "shape": array.shape, "constant": True}
             self._behind.record(label, array.tobytes())
 
-    def _agree(self, facts: Mapping[str, Any]) -> None:
-        same = {name: value for name, value in facts.items() if not self._may_vary(name.removeprefix("rates_hz/"))}
-        agree(self._dataset.path, same)
-
-    def _may_vary(self, path: str) -> bool:
-        return path in self._varies or path.rpartition("/")[0] in self._varies
-
-    def _check_meta(self, meta: Meta) -> None:
-        if meta.task != self._dataset.info["task"]:
+    def _checked(self, meta: Meta) -> Meta:
+        if meta.task not in str(self._dataset.info["task"]).split("+"):
             raise DatasetError(f"{self._dataset.path} is of task {self._dataset.info['task']!r}, not {meta.task!r}")
-        try:
-            stored = json.loads(canonical_json(asdict(meta)))
-        except (TypeError, ValueError) as error:
-            raise FieldError(f"metadata of episode {meta.index} cannot be stored as JSON ({error})") from error
-        if type(stored["index"]) is not int or type(stored["seed"]) is not int or type(stored["success"]) is not bool:
-            raise FieldError("metadata: index and seed must be integers, success must be true or false")
+        return checked_meta(meta)
 
     def _check_open(self) -> None:
         self.check_process()

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from svfl_data.checks.between import Between
 from svfl_data.checks.finding import Finding, Severity
 from svfl_data.checks.images import check_color, check_depth
 from svfl_data.checks.motion import check_action, check_label, check_poses, check_proprio, check_records
@@ -46,47 +47,25 @@ def check_file(path: Path) -> list[Finding]:
 
 def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
     """Everything that is wrong with a dataset, one list per episode, then one for what is wrong between them."""
-    shared: list[Finding] = []
-    first: Episode | None = None
+    between = Between(dataset)
     for index in dataset.indices:
         name = str(dataset.episode_path(index))
         try:
-            name = str(dataset.extent(index))
+            reader = dataset.episode(index)
+            name = str(reader.extent)
             episode = dataset.read(index)
+            between.add(index, reader, episode)
         except SvflError as problem:
             yield unreadable(name, problem)
             continue
-        first = first or episode
-        shared += [*_placed(dataset, index, episode), *_unlike(first, episode)]
         yield check_episode(episode)
+    shared = between.findings()
     unfinished = sorted((dataset.path / INFLIGHT).glob(f"*{SUFFIX}"))
     if unfinished:
         names = ", ".join(file.stem for file in unfinished)
         words = f"being written, or left by a writer that was stopped: {names}; if so, run svfl-data repair"
         shared.append(Finding(str(dataset.path), "", None, "note", words))
     yield shared
-
-
-def _placed(dataset: Dataset, index: int, episode: Episode) -> Iterator[Finding]:
-    """An episode is what its file's name and its dataset say."""
-    if episode.meta.index != index:
-        words = f"the file's number is {index}, the attribute says {episode.meta.index}"
-        yield Finding(episode.name, "index", None, "error", words)
-    if episode.meta.task not in str(dataset.info.get("task")).split("+"):
-        words = f"task {episode.meta.task!r} in a dataset of {dataset.info.get('task')!r}"
-        yield Finding(episode.name, "task", None, "warning", words)
-
-
-def _unlike(first: Episode, episode: Episode) -> Iterator[Finding]:
-    """Episodes of a dataset have the same streams and the same image sizes."""
-    for path in sorted(first.arrays.keys() ^ episode.arrays.keys()):
-        words = f"{'missing' if path in first.arrays else 'extra'}, compared with {Path(first.name).name}"
-        yield Finding(episode.name, path, None, "warning", words)
-    for path in first.arrays.keys() & episode.arrays.keys():
-        here, there = episode.arrays[path].shape[1:], first.arrays[path].shape[1:]
-        if path.startswith("cameras/") and here != there:
-            words = f"size {here}, but {there} in {Path(first.name).name}"
-            yield Finding(episode.name, path, None, "warning", words)
 
 
 def unreadable(name: str, problem: SvflError) -> list[Finding]:

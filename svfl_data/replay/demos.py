@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from numbers import Integral
 
+from svfl_data.agreement import check_agreement
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Camera, Episode
 from svfl_data.errors import DatasetError, FieldError, UsageError
@@ -63,6 +64,7 @@ def read(dataset: Dataset, indices: Sequence[int], camera: str | None) -> Iterat
         FieldError: If an episode lacks a field, or the camera.
         FormatError: If an episode is damaged.
     """
+    check_agreement(dataset, indices, None if camera is None else [camera])
     first: Layout | None = None
     for index in progress(indices, "preloading demonstrations"):
         episode = dataset.read(index)

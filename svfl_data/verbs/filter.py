@@ -15,7 +15,7 @@ from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode
 from svfl_data.errors import UsageError
 from svfl_data.merge import choose
-from svfl_data.verbs.source import yes_no
+from svfl_data.verbs.source import add_allowances, left_out_words, yes_no
 
 OPERATORS: dict[str, Callable[[Any, Any], bool]] = {
     "!=": operator.ne, "<=": operator.le, ">=": operator.ge, "=": operator.eq, "<": operator.lt, ">": operator.gt,
@@ -88,6 +88,7 @@ def add(commands: Commands) -> None:
         help="keep what has this attribute; also !=, <, <=, >, >=; dots lead into config and software; "
         "steps and seconds can be asked for as well",
     )  # fmt: skip
+    add_allowances(verb)
     verb.set_defaults(command=run)
 
 
@@ -95,12 +96,14 @@ def run(arguments: argparse.Namespace) -> None:
     """Filter."""
     asked = {key: getattr(arguments, key) for key in ("task", "success", "source")}
     conditions = [Condition(key, "=", value) for key, value in asked.items() if value is not None] + arguments.where
-    if not conditions:
-        raise UsageError("filter: name a condition: --task, --success, --source or --where")
-    count = choose(
+    if not conditions and not arguments.once:
+        raise UsageError("filter: name a condition: --task, --success, --source, --where or --once")
+    count, left_out = choose(
         Dataset.open(arguments.path),
         arguments.destination,
         lambda episode: all(condition(episode) for condition in conditions),
         [str(condition) for condition in conditions],
+        arguments.varies,
+        arguments.once,
     )
-    print(f"{arguments.destination}: {count} episodes")
+    print(f"{arguments.destination}: {count} episodes{left_out_words(left_out)}")

@@ -8,10 +8,13 @@ from svfl_data.cli import Commands
 from svfl_data.dataset import Dataset
 from svfl_data.fields import FIELDS
 from svfl_data.index import Summary, summary
+from svfl_data.printable import printable
 from svfl_data.reader import EpisodeReader
 from svfl_data.verbs.source import add_episode, add_json, add_path, is_episode, print_json, reader
 
 SECONDS_PER_HOUR = 3600
+MOST_NAMED = 20
+"""Tasks, sources, damaged files and the like that are named; how many more there are is said."""
 
 
 def add(commands: Commands) -> None:
@@ -38,10 +41,12 @@ def run(arguments: argparse.Namespace) -> None:
     dataset = Dataset.open(arguments.path)
     found = summary(dataset)
     software = dataset.episode(dataset.indices[0]).meta.software if found.episodes and not found.damaged else {}
+    strays = dataset.strays()
     if arguments.json:
-        print_json({"path": str(dataset.path), "info": dataset.info, "software": software, **dataclasses.asdict(found)})
+        facts = {"path": str(dataset.path), "info": dataset.info, "software": software, "not_counted": strays}
+        print_json({**facts, **dataclasses.asdict(found)})
     else:
-        print(dataset_words(dataset, found, software))
+        print(dataset_words(dataset, found, software, strays))
 
 
 def units(group: str) -> str:
@@ -53,11 +58,9 @@ def units(group: str) -> str:
     return ", ".join(dict.fromkeys(single)) or "-"
 
 
-def dataset_words(dataset: Dataset, found: Summary, software: dict[str, str]) -> str:
+def dataset_words(dataset: Dataset, found: Summary, software: dict[str, str], strays: list[str]) -> str:
     """A dataset in a few lines, for a person."""
     rate = f"{found.successes / found.episodes:.1%}" if found.episodes else "-"
-    versions = ", ".join(f"{name} {version}" for name, version in software.items()) or "unknown"
-    formats = ", ".join(f"{name} ({count})" for name, count in found.format_versions.items()) or "-"
     lines = [
         f"{dataset.path}: {found.episodes} episodes, {found.steps} steps, "
         f"{found.seconds / SECONDS_PER_HOUR:.3g} hours, {size_words(found.bytes)}",
@@ -66,20 +69,34 @@ def dataset_words(dataset: Dataset, found: Summary, software: dict[str, str]) ->
         f"  success   {found.successes} of {found.episodes} ({rate})",
     ]
     for name, stream in found.streams.items():
-        lines.append(f"  stream    {name}: {_rates(stream)}, {stream['rows']} readings, [{units(f'streams/{name}')}]")
+        known = units(f"streams/{name}")
+        lines.append(f"  stream    {printable(name, 40)}: {_rates(stream)}, {stream['rows']} readings, [{known}]")
     for name, camera in found.cameras.items():
-        sizes = " and ".join(f"{height} x {width} px" for height, width in camera["sizes"])
-        lines.append(f"  camera    {name}: {sizes}, {_rates(camera)}, {camera['rows']} frames")
+        sizes = " and ".join(f"{height} x {width} px" for height, width in camera["sizes"][:MOST_NAMED])
+        lines.append(f"  camera    {printable(name, 40)}: {sizes}, {_rates(camera)}, {camera['rows']} frames")
     lines += [
-        f"  format    {formats}",
-        f"  software  {versions}",
-        *(f"  damaged   {reason}" for reason in found.damaged.values()),
+        f"  format    {_counts(found.format_versions)}",
+        f"  software  {_versions(software)}",
+        *_some("damaged", list(found.damaged.values())),
+        *_some("no name", [f"{name}: not counted; an episode is named like episode_000012.hdf5" for name in strays]),
     ]
     return "\n".join(lines)
 
 
+def _some(head: str, words: list[str]) -> list[str]:
+    """One line each, of many only the first."""
+    more = [f"  {head:9} and {len(words) - MOST_NAMED} more"] if len(words) > MOST_NAMED else []
+    return [*(f"  {head:9} {printable(one)}" for one in words[:MOST_NAMED]), *more]
+
+
+def _versions(software: dict[str, str]) -> str:
+    return printable(", ".join(f"{name} {version}" for name, version in software.items()) or "unknown")
+
+
 def _counts(counts: dict[str, int]) -> str:
-    return ", ".join(f"{name} ({count})" for name, count in counts.items()) or "-"
+    named = [f"{printable(name, 40)} ({count})" for name, count in counts.items()]
+    more = [f"{len(named) - MOST_NAMED} more"] if len(named) > MOST_NAMED else []
+    return ", ".join([*named[:MOST_NAMED], *more]) or "-"
 
 
 def _rates(stream: dict[str, Any]) -> str:
@@ -121,19 +138,15 @@ def episode_words(episode: EpisodeReader) -> str:
     meta = episode.meta
     lines = [
         f"  success   {'yes' if meta.success else 'no'}",
-        f"  source    {meta.source}, seed {meta.seed}",
-        f"  software  {', '.join(f'{name} {version}' for name, version in meta.software.items()) or 'unknown'}",
+        f"  source    {printable(meta.source, 40)}, seed {meta.seed}",
+        f"  software  {_versions(meta.software)}",
         f"  file      format {episode.format_version}, {size_words(episode.extent.size)}, sha256 {episode.seal[:12]}",
     ]
-    lines += [f"  transform {record}" for record in meta.transforms]
+    lines += [f"  transform {printable(record)}" for record in meta.transforms]
     lines += [f"  mark      {_mark_words(one)}" for one in meta.annotations]
-    lines += [f"  history   {entry.get('time', '')} {entry.get('tool', entry)}" for entry in meta.history]
+    lines += [f"  history   {printable(one.get('time', ''), 40)} {printable(one['tool'])}" for one in meta.history]
     return "\n".join([repr(episode), *lines])
 
 
 def _mark_words(one: dict[str, Any]) -> str:
-    """An annotation; as it stands if it is not what it should be, which `svfl-data validate` says."""
-    try:
-        return f"{one['name']} from {one['start_ns'] / 1e9:.3f} to {one['end_ns'] / 1e9:.3f} s"
-    except (KeyError, TypeError):
-        return str(one)
+    return f"{printable(one['name'], 80)} from {one['start_ns'] / 1e9:.3f} to {one['end_ns'] / 1e9:.3f} s"

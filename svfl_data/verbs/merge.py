@@ -6,6 +6,7 @@ from pathlib import Path
 from svfl_data.cli import Commands
 from svfl_data.dataset import Dataset
 from svfl_data.merge import merge
+from svfl_data.verbs.source import add_allowances, left_out_words
 
 
 def add(commands: Commands) -> None:
@@ -14,15 +15,19 @@ def add(commands: Commands) -> None:
         "merge",
         help="several datasets into a new one",
         description="Copy the episodes of several datasets into a new one, numbered from 0. Every episode's history "
-        "says which dataset, number and seed it had. Datasets whose cameras, streams or rates differ are refused.",
-        example="svfl-data merge data/monday data/tuesday data/week",
+        "says which dataset, number and seed it had. Episodes whose cameras (names, sizes, calibration), workspace, "
+        "streams or rates differ are refused, and so are copies of one recording.",
+        example="svfl-data merge data/monday data/tuesday data/week\n"
+        "svfl-data merge data/monday data/tuesday data/week --varies cameras/front/T_base_camera --once",
     )
     verb.add_argument("sources", type=Path, nargs="+", metavar="SRC", help="dataset folders")
     verb.add_argument("destination", type=Path, metavar="DST", help="new dataset folder")
+    add_allowances(verb)
     verb.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Merge."""
-    count = merge([Dataset.open(source) for source in arguments.sources], arguments.destination)
-    print(f"{arguments.destination}: {count} episodes from {len(arguments.sources)} datasets")
+    sources = [Dataset.open(source) for source in arguments.sources]
+    count, left_out = merge(sources, arguments.destination, arguments.varies, arguments.once)
+    print(f"{arguments.destination}: {count} episodes from {len(sources)} datasets{left_out_words(left_out)}")

@@ -89,6 +89,7 @@ def run(arguments: argparse.Namespace) -> None:
     dataset = Dataset.open(arguments.path)
     if arguments.episode is None:
         _refuse(arguments.success is not None or bool(arguments.annotate), "--success and --annotate need --episode N")
+    dataset.clear()
     indices: Sequence[int] = dataset.indices if arguments.episode is None else [arguments.episode]
     changed = sum(bool(relabel.relabel(dataset, index, change)) for index in progress(indices, "relabelling"))
     print(f"{arguments.path}: {changed} of {len(indices)} episodes changed")

@@ -37,6 +37,20 @@ def add_json(verb: Parser) -> None:
     verb.add_argument("--json", action="store_true", help="print JSON")
 
 
+def add_allowances(verb: Parser) -> None:
+    """Add the options that say what the episodes of a new dataset may be."""
+    verb.add_argument(
+        "--varies", nargs="+", default=[], metavar="NAME",
+        help="let episodes differ in this path or group, e.g. cameras/front/T_base_camera",
+    )  # fmt: skip
+    verb.add_argument("--once", action="store_true", help="of copies of one recording, take the first only")
+
+
+def left_out_words(number: int) -> str:
+    """How many copies were left out, for the end of a line."""
+    return f"; {number} {'copy' if number == 1 else 'copies'} left out" if number else ""
+
+
 def is_episode(path: Path) -> bool:
     """Whether a path names an episode file rather than a dataset folder."""
     return path.is_file() or path.suffix in EPISODE_SUFFIXES

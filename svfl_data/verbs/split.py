@@ -4,7 +4,7 @@ import argparse
 
 from svfl_data.cli import Commands, natural
 from svfl_data.dataset import Dataset
-from svfl_data.split import split_episodes
+from svfl_data.split import check_no_copies, split_episodes
 from svfl_data.verbs.source import add_dataset, add_json, print_json
 
 SHARES = [("train", 0.8), ("valid", 0.1), ("test", 0.1)]
@@ -16,7 +16,8 @@ def add(commands: Commands) -> None:
         "split",
         help="draw which episodes to train, validate and test on, and store it",
         description="Draw a split by whole episodes with a seed, and store it beside them, so that everyone trains and "
-        "tests on the same ones. A stored split of the same name is never replaced by another one.",
+        "tests on the same ones. A stored split of this name is replaced by another one only with --replace. Copies"
+        " of one recording are refused, since one could be trained and the other tested on.",
         example="svfl-data split data/centering --shares train=0.8 valid=0.1 test=0.1 --seed 0",
     )
     add_dataset(verb)
@@ -26,6 +27,11 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     verb.add_argument("--seed", type=natural, default=0, metavar="S", help="seed (default 0)")
     verb.add_argument("--name", default="default", metavar="NAME", help="name of the split (default: default)")
+    verb.add_argument(
+        "--replace",
+        action="store_true",
+        help="replace a stored split of this name; take its statistics again",
+    )
     add_json(verb)
     verb.set_defaults(command=run)
 
@@ -42,8 +48,10 @@ def share(text: str) -> tuple[str, float]:
 def run(arguments: argparse.Namespace) -> None:
     """Draw and store the split."""
     dataset = Dataset.open(arguments.path)
+    dataset.clear()
+    check_no_copies(dataset)
     split = split_episodes(dataset.indices, dict(arguments.shares), arguments.seed, arguments.name)
-    file = split.save(dataset)
+    file = split.save(dataset, arguments.replace)
     if arguments.json:
         print_json({"file": str(file), "sha256": split.sha256, "seed": split.seed, "parts": split.parts})
     else:

@@ -29,6 +29,7 @@ def add(commands: Commands) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Take, store and print the statistics."""
     dataset = Dataset.open(arguments.path)
+    dataset.clear()
     split = load_split(dataset, arguments.split)
     found = compute_statistics(dataset, split[TRAIN])
     file = save_statistics(dataset, split, found)

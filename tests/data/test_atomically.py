@@ -9,9 +9,10 @@ import tempfile
 
 import pytest
 
-from svfl_data import atomically
-from svfl_data.atomically import clear_leftovers, mark_alive, named_aside, write_atomically, written_aside
+from svfl_data import leftovers
+from svfl_data.atomically import named_aside, write_atomically, written_aside
 from svfl_data.errors import StorageError
+from svfl_data.leftovers import clear_leftovers, folder_aside
 
 REFUSALS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.ESTALE, errno.EIO)
 STEPS = ((tempfile, "mkstemp"), (os, "fsync"), (os, "fchmod"), (os, "replace"), (os, "write"))
@@ -101,14 +102,14 @@ def test_what_a_killed_process_was_writing_is_removed(tmp_path, writer):
 
 
 def test_folders_are_told_apart_by_the_same_lock(tmp_path):
-    for name in ("dead", "alive"):
-        (tmp_path / f".{name}.x.part").mkdir()
-        (tmp_path / f".{name}.x.part" / "episode").touch()
-    descriptor = os.open(tmp_path / ".alive.x.part", os.O_RDONLY)
-    mark_alive(descriptor)
-    assert clear_leftovers(tmp_path) == [tmp_path / ".dead.x.part"]
-    assert (tmp_path / ".alive.x.part" / "episode").exists()
-    os.close(descriptor)
+    for name in (".dead.svfl-x.part", ".not_ours.part"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "episode").touch()
+    with folder_aside(tmp_path / "alive") as alive:
+        (alive / "episode").touch()
+        assert clear_leftovers(tmp_path) == [tmp_path / ".dead.svfl-x.part"]
+        assert (alive / "episode").exists()
+    assert os.listdir(tmp_path) == [".not_ours.part"]
 
 
 def test_no_link_is_followed_and_no_pipe_waited_for(tmp_path):
@@ -123,7 +124,7 @@ def test_without_locks_files_are_written_and_nothing_is_cleared(tmp_path, monkey
     def flock(*_):
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
-    monkeypatch.setattr(atomically.fcntl, "flock", flock)
+    monkeypatch.setattr(leftovers.fcntl, "flock", flock)
     write_atomically(tmp_path / "file", b"content")
     (tmp_path / ".file.x.part").touch()
     assert clear_leftovers(tmp_path) == []
@@ -131,14 +132,14 @@ def test_without_locks_files_are_written_and_nothing_is_cleared(tmp_path, monkey
 
 
 def test_a_file_cleared_between_its_creation_and_its_lock_is_made_again(tmp_path, monkeypatch):
-    taken = []
+    taken, hold = [], leftovers._hold
 
     def late(descriptor):
         if not taken:
             taken.extend(clear_leftovers(tmp_path))
-        mark_alive(descriptor)
+        return hold(descriptor)
 
-    monkeypatch.setattr(atomically, "mark_alive", late)
+    monkeypatch.setattr(leftovers, "_hold", late)
     write_atomically(tmp_path / "file", b"content")
     assert len(taken) == 1
     assert os.listdir(tmp_path) == ["file"]

@@ -57,7 +57,15 @@ def test_what_is_written_is_read(tmp_path_factory, steps, size, seed, text, drop
     arrays["streams/wrench/wrench"] = arrays["streams/wrench/wrench"][:readings]
     arrays[f"extra/{own}/reading"] = rng.normal(size=shape)
     episode = Episode(
-        Meta("centering", 1, seed, "teleop", False, {"note": text, "list": [1, 2.5]}, annotations=[{"name": text}]),
+        Meta(
+            "centering",
+            1,
+            seed,
+            "teleop",
+            False,
+            {"note": text, "list": [1, 2.5]},
+            annotations=[{"name": text, "start_ns": 0, "end_ns": 1}],
+        ),
         arrays,
     )
     path = tmp_path_factory.mktemp("store") / "episode.hdf5"

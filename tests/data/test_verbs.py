@@ -108,6 +108,7 @@ def test_mistakes_are_one_line_with_their_exit_code(command, week, tmp_path):
         (2, "name a condition", "filter", week.path, new),
         (2, "is not KEY=VALUE", "filter", week.path, new, "--where", "friction"),
         (2, "neither yes nor no", "filter", week.path, new, "--success", "maybe"),
+        (1, "of 4 episodes 2 have success=true, sources are expert, teleop", "filter", week.path, new, "--task", "x"),
         (1, "no episode meets task=\"picking\"", "filter", week.path, new, "--task", "picking"),
         (1, "not empty", "filter", week.path, week.path, "--success", "yes"),
         (1, "not empty", "merge", week.path, week.path),
@@ -238,7 +239,11 @@ def test_merge_keeps_everything_and_where_it_was(command, week, tmp_path):
 
 def test_merge_of_a_merge_remembers_both(command, week, tmp_path):
     command("filter", week.path, tmp_path / "few", "--where", "index=4")
-    command("merge", tmp_path / "few", week.path, tmp_path / "all")
+    code, _, err = command("merge", tmp_path / "few", week.path, tmp_path / "all")
+    assert (code, one_line(err)) == (1, True)
+    assert "the same recording more than once" in err
+    assert "1 copy left out" in command("merge", tmp_path / "few", week.path, tmp_path / "all", "--once")[1]
+    assert len(Dataset.open(tmp_path / "all")) == 4
     history = Dataset.open(tmp_path / "all").read(0).meta.history
     assert [(entry["came_from"]["dataset"], entry["came_from"]["index"]) for entry in history] == [
         ("week", 4), ("few", 0),
@@ -248,23 +253,23 @@ def test_merge_of_a_merge_remembers_both(command, week, tmp_path):
 def other_size(arrays):
     arrays["cameras/front/color"] = arrays["cameras/front/color"][:, :8]
     arrays["cameras/front/depth"] = arrays["cameras/front/depth"][:, :8]
-    return "camera front is 16 x 16 px in", "but 8 x 16 px in"
+    return "cameras/front/color is uint8 (8, 16, 3) in", "but uint8 (16, 16, 3) in"
 
 
 def other_camera(arrays):
     for path in [path for path in arrays if path.startswith("cameras/")]:
         arrays[path.replace("front", "wrist")] = arrays.pop(path)
-    return "camera front is 16 x 16 px in", "but missing in"
+    return "cameras/front is missing in", "but there in"
 
 
 def other_rate(arrays):
     arrays["streams/wrench/t_ns"] = arrays["streams/wrench/t_ns"] * 2
-    return "rate of wrench is 500.0 Hz in", "but 250.0 Hz in"
+    return "rate of streams/wrench is 500.0 Hz in", "but 250.0 Hz in"
 
 
 def other_streams(arrays):
     del arrays["streams/joints/t_ns"], arrays["streams/joints/position"]
-    return "rate of joints is 20.0 Hz in", "but missing in"
+    return "rate of streams/joints is 20.0 Hz in", "but missing in"
 
 
 @pytest.mark.parametrize("change", [other_size, other_camera, other_rate, other_streams])

@@ -77,7 +77,7 @@ def test_recorded_in_pieces_equals_written_at_once_to_the_byte(
         path: array for path, array in episode_arrays(rng, steps, size).items() if not without & set(path.split("/"))
     }
     arrays |= {f"extra/{n}": rng.random((rows, 5)) for n, rows in (("tactile/left", steps), ("empty/none", 0))}
-    meta = replace(make_episode().meta, config={"note": text}, annotations=[{"name": text}])
+    meta = replace(make_episode().meta, config={"note": text}, annotations=[{"name": text, "start_ns": 0, "end_ns": 1}])
     with EpisodeWriter(dataset, replace(meta, index=NEXT), constants_of(arrays)) as writer:
         append_all(writer, arrays, pieces, rng)
         path = writer.seal()
@@ -102,7 +102,7 @@ def test_labels_success_and_annotations_may_come_at_the_end(dataset):
     episode = make_episode()
     late = {path: array for path, array in episode.arrays.items() if path.startswith("labels/")}
     early = {path: array for path, array in constants_of(episode.arrays).items() if path not in late}
-    contact = {"name": "contact", "start_ns": 5, "stop_ns": 9}
+    contact = {"name": "contact", "start_ns": 5, "end_ns": 9}
     with EpisodeWriter(dataset, replace(episode.meta, success=False), early, rates_hz=RATES) as writer:
         append_all(writer, episode.arrays)
         path = writer.seal(success=True, annotations=[contact], constants=late)

@@ -1,0 +1,94 @@
+"""What is wrong between the episodes of a dataset: other setups, copies, names and numbers that do not fit."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from svfl_data.checks.finding import Finding
+from svfl_data.dataset import Dataset
+from svfl_data.duplicates import content_id, copies
+from svfl_data.episode import Episode
+from svfl_data.printable import printable
+from svfl_data.reader import EpisodeReader
+from svfl_data.recording_setup import Common, Setup
+from svfl_data.shards import members, shard_files
+
+NAMED = 5
+"""Names that one finding lists."""
+
+
+class Between:
+    """Gathers episodes one after the other and says what does not fit together.
+
+    Args:
+        dataset: Whose episodes.
+    """
+
+    def __init__(self, dataset: Dataset) -> None:
+        self._dataset = dataset
+        self._setups: list[tuple[str, Setup]] = []
+        self._contents: list[tuple[str, str]] = []
+        self._first: Episode | None = None
+        self._found: list[Finding] = []
+
+    def add(self, index: int, reader: EpisodeReader, episode: Episode) -> None:
+        """Take in an episode that could be read."""
+        arrays = {path: reader[path] for path in reader.paths}
+        self._setups.append((episode.name, Setup.of(episode.meta, arrays)))
+        self._contents.append((episode.name, content_id(reader)))
+        self._first = self._first or episode
+        self._found += [*self._placed(index, episode), *self._lacking(self._first, episode)]
+
+    def findings(self) -> list[Finding]:
+        """Everything that does not fit together."""
+        return [*self._found, *self._unlike(), *self._copies(), *self._named()]
+
+    def _placed(self, index: int, episode: Episode) -> Iterator[Finding]:
+        """An episode is what its file's name and its dataset say."""
+        if episode.meta.index != index:
+            words = f"the file's number is {index}, the attribute says {episode.meta.index}"
+            yield Finding(episode.name, "index", None, "error", words)
+        if episode.meta.task not in str(self._dataset.info["task"]).split("+"):
+            words = f"task {episode.meta.task!r} in a dataset of {self._dataset.info['task']!r}"
+            yield Finding(episode.name, "task", None, "warning", words)
+
+    def _lacking(self, first: Episode, episode: Episode) -> Iterator[Finding]:
+        """Episodes of a dataset have the same arrays; of cameras the setup says so."""
+        for path in sorted(first.arrays.keys() ^ episode.arrays.keys()):
+            if not path.startswith("cameras/"):
+                words = f"{'missing' if path in first.arrays else 'extra'}, compared with {Path(first.name).name}"
+                yield Finding(episode.name, path, None, "warning", words)
+
+    def _unlike(self) -> Iterator[Finding]:
+        varies = {path for _, setup in self._setups for path in setup.varies}
+        common = Common(self._dataset.varies | varies)
+        for name, setup in self._setups:
+            for found in common.differences(setup):
+                words = f"is {found.here}, but {found.there} in {Path(found.where).name}"
+                yield Finding(name, found.name, None, "error", words)
+            common.add(setup, name)
+
+    def _copies(self) -> Iterator[Finding]:
+        for copy, first in copies(self._contents):
+            words = f"the same recording as {Path(first).name}; a split could train on one and test on the other"
+            yield Finding(copy, "", None, "error", words)
+
+    def _named(self) -> Iterator[Finding]:
+        """What looks like an episode and is none, and episodes that lie in several shards."""
+        name = str(self._dataset.path)
+        if strays := self._dataset.strays():
+            words = "not counted as episodes, which are named like episode_000012.hdf5: "
+            yield Finding(name, "", None, "warning", words + _some(strays))
+        shards: dict[int, list[str]] = {}
+        for shard in shard_files(self._dataset.path):
+            for index in members(shard):
+                shards.setdefault(index, []).append(shard.name)
+        several = [f"{index} ({', '.join(names)})" for index, names in sorted(shards.items()) if len(names) > 1]
+        if several:
+            words = "in more than one shard, of which the last is read unless there is a file of its own: episodes "
+            yield Finding(name, "", None, "warning", words + _some(several))
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(printable(name, 80) for name in names[:NAMED]) + (
+        f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    )
