@@ -2,17 +2,22 @@
 
 import argparse
 import os
+import select
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from svfl_data.errors import SvflError
+from svfl_data.extras import OURS, needs
+from svfl_data.printable import printable
+from svfl_data.refused import refusal
 
 SIGNALLED = 128  # plus the signal: exit code of a command that one has ended, the shell's convention
+LONGEST_LINE = 4000  # characters of an error
 
 
 class Parser(argparse.ArgumentParser):
@@ -22,6 +27,11 @@ class Parser(argparse.ArgumentParser):
         if example:
             kwargs["epilog"] = "example:\n" + "\n".join(f"  {line}" for line in example.splitlines())
         super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
+
+    def _print_message(self, message: str, file: Any = None) -> None:  # noqa: ANN401 - as argparse declares it
+        """Print help or a mistake; unlike argparse's own, not in silence if it cannot be written."""
+        if message:
+            (file or sys.stderr).write(message)
 
     def error(self, message: str) -> NoReturn:
         """Print the mistake and where help is, and exit with 2."""
@@ -52,8 +62,37 @@ def _integer(text: str, least: int) -> int:
     return value
 
 
+def main(root: Parser, words: list[str] | None = None) -> int:
+    """Do what a command line asks for.
+
+    Args:
+        root: The program's command line. Its verbs set `command`, the function to call, and their name is in `verb`.
+        words: The command line; None for that of this process.
+
+    Returns:
+        Exit code; see `run`.
+
+    Raises:
+        SystemExit: After ``--help``, and with code 2 after a mistake in the command line.
+    """
+    return run(lambda: _called(root, words), root.prog)
+
+
+def _called(root: Parser, words: list[str] | None) -> None:
+    arguments = root.parse_args(words)
+    verb = vars(arguments).pop("verb")
+    try:
+        arguments.command(arguments)
+    except ModuleNotFoundError as error:
+        if not error.name or error.name.partition(".")[0] in OURS:
+            raise
+        raise SvflError(f"{verb} {needs(error.name)}") from error
+    except ImportError as error:  # a library that lacks one of its own, or was built for another machine
+        raise SvflError(f"{verb} cannot load a library: {error}") from error
+
+
 def run(command: Callable[[], None], program: str) -> int:
-    """Run a command and turn the user's mistakes into one line.
+    """Run a command and turn the user's mistakes, and what the system refuses, into one line.
 
     Args:
         command: The work to do.
@@ -62,19 +101,79 @@ def run(command: Callable[[], None], program: str) -> int:
     Returns:
         Exit code: 0, the error's own code, or 128 and the signal's number after Ctrl-C, SIGTERM or SIGHUP.
     """
+    _prepare_streams()
     try:
         with _ended_by_signals():
             command()
     except SvflError as error:
-        print(f"{program}: {error}", file=sys.stderr)
-        return error.exit_code
+        return _failed(program, str(error), error.exit_code)
     except KeyboardInterrupt as interrupt:
-        print(f"{program}: interrupted; everything finished so far is on disk", file=sys.stderr)
+        _failed(program, "interrupted; everything finished so far is on disk")
         return SIGNALLED + (interrupt.number if isinstance(interrupt, Ended) else signal.SIGINT)
-    except BrokenPipeError:  # the reader of our output, such as `head`, has gone
-        sys.stderr.close()
-        return 0
-    return 0
+    except OSError as error:
+        code = _undelivered(program)
+        if code is None and isinstance(error, BrokenPipeError) and _is_reader_gone():
+            code = 0
+        return _failed(program, refusal(error)) if code is None else code
+    except MemoryError as error:
+        return _failed(program, f"not enough memory: {error or 'end other programs, or ask for less at a time'}")
+    except UnicodeEncodeError as error:
+        return _failed(program, f"no {error.encoding} text, such as the name of a file to be renamed: {error.object}")
+    except SystemExit:  # argparse has printed help or a mistake
+        if code := _undelivered(program):
+            return code
+        raise
+    return _undelivered(program) or 0
+
+
+def _prepare_streams() -> None:
+    """Have output that can always be written: what a terminal's encoding lacks as escapes, and no stream closed.
+
+    A file that is opened while standard output is closed would take its number, and what libraries print would land
+    in it.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, which is this one
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _undelivered(program: str) -> int | None:
+    """Exit code for output that cannot be written, or None if it can be."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError as error:
+        _give_up(sys.stdout)
+        if isinstance(error, BrokenPipeError):  # the reader of our output, such as `head`, has gone
+            return 0
+        return _failed(program, refusal(error, "standard output"))
+    return None
+
+
+def _is_reader_gone() -> bool:
+    """Whether nobody reads standard output any more; Python's unbuffered streams forget what they could not write."""
+    output = select.poll()
+    output.register(1, 0)
+    return any(event & select.POLLERR for _, event in output.poll(0))
+
+
+def _failed(program: str, message: str, code: int = 1) -> int:
+    try:
+        print(f"{program}: {printable(message, LONGEST_LINE)}", file=sys.stderr, flush=True)
+    except OSError:  # the exit code says it
+        _give_up(sys.stderr)
+    return code
+
+
+def _give_up(stream: TextIO) -> None:
+    """Let a stream that cannot be written lead nowhere; Python would try again at its end and fail in more words."""
+    with suppress(OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 class Ended(KeyboardInterrupt):
