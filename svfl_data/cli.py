@@ -2,17 +2,18 @@
 
 import argparse
 import os
-import select
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from types import FrameType
-from typing import Any, NoReturn, TextIO
+from typing import Any, NoReturn
 
+from svfl_data import standard_streams
 from svfl_data.errors import SvflError
 from svfl_data.extras import OURS, needs
+from svfl_data.library_caches import confine_caches
 from svfl_data.printable import printable
 from svfl_data.refused import refusal
 
@@ -81,6 +82,7 @@ def main(root: Parser, words: list[str] | None = None) -> int:
 def _called(root: Parser, words: list[str] | None) -> None:
     arguments = root.parse_args(words)
     verb = vars(arguments).pop("verb")
+    confine_caches()
     try:
         arguments.command(arguments)
     except ModuleNotFoundError as error:
@@ -101,7 +103,7 @@ def run(command: Callable[[], None], program: str) -> int:
     Returns:
         Exit code: 0, the error's own code, or 128 and the signal's number after Ctrl-C, SIGTERM or SIGHUP.
     """
-    _prepare_streams()
+    standard_streams.prepare()
     try:
         with _ended_by_signals():
             command()
@@ -111,69 +113,34 @@ def run(command: Callable[[], None], program: str) -> int:
         _failed(program, "interrupted; everything finished so far is on disk")
         return SIGNALLED + (interrupt.number if isinstance(interrupt, Ended) else signal.SIGINT)
     except OSError as error:
-        code = _undelivered(program)
-        if code is None and isinstance(error, BrokenPipeError) and _is_reader_gone():
-            code = 0
+        code = _flushed(program)
+        if isinstance(error, BrokenPipeError) and standard_streams.is_reader_gone():
+            return 0
         return _failed(program, refusal(error)) if code is None else code
     except MemoryError as error:
-        return _failed(program, f"not enough memory: {error or 'end other programs, or ask for less at a time'}")
+        return _failed(program, f"not enough memory: {str(error) or 'end other programs, or ask for less at a time'}")
     except UnicodeEncodeError as error:
         return _failed(program, f"no {error.encoding} text, such as the name of a file to be renamed: {error.object}")
     except SystemExit:  # argparse has printed help or a mistake
-        if code := _undelivered(program):
+        if code := _flushed(program):
             return code
         raise
-    return _undelivered(program) or 0
+    return _flushed(program) or 0
 
 
-def _prepare_streams() -> None:
-    """Have output that can always be written: what a terminal's encoding lacks as escapes, and no stream closed.
-
-    A file that is opened while standard output is closed would take its number, and what libraries print would land
-    in it.
-    """
-    for number in range(3):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, which is this one
-    for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="backslashreplace")
-
-
-def _undelivered(program: str) -> int | None:
-    """Exit code for output that cannot be written, or None if it can be."""
-    try:
-        if sys.stdout is not None:
-            sys.stdout.flush()
-    except OSError as error:
-        _give_up(sys.stdout)
-        if isinstance(error, BrokenPipeError):  # the reader of our output, such as `head`, has gone
-            return 0
-        return _failed(program, refusal(error, "standard output"))
-    return None
-
-
-def _is_reader_gone() -> bool:
-    """Whether nobody reads standard output any more; Python's unbuffered streams forget what they could not write."""
-    output = select.poll()
-    output.register(1, 0)
-    return any(event & select.POLLERR for _, event in output.poll(0))
+def _flushed(program: str) -> int | None:
+    """None if all output has been written, else the exit code."""
+    error = standard_streams.flush_output()
+    if error is None:
+        return None
+    if isinstance(error, BrokenPipeError):  # the reader of our output, such as `head`, has gone
+        return 0
+    return _failed(program, refusal(error, "standard output"))
 
 
 def _failed(program: str, message: str, code: int = 1) -> int:
-    try:
-        print(f"{program}: {printable(message, LONGEST_LINE)}", file=sys.stderr, flush=True)
-    except OSError:  # the exit code says it
-        _give_up(sys.stderr)
+    standard_streams.complain(f"{program}: {printable(message, LONGEST_LINE)}")
     return code
-
-
-def _give_up(stream: TextIO) -> None:
-    """Let a stream that cannot be written lead nowhere; Python would try again at its end and fail in more words."""
-    with suppress(OSError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 class Ended(KeyboardInterrupt):
