@@ -12,6 +12,7 @@ from types import FrameType
 from svfl_data.errors import SvflError
 
 EXTRAS = {
+    "PIL": ("view",),
     "cv2": ("sim", "real"),
     "gymnasium": ("sim",),
     "hid": ("teleop",),

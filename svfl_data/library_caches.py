@@ -1,7 +1,7 @@
 """Where the libraries that our commands use keep what they compute: in the user's cache, else in a temporary folder.
 
-By themselves they write to several places: a folder that is missing or cannot be written costs a warning or the command,
-and PyTorch's compiler uses a folder of a known name in /tmp, which another user may have made.
+By themselves they write to several places: a folder that is missing or cannot be written costs a warning or the
+command, and PyTorch's compiler uses a folder of a known name in /tmp, which another user may have made.
 """
 
 import atexit
