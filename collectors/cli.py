@@ -1,9 +1,8 @@
 """The command ``svfl-collect``."""
 
-import functools
-
 from collectors.verbs import calibrate, centering, expert, policy, replay, tags, teleop
-from svfl_data.cli import Parser, run
+from svfl_data.cli import Parser
+from svfl_data.cli import main as run
 
 PROGRAM = "svfl-collect"
 VERBS = (expert, centering, policy, replay, teleop, tags, calibrate)
@@ -11,8 +10,7 @@ VERBS = (expert, centering, policy, replay, teleop, tags, calibrate)
 
 def main() -> int:
     """Parse the command line and collect; returns the exit code."""
-    arguments = build_parser().parse_args()
-    return run(functools.partial(arguments.command, arguments), PROGRAM)
+    return run(build_parser())
 
 
 def build_parser() -> Parser:
@@ -23,7 +21,7 @@ def build_parser() -> Parser:
         example="svfl-collect expert --task block_picking --episodes 50 --workers 2 --seed 0 --out data/block_picking\n"
         "svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering",
     )
-    commands = root.add_subparsers(title="verbs", metavar="VERB", required=True, parser_class=Parser)
+    commands = root.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True, parser_class=Parser)
     for verb in VERBS:
         verb.add(commands)
     return root

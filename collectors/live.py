@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from collectors.engines.worker import Collector
 from collectors.record import watching
 from svfl_data.episode import Episode
-from svfl_data.errors import UsageError
 
 if TYPE_CHECKING:
     from svfl_data.viewer.live import Live
@@ -41,7 +40,7 @@ def shown(address: str, index: int) -> Iterator[None]:
     """Show the episode of an index on a viewer while it is recorded in this block, whether or not it is kept.
 
     Raises:
-        UsageError: If Rerun is not installed, or nothing listens there.
+        UsageError: If nothing listens there.
     """
     live = viewer(address)
     live.name = f"episode {index}"
@@ -57,12 +56,10 @@ def viewer(address: str) -> Live:
     """This process's connection to a viewer.
 
     Raises:
-        UsageError: If Rerun is not installed, or nothing listens there.
+        UsageError: If nothing listens there.
     """
-    try:
-        from svfl_data.viewer.live import Live
-    except ModuleNotFoundError as error:
-        raise UsageError(f"--rerun: the viewer is not installed ({error}); run: pip install 'svfl[view]'") from error
+    from svfl_data.viewer.live import Live
+
     return Live(address)
 
 

@@ -44,12 +44,7 @@ def loader(checkpoint: Path) -> Callable[[Path], Policy]:
         raise UsageError(f"{checkpoint}: no package here loads policies of this kind; kinds: {kinds}")
     if not checkpoint.exists():
         raise FormatError(f"{checkpoint}: no such file")
-    try:
-        load: Callable[[Path], Policy] = entry.load()
-    except ImportError as error:
-        raise UsageError(
-            f"{checkpoint}: its loader {entry.value} needs a package that is missing here: {error}"
-        ) from error
+    load: Callable[[Path], Policy] = entry.load()
     return load
 
 

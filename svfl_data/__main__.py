@@ -1,9 +1,9 @@
 """The command ``svfl-data``: look at recorded data, check it, change what is said about it, make new sets from it."""
 
-import functools
 import sys
 
-from svfl_data.cli import Parser, run
+from svfl_data.cli import Parser
+from svfl_data.cli import main as run
 from svfl_data.verbs import card, info, merge, pack, plot, relabel, repair, split, stats, topdown, validate, view
 from svfl_data.verbs import filter as filter_
 
@@ -13,8 +13,7 @@ VERBS = (info, view, plot, topdown, validate, repair, relabel, filter_, merge, s
 
 def main() -> int:
     """Parse the command line and run it; returns the exit code."""
-    arguments = build_parser().parse_args()
-    return run(functools.partial(arguments.command, arguments), PROGRAM)
+    return run(build_parser())
 
 
 def build_parser() -> Parser:
@@ -24,7 +23,7 @@ def build_parser() -> Parser:
         description="Look at recorded data, check it, change what is said about it, make new datasets from it.",
         example=f"{PROGRAM} view data/centering --episode 3\n{PROGRAM} validate data/centering",
     )
-    commands = root.add_subparsers(title="verbs", required=True, metavar="VERB")
+    commands = root.add_subparsers(title="verbs", dest="verb", required=True, metavar="VERB")
     for verb in VERBS:
         verb.add(commands)
     return root

@@ -12,15 +12,11 @@ import threading
 from dataclasses import dataclass, field
 
 import numpy as np
+import pupil_apriltags
 from numpy.typing import NDArray
+from pupil_apriltags import bindings
 
-from svfl_data.errors import CollectError, UsageError
-
-try:
-    import pupil_apriltags
-    from pupil_apriltags import bindings
-except ImportError as error:
-    raise CollectError("pupil-apriltags is not installed here; run: pip install 'svfl[real]'") from error
+from svfl_data.errors import UsageError
 
 CORRECTED = {
     "tag36h11": 2,

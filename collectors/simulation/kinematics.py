@@ -1,18 +1,19 @@
 """The arm's inner loop as machine code: what is computed 500 times a second from a few dozen numbers.
 
 NumPy needs 20 us for this, mostly to make arrays of seven numbers; compiled it takes 3 us. Numba compiles at the first
-use on a machine, which takes some seconds, and keeps the result beside this file.
+use on a machine, which takes some seconds, and keeps the result (`compiled`).
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from collectors.simulation.compiled import compiled
 
 Seven = tuple[float, ...]
 Nine = tuple[float, ...]
 
 
-@njit(cache=True)
+@compiled
 def joint_motion(
     jacobian: NDArray[np.float64], motion: NDArray[np.float64], posture: NDArray[np.float64], damping: float
 ) -> NDArray[np.float64]:
@@ -61,7 +62,7 @@ def joint_motion(
     return step
 
 
-@njit(cache=True)
+@compiled
 def jacobian_array(linear: tuple[Nine, Nine, Nine], angular: tuple[Nine, Nine, Nine]) -> NDArray[np.float64]:
     """PyBullet's Jacobian of nine joints as an array of the arm's seven, (6, 7), linear rows first."""
     out = np.empty((6, 7))
@@ -71,7 +72,7 @@ def jacobian_array(linear: tuple[Nine, Nine, Nine], angular: tuple[Nine, Nine, N
     return out
 
 
-@njit(cache=True)
+@compiled
 def hand_velocity(jacobian: NDArray[np.float64], rates: Nine, above: float) -> tuple[float, float, float]:
     """Velocity of a point above the TCP of a hand that points down.
 
@@ -90,7 +91,7 @@ def hand_velocity(jacobian: NDArray[np.float64], rates: Nine, above: float) -> t
     return v[0] + v[4] * above, v[1] - v[3] * above, v[2]
 
 
-@njit(cache=True)
+@compiled
 def servo_acceleration(
     jacobian: NDArray[np.float64],
     motion: tuple[float, float, float, float, float, float],

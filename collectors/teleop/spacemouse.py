@@ -44,12 +44,10 @@ class SpaceMouse(Device):
         """Open the first one.
 
         Raises:
-            CollectError: If there is none, it may not be opened, or hidapi is missing.
+            CollectError: If there is none, or it may not be opened.
         """
-        try:
-            import hid
-        except ModuleNotFoundError as error:
-            raise CollectError("hidapi is not installed here; run: pip install 'svfl[teleop]'") from error
+        import hid
+
         connected = hid.enumerate()
         for found in connected:
             if is_spacemouse(found):

@@ -6,7 +6,6 @@ from pathlib import Path
 from svfl_data.cli import Commands
 from svfl_data.dataset import Dataset
 from svfl_data.errors import UsageError
-from svfl_data.verbs.plot import plotting
 from svfl_data.verbs.source import add_dataset
 
 
@@ -29,9 +28,7 @@ def run(arguments: argparse.Namespace) -> None:
     out = arguments.out or arguments.path / "README.md"
     if out.suffix != ".md":
         raise UsageError(f"--out {out}: the name must end in .md")
-    dataset = Dataset.open(arguments.path)
-    plotting()
     from svfl_data.card import write_card
 
-    files = write_card(dataset, out)
+    files = write_card(Dataset.open(arguments.path), out)
     print("wrote " + ", ".join(map(str, files)))

@@ -2,10 +2,9 @@
 
 import argparse
 from pathlib import Path
-from types import ModuleType
 
 from svfl_data.cli import Commands
-from svfl_data.errors import SvflError, UsageError
+from svfl_data.errors import UsageError
 from svfl_data.verbs.source import add_episode, add_path, read
 
 
@@ -28,18 +27,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Draw the picture."""
     if arguments.out.suffix != ".png":
         raise UsageError(f"--out {arguments.out}: the name must end in .png")
-    plotting().save(read(arguments.path, arguments.episode), arguments.out)
+    from svfl_data import plot
+
+    plot.save(read(arguments.path, arguments.episode), arguments.out)
     print(f"wrote {arguments.out}")
-
-
-def plotting() -> ModuleType:
-    """The module that draws, with Matplotlib.
-
-    Raises:
-        SvflError: If Matplotlib is not installed.
-    """
-    try:
-        from svfl_data import plot
-    except ModuleNotFoundError as error:
-        raise SvflError(f"pictures need Matplotlib ({error}); run: pip install matplotlib") from error
-    return plot

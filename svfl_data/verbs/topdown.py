@@ -12,7 +12,6 @@ from svfl_data.episode import Episode
 from svfl_data.errors import UsageError
 from svfl_data.top_view import SIZE
 from svfl_data.topdown import TopDown, latest_frame, topdown
-from svfl_data.verbs.plot import plotting
 from svfl_data.verbs.source import add_episode, add_path, read
 
 if TYPE_CHECKING:
@@ -43,10 +42,12 @@ def run(arguments: argparse.Namespace) -> None:
     """Draw the picture."""
     if arguments.out.suffix != ".png":
         raise UsageError(f"--out {arguments.out}: the name must end in .png")
+    from svfl_data.plot import png
+
     episode = read(arguments.path, arguments.episode)
     step = len(episode) if arguments.step is None else arguments.step
     seen = topdown(episode, step, size=arguments.size)
-    write_atomically(arguments.out, plotting().png(_figure(episode, step, seen)))
+    write_atomically(arguments.out, png(_figure(episode, step, seen)))
     print(f"wrote {arguments.out}: {(seen.depth > 0).mean():.1%} of the square was seen")
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from svfl_data.cli import Commands, natural, positive
 from svfl_data.dataset import Dataset
-from svfl_data.errors import SvflError, UsageError
+from svfl_data.errors import UsageError
 from svfl_data.reader import EpisodeReader
 from svfl_data.verbs.source import add_path, is_episode, reader
 
@@ -65,10 +65,7 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.compare and (arguments.episode or arguments.checkpoint):
         raise UsageError("--compare shows whole datasets; leave --episode and --checkpoint out")
     os.environ["CI"] = "1"  # the only way to keep Rerun from sending usage statistics that leaves its settings alone
-    try:
-        from svfl_data.viewer import compare, show
-    except ModuleNotFoundError as error:
-        raise SvflError(f"the viewer is not installed ({error}); run: pip install 'svfl[view]'") from error
+    from svfl_data.viewer import compare, show
 
     if arguments.compare:
         content = compare.content(Dataset.open(arguments.path), Dataset.open(arguments.compare))

@@ -56,8 +56,5 @@ def load(checkpoint: Path) -> Network:
     if entry is None:
         kinds = ", ".join(f".{name}" for name in sorted(known)) or "none (is svfl installed, not only on the path?)"
         raise UsageError(f"--checkpoint {checkpoint}: nothing here opens files of this kind; kinds: {kinds}")
-    try:
-        opened: Callable[[Path], Network] = entry.load()
-    except ImportError as error:
-        raise UsageError(f"--checkpoint {checkpoint}: needs a package that is missing here: {error}") from error
+    opened: Callable[[Path], Network] = entry.load()
     return opened(checkpoint)

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from svfl_data.dataset import Dataset
+from tests.patience import PATIENCE
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = 24  # a second's work for two workers: long enough to be stopped in the middle
@@ -21,7 +22,7 @@ def command(*arguments: object) -> list[str]:
 
 
 def collect(*arguments: object, **kwargs) -> subprocess.CompletedProcess:
-    return subprocess.run(command(*arguments), cwd=ROOT, capture_output=True, text=True, timeout=120, **kwargs)
+    return subprocess.run(command(*arguments), cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, **kwargs)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -55,7 +56,7 @@ def test_a_stopped_collector_is_resumed_by_the_same_command(collected, tmp_path,
         time.sleep(0.01)
         assert running.poll() is None
     os.killpg(running.pid, sent)
-    _, errors = running.communicate(timeout=30)
+    _, errors = running.communicate(timeout=PATIENCE)
     assert running.returncode == code
     assert "Traceback" not in errors
     whole = contents(folder)

@@ -16,6 +16,7 @@ from collectors.expert import ExpertCollector
 from svfl_data.dataset import Dataset
 from svfl_data.errors import CollectError
 from tests.collectors.conftest import SMALL, Made, contents
+from tests.patience import PATIENCE
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +74,7 @@ def test_without_ray_it_says_what_to_install(tmp_path):
         f" '--engine', 'ray', '--out', {str(tmp_path / 'x')!r}]; from collectors.cli import main; sys.exit(main())"
     )
     root = Path(__file__).parents[2]
-    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 1
     assert done.stderr == "svfl-collect: Ray is not installed here; run: pip install 'svfl[ray]'\n"
 

@@ -71,7 +71,7 @@ def test_a_library_that_is_not_installed_is_named_with_its_extra(answer, monkeyp
     monkeypatch.setitem(sys.modules, library, None)
     code, line = answer(device)
     assert code == 1
-    assert "is not installed here; run: pip install 'svfl[teleop]'" in line
+    assert line == f"svfl-collect: teleop needs {library}, which is not installed; run: pip install 'svfl[teleop]'\n"
 
 
 def test_no_gamepad(answer, monkeypatch):

@@ -20,6 +20,7 @@ from svfl_data.dataset import Dataset
 from tests.collectors.conftest import SMALL
 from tests.collectors.test_collect_command import command
 from tests.collectors.typist import PACE, Typist, display, needs_display, wait_for
+from tests.patience import PATIENCE
 
 pytest.importorskip("pygame")
 SEED = 0
@@ -49,7 +50,7 @@ def test_typed_keys_pick_a_block(tmp_path):
             wait_for(lambda: out.joinpath("episode_000000.hdf5").exists(), process)
             typist.xdotool("keyup", "e")
             typist.xdotool("key", "Escape")
-            said, complaints = process.communicate(timeout=120)
+            said, complaints = process.communicate(timeout=PATIENCE)
         finally:
             process.kill()
             process.wait()

@@ -17,6 +17,7 @@ from collectors.simulation.camera import CAMERAS, calibration
 from collectors.simulation.config import WorldConfig
 from collectors.teleop.device import Command
 from collectors.teleop.pilot import Pilot
+from tests.patience import PATIENCE
 
 PACE = 0.5
 CONFIG = WorldConfig()
@@ -44,7 +45,7 @@ def display() -> Iterator[str]:
         server.wait()
 
 
-def wait_for(condition: Callable[[], bool], process: subprocess.Popen, seconds: float = 120) -> None:
+def wait_for(condition: Callable[[], bool], process: subprocess.Popen, seconds: float = PATIENCE) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert process.poll() is None, f"it ended: {process.communicate()}"

@@ -31,6 +31,7 @@ from svfl_data.store import episode_bytes, read_episode, write_episode
 from svfl_data.writer import EpisodeWriter
 from tests.builders import episode_arrays, make_episode
 from tests.data.test_writer import append_all, constants_of, start
+from tests.patience import PATIENCE
 
 CAMPAIGN = bool(os.environ.get("SVFL_CAMPAIGN"))
 KILLS = 200 if CAMPAIGN else 10
@@ -595,7 +596,7 @@ def test_a_mutated_file_is_always_an_error_of_ours(tmp_path):
             mutation = MUTATE[number % len(MUTATE)]
             path.write_bytes(whole)
             mutation(path, rng)
-            signal.alarm(60)
+            signal.alarm(int(PATIENCE))
             begin = time.perf_counter()
             try:
                 read_episode(path)

@@ -10,13 +10,14 @@ import time
 import pytest
 
 from svfl_data import cli
+from tests.patience import PATIENCE
 
 COMMAND = """
 import os, signal, subprocess, sys, time
 from svfl_data import cli
 
 def work():
-    child = subprocess.Popen([sys.executable, "-c", "import time; print('ready', flush=True); time.sleep(60)"])
+    child = subprocess.Popen([sys.executable, "-c", "import time; print('ready', flush=True); time.sleep(600)"])
     try:
         child.wait()
     finally:
@@ -34,7 +35,7 @@ def test_what_was_started_ends_too(number):
     )
     assert command.stdout.readline() == "ready\n"
     command.send_signal(number)
-    said, complaint = command.communicate(timeout=30)
+    said, complaint = command.communicate(timeout=PATIENCE)
     assert said == "in order -9\n"
     assert complaint == "svfl-data view: interrupted; everything finished so far is on disk\n"
     assert command.returncode == 128 + number

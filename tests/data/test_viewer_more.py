@@ -23,6 +23,7 @@ from svfl_data.viewer.opinion import Opinion
 from svfl_data.viewer.shown import Shown
 from tests.builders import make_episode
 from tests.data.test_viewer import entities, logged
+from tests.patience import PATIENCE
 
 
 @pytest.fixture(autouse=True)
@@ -247,7 +248,7 @@ def test_the_web_page_is_this_machines_unless_asked_otherwise(monkeypatch):
 def test_the_viewer_ends_with_its_command(tmp_path, number):
     """The viewer is a grandchild; it holds our pipe's other end, which closes when the last of the family is gone."""
     viewer = tmp_path / "viewer"
-    viewer.write_text("#!/bin/sh\necho ready\nexec sleep 60\n")
+    viewer.write_text("#!/bin/sh\necho ready\nexec sleep 600\n")
     viewer.chmod(0o755)
     code = (
         "import signal, sys; from svfl_data import cli; from svfl_data.viewer import show;"
@@ -260,6 +261,6 @@ def test_the_viewer_ends_with_its_command(tmp_path, number):
     ) as command:
         assert command.stdout.readline() == b"ready\n"
         command.send_signal(number)
-        rest, _ = command.communicate(timeout=20)
+        rest, _ = command.communicate(timeout=PATIENCE)
     assert rest == b""
     assert command.returncode == 128 + number

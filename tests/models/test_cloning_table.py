@@ -21,6 +21,7 @@ from svfl_models.experiments.grid import Grid
 from tests.models.demonstrations import demonstrations
 from tests.models.pretend import is_running
 from tests.models.pretend_cloning import SUCCESS, Diverging, Endless, Quick
+from tests.patience import PATIENCE
 
 TRIALS = 4
 BASE = CloningConfig("", preset="tiny", epochs=2)
@@ -187,7 +188,7 @@ def test_a_table_that_is_told_to_end_leaves_no_process(data, tmp_path):
         assert command.poll() is None
         time.sleep(0.02)
     command.send_signal(signal.SIGTERM)
-    _, complaint = command.communicate(timeout=60)
+    _, complaint = command.communicate(timeout=PATIENCE)
     assert complaint == "svfl-train: interrupted; everything finished so far is on disk\n"
     assert command.returncode == 128 + signal.SIGTERM
     assert "4 policies, 0 of them finished" in (out / "bc_table.md").read_text()

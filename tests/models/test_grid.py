@@ -20,6 +20,7 @@ from svfl_models.experiments.training import Training, run_name
 from svfl_models.experiments.worker import devices
 from tests.models import pretend
 from tests.models.pretend import is_running
+from tests.patience import PATIENCE
 
 BASE = TrainingConfig("data")
 QUIET = Console(quiet=True)
@@ -132,11 +133,11 @@ def test_whatever_ends_an_experiment_ends_its_workers(tmp_path, number):
         os.killpg(command.pid, number)  # as a terminal does: workers are told, too
     else:
         command.send_signal(number)
-    _, complaint = command.communicate(timeout=60)
+    _, complaint = command.communicate(timeout=PATIENCE)
     if number == signal.SIGINT:
         assert command.returncode == 128 + number
         assert complaint == "svfl: interrupted; everything finished so far is on disk\n"
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + PATIENCE
     while any(is_running(file.read_text()) for file in begun):
         assert time.monotonic() < deadline
         time.sleep(0.02)

@@ -1,0 +1,89 @@
+"""A working command line for every verb of the three programs, on small data, for laws that hold for all of them."""
+
+from pathlib import Path
+
+from svfl_data.dataset import Dataset
+from svfl_data.store import write_episode
+from tests.builders import make_episode
+
+
+def make_data(folder: Path, episodes: int = 3) -> Path:
+    """A dataset of synthetic block-centering episodes."""
+    dataset = Dataset.create_or_resume(folder, "centering", 0, {})
+    for index in range(episodes):
+        write_episode(make_episode(index), dataset.episode_path(index))
+    return folder
+
+
+def data_commands(data: Path, out: Path) -> dict[str, list[str]]:
+    """The words of every verb of ``svfl-data``, in an order that works: ``stats`` asks for a split."""
+    own = {
+        "split": ["--shares", "train=0.6", "test=0.4"],
+        "stats": [],
+        "info": [],
+        "validate": [],
+        "repair": [],
+        "card": ["--out", f"{out}/card.md"],
+        "plot": ["--out", f"{out}/plot.png"],
+        "topdown": ["--out", f"{out}/above.png"],
+        "view": ["--save", f"{out}/view.rrd"],
+        "relabel": ["--episode", "0", "--success", "no"],
+        "filter": [f"{out}/filtered", "--success", "yes"],
+        "merge": [f"{out}/merged"],
+        "pack": [f"{out}/packed"],
+        "unpack": [f"{out}/unpacked"],
+    }
+    return {verb: [verb, str(data), *words] for verb, words in own.items()}
+
+
+def train_commands(data: Path, out: Path) -> dict[str, list[str]]:
+    """The words of every verb of ``svfl-train``; the checkpoints that some need do not exist."""
+    network, latent = f"{out}/network.ckpt", f"{out}/latent.ckpt"
+    table = ["--data", str(data), "--seeds", "1", "--epochs", "1", "--preset", "tiny", "--workers", "1"]
+    few = ["--train-samples", "1", "--test-samples", "1"]
+    return {
+        "centering": ["centering", "--data", str(data), *few, "--epochs", "1", "--out", f"{out}/centering"],
+        "check": ["check", network, "--data", str(data)],
+        **{
+            verb: [verb, *table, *few, "--out", f"{out}/{verb}"]
+            for verb in ("centering-table", "centering-acuity", "centering-groups", "centering-ablation")
+        },
+        "centering-latents": ["centering-latents", *table, *few, "--latents", latent, "--out", f"{out}/latents"],
+        "export": ["export", network, "--out", f"{out}/network.pt2"],
+        "bc": ["bc", "--data", str(data), "--epochs", "1", "--out", f"{out}/bc"],
+        "bc-table": ["bc-table", *table, "--episodes", "2", "--trials", "1", "--out", f"{out}/bc_table"],
+        "evaluate": ["evaluate", network, "--episodes", "1"],
+        "latent": ["latent", "--model", "poe", "--data", str(data), "--steps", "1", "--out", f"{out}/latent"],
+        "latent-eval": ["latent-eval", latent, "--data", str(data)],
+    }
+
+
+def collect_commands(data: Path, out: Path) -> dict[str, list[str]]:
+    """The words of every verb of ``svfl-collect``; the policy that one needs does not exist."""
+    task = ["--task", "block_picking"]
+    return {
+        "expert": ["expert", *task, "--episodes", "1", "--image-size", "16", "--out", f"{out}/expert"],
+        "centering": ["centering", "--samples", "1", "--image-size", "16", "--out", f"{out}/collected"],
+        "policy": ["policy", *task, "--checkpoint", f"{out}/policy.pt2", "--episodes", "1", "--out", f"{out}/policy"],
+        "replay": ["replay", str(data)],
+        "teleop": ["teleop", *task, "--device", "keyboard", "--out", f"{out}/teleop"],
+        "tags": ["tags", "--count", "2", "--out", f"{out}/tags.pdf"],
+        "calibrate": [
+            "calibrate", str(data), "--board", f"{out}/board.json", "--board-pose", "0.45,-0.1,0,90",
+            "--out", f"{out}/calibration.json",
+        ],
+    }  # fmt: skip
+
+
+COMMANDS = {"svfl-data": data_commands, "svfl-train": train_commands, "svfl-collect": collect_commands}
+
+
+def verbs_of(program: str) -> set[str]:
+    """All verbs that a program has."""
+    from collectors.cli import build_parser as collect
+    from svfl_data.__main__ import build_parser as data
+    from svfl_models.cli import build_parser as train
+
+    root = {"svfl-data": data, "svfl-train": train, "svfl-collect": collect}[program]()
+    (verbs,) = (action.choices for action in root._actions if action.dest == "verb")
+    return set(verbs or ())
