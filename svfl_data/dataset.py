@@ -16,7 +16,6 @@ from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
 from svfl_data.reader import EpisodeReader
 from svfl_data.shards import MEMBER, member_extent, members, shard_files
-from svfl_data.store import read_episode
 
 FORMAT = "svfl-dataset"
 FORMAT_VERSION = "1.0"
@@ -114,7 +113,7 @@ class Dataset:
             FormatError: If its shard is damaged.
         """
         file = self.episode_path(index)
-        if file.exists():
+        if os.path.lexists(file):
             return Extent.of_file(file)
         for shard in reversed(shard_files(self.path)):
             if index in members(shard):
@@ -139,8 +138,7 @@ class Dataset:
             DatasetError: If the dataset has no such episode.
             FormatError: If its file is damaged.
         """
-        reader = self.episode(index)
-        return reader.load() if reader.extent.member else read_episode(reader.extent.file)
+        return self.episode(index).load()
 
     def __len__(self) -> int:
         return len(self.indices)

@@ -10,6 +10,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from svfl_data.dataset import Dataset
 from svfl_data.episode import canonical_json
 from svfl_data.errors import StorageError, SvflError
 from svfl_data.fields import EXTRA
+from svfl_data.header import know_own
 from svfl_data.progress import progress
 from svfl_data.reader import EpisodeReader
 from svfl_data.shards import MEMBER, members, shard_files
@@ -142,7 +144,10 @@ def append_index(folder: Path, path: Path) -> None:
     Raises:
         StorageError: If the disk refuses. The index then lacks a line, which costs time and nothing else.
     """
-    _append(folder / INDEX, [describe(Extent.of_file(path))])
+    extent = Extent.of_file(path)
+    with suppress(SvflError):  # what is wrong with it, its description says
+        know_own(extent)
+    _append(folder / INDEX, [describe(extent)])
 
 
 def describe(extent: Extent) -> Entry:
