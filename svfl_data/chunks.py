@@ -1,26 +1,29 @@
 """Where the arrays of a sealed episode lie, byte by byte, and how to read rows of them without HDF5.
 
-HDF5 spends most of the time of a small read on bookkeeping, allows one reader at a time per process and cannot be
-carried into another one. Its file layout is open: once its library has said where the chunks are, a chunk is one
-``pread`` and one ``zlib`` call, in any thread or process. What a chunk can be here follows from how we write them:
-whole rows, compressed by gzip or not, bytes shuffled or not. Anything else, such as an array that another tool added
-and sealed, is read when the episode is opened and kept.
+HDF5 spends most of the time of a small read on bookkeeping, allows one reader at a time per process, cannot be
+carried into another one, and is not made for files that somebody made to harm it. Its file layout is open: once its
+library has said where the chunks are (in another process, `svfl_data.examination`), a chunk is one ``pread`` and one
+``zlib`` call, in any thread or process. What a chunk can be here follows from how we write them: whole rows,
+compressed by gzip or not, bytes shuffled or not. A chunk gives exactly the bytes that its array's shape says, or is
+refused; nothing else decides how much memory is taken.
 """
 
+import math
 import os
+import stat
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 
 from svfl_data.errors import FormatError
+from svfl_data.regular_file import kind_words, open_regular, refuse_link
 
 BLOCK_BYTES = 2**22
-SHUFFLE, GZIP, FLETCHER = 1, 2, 4  # bits of the last column of `Placement.chunks`
-FILTERS = {h5py.h5z.FILTER_SHUFFLE: SHUFFLE, h5py.h5z.FILTER_DEFLATE: GZIP, h5py.h5z.FILTER_FLETCHER32: FLETCHER}
+SHUFFLE, GZIP, FLETCHER = 1, 2, 4
+"""Bits of the last column of `Placement.chunks`, as in `svfl_data.examiner.FILTERS`."""
 FLETCHER32_BYTES = 4  # stand at the end of a chunk
 
 
@@ -35,6 +38,8 @@ class Extent:
         file_size: Size of the whole file when it was found.
         mtime_ns: Time of its last change when it was found, [ns].
         member: Name of the episode inside a shard; empty for a file of its own.
+        identity: What else told the file from others when it was found: device, inode, time of the last change of
+            content or description [ns].
     """
 
     file: Path
@@ -43,19 +48,28 @@ class Extent:
     file_size: int
     mtime_ns: int
     member: str = ""
+    identity: tuple[int, int, int] = (0, 0, 0)
 
     @classmethod
     def of_file(cls, file: Path) -> "Extent":
-        """The whole of a file.
+        """The whole of a file, which must be an ordinary one: no link, pipe or device.
 
         Raises:
             FormatError: If there is no such file.
         """
+        refuse_link(file)
         try:
             found = os.stat(file)
         except OSError as error:
             raise FormatError(f"{file}: {error.strerror}") from error
-        return cls(file, 0, found.st_size, found.st_size, found.st_mtime_ns)
+        if not stat.S_ISREG(found.st_mode):
+            raise FormatError(f"{file}: {kind_words(found.st_mode)}, not an ordinary file; it was not read")
+        identity = found.st_dev, found.st_ino, found.st_ctime_ns
+        return cls(file, 0, found.st_size, found.st_size, found.st_mtime_ns, identity=identity)
+
+    def part(self, member: str, offset: int, size: int) -> "Extent":
+        """A member of the shard that this is the whole of."""
+        return replace(self, member=member, offset=offset, size=size)
 
     def __str__(self) -> str:
         return f"{self.file}/{self.member}" if self.member else str(self.file)
@@ -67,11 +81,11 @@ class Extent:
             FormatError: If the file is gone or is no longer the one that was found.
         """
         try:
-            descriptor = os.open(self.file, os.O_RDONLY | os.O_CLOEXEC)
+            descriptor = open_regular(self.file)
         except OSError as error:
             raise FormatError(f"{self}: {error.strerror}") from error
         found = os.fstat(descriptor)
-        if (found.st_size, found.st_mtime_ns) != (self.file_size, self.mtime_ns):
+        if (found.st_size, found.st_mtime_ns, found.st_ino) != (self.file_size, self.mtime_ns, self.identity[1]):
             os.close(descriptor)
             raise FormatError(f"{self}: changed while it was being read; open the dataset again")
         return descriptor
@@ -117,7 +131,7 @@ class Placement:
         chunk_rows: Rows per chunk.
         chunks: Offset and size in bytes, and which filters were applied, of each chunk: shape (K, 3), int64, a chunk's
             position being its row // `chunk_rows`.
-        value: The array itself, if its chunks cannot be read directly.
+        value: The array itself, if it has no rows, or rows that cannot be read one by one.
     """
 
     dtype: np.dtype
@@ -140,19 +154,36 @@ class Placement:
         return out
 
     def _chunk(self, extent: Extent, descriptor: int, number: int) -> np.ndarray:
+        """The rows of a chunk; the last one of an array without compression may have fewer than the others."""
         offset, size, applied = self.chunks[number].tolist()
         if applied & FLETCHER:
             size -= FLETCHER32_BYTES  # nothing is gained by checking it: the seal was
         content = pread(extent, descriptor, size, offset)
-        shape = (self.chunk_rows, *self.shape[1:])
         try:
             if applied & GZIP:
-                content = zlib.decompress(content)
-            if applied & SHUFFLE:
-                return _unshuffled(content, self.dtype).reshape(shape)
-            return np.frombuffer(content, self.dtype).reshape(shape)
+                content = _inflated(content, self.chunk_rows * self.row_bytes)
+            flat = _unshuffled(content, self.dtype) if applied & SHUFFLE else np.frombuffer(content, self.dtype)
+            if self.dtype.kind == "b":
+                flat = flat.view(np.uint8) != 0  # NumPy takes other bytes than 0 and 1 for granted
+            return flat.reshape((-1, *self.shape[1:]))
         except (zlib.error, ValueError) as error:
             raise FormatError(f"{extent}: damaged at byte {offset} ({error})") from error
+
+    @property
+    def row_bytes(self) -> int:
+        """Bytes of a row in memory."""
+        return self.dtype.itemsize * math.prod(self.shape[1:])
+
+
+def _inflated(content: bytes, size: int) -> bytes:
+    """What was compressed, if it is as large as it must be; no more than that is ever in memory."""
+    inflater = zlib.decompressobj()
+    inflated = inflater.decompress(content, size)
+    if len(inflated) == size and not inflater.eof:
+        inflated += inflater.decompress(inflater.unconsumed_tail, 1)  # the checksum behind the last byte
+    if len(inflated) != size or not inflater.eof:
+        raise ValueError(f"a chunk does not hold {size} bytes")
+    return inflated
 
 
 def _unshuffled(content: bytes, dtype: np.dtype) -> np.ndarray:
@@ -163,25 +194,3 @@ def _unshuffled(content: bytes, dtype: np.dtype) -> np.ndarray:
     for byte, plane in enumerate(planes):
         interleaved[:, byte] = plane
     return elements
-
-
-def placement(dataset: h5py.h5d.DatasetID) -> Placement:
-    """Find out where an array lies.
-
-    Args:
-        dataset: The array in an HDF5 file that starts at byte 0 of its extent.
-    """
-    shape, dtype, plan = tuple(dataset.shape), dataset.dtype, dataset.get_create_plist()
-    filters = [plan.get_filter(position)[0] for position in range(plan.get_nfilters())]
-    chunk = plan.get_chunk() if plan.get_layout() == h5py.h5d.CHUNKED else ()
-    if chunk and chunk[1:] == shape[1:] and set(filters) <= set(FILTERS) and not dtype.hasobject:
-        chunks = np.full((-(-shape[0] // chunk[0]), 3), -1, np.int64)
-
-        def note(info: h5py.h5d.StoreInfo) -> None:
-            applied = sum(FILTERS[code] for bit, code in enumerate(filters) if not info.filter_mask >> bit & 1)
-            chunks[info.chunk_offset[0] // chunk[0]] = info.byte_offset, info.size, applied
-
-        dataset.chunk_iter(note)
-        if (chunks[:, 0] >= 0).all():  # a chunk that was never written holds the fill value
-            return Placement(dtype, shape, chunk[0], chunks)
-    return Placement(dtype, shape, 1, np.empty((0, 3), np.int64), np.asarray(h5py.Dataset(dataset)[()]))

@@ -19,10 +19,9 @@ from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
 from svfl_data.leftovers import clear_leftovers
 from svfl_data.printable import printable
 from svfl_data.reader import EpisodeReader
-from svfl_data.regular_file import open_regular, refuse_link
+from svfl_data.regular_file import refuse_link
 from svfl_data.shards import MEMBER, member_extent, members, shard_files
 from svfl_data.side_files import Int64, parse_as, plain, read_side_file
-from svfl_data.store import read_episode
 
 FORMAT = "svfl-dataset"
 FORMAT_VERSION = "1.0"
@@ -163,13 +162,8 @@ class Dataset:
             FormatError: If its shard is damaged, or there is a link, folder, pipe or device of its name.
         """
         file = self.episode_path(index)
-        try:
-            os.close(open_regular(file))
+        if os.path.lexists(file):
             return Extent.of_file(file)
-        except FileNotFoundError:
-            pass
-        except OSError as error:
-            raise FormatError(f"{file}: {error.strerror}") from error
         for shard in reversed(shard_files(self.path)):
             if index in members(shard):
                 return member_extent(shard, members(shard)[index])
@@ -193,8 +187,7 @@ class Dataset:
             DatasetError: If the dataset has no such episode.
             FormatError: If its file is damaged.
         """
-        reader = self.episode(index)
-        return reader.load() if reader.extent.member else read_episode(reader.extent.file)
+        return self.episode(index).load()
 
     def __len__(self) -> int:
         return len(self.indices)

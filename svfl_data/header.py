@@ -1,67 +1,114 @@
-"""Opening a sealed episode: once per process its seal is checked and its arrays are located."""
+"""Opening an episode: its seal is checked, its arrays are located, and whether it is valid is judged, once.
 
-import functools
+What was learned is kept in the process, and in the user's private cache (`svfl_data.header_cache`) for the next one.
+HDF5 sees the bytes of a file in another process only (`svfl_data.examination`), save those that this process has just
+written itself.
+"""
+
 import hashlib
-import io
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
-import h5py
 import numpy as np
 
-from svfl_data.chunks import Extent, Placement, placement, pread
-from svfl_data.episode import Meta
-from svfl_data.errors import FormatError, SvflError
-from svfl_data.fields import EXTRA, check_arrays, field_at
-from svfl_data.metadata import parse_meta
+from svfl_data import header_cache
+from svfl_data.admission import Description
+from svfl_data.chunks import Extent, Placement
+from svfl_data.errors import FieldError, FormatError, SvflError
+from svfl_data.examination import Unanswered, ask
+from svfl_data.fields import check_arrays, field_at
+from svfl_data.metadata import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, parse_meta
+from svfl_data.printable import printable
 from svfl_data.seal import HDF5_MAGIC, SEAL_MARK, SEAL_SIZE, broken
-from svfl_data.store import check_format, check_meaning
+from svfl_data.stored_array import StoredArray
 
+FORMAT = "svfl-episode"
+FORMAT_VERSION = "1.0"
+"""Major.minor: readers accept every minor of their own major, since a minor version only adds optional fields."""
+MEANING = ("unit", "axes", "about")
+"""Attributes of a dataset without which its numbers mean nothing; they must be as declared."""
+NAMES = {"names": ["format", "format_version", *PLAIN_ATTRIBUTES, *JSON_ATTRIBUTES], "meaning": list(MEANING)}
 HEADERS_KEPT = 512
 
 
 @dataclass(frozen=True, eq=False)
 class Header:
-    """What is known of an episode once it was opened.
+    """What is known of a valid episode once it was opened.
 
     Attributes:
         seal: SHA-256 of its content, in hexadecimal.
-        attributes: Of the file, as HDF5 gives them.
+        attributes: Of the file, by name.
         placements: Where each array lies, by dataset path.
+        hashed: Whether its bytes were compared with its seal in this process, rather than by an earlier one that saw
+            the same file, unchanged since.
     """
 
     seal: str
-    attributes: dict[str, Any]
+    attributes: Mapping[str, Any]
     placements: dict[str, Placement]
+    hashed: bool
 
 
-@functools.lru_cache(maxsize=HEADERS_KEPT)
-def header(extent: Extent) -> Header:
-    """Check the seal and the declared shapes, and find out where everything lies; once per process.
+def header(extent: Extent, hashed: bool = False) -> Header:
+    """What is known of an episode; the first time, it is found out.
+
+    Args:
+        extent: The episode.
+        hashed: Whether its bytes must have been compared with its seal in this process.
 
     Raises:
-        FormatError: If the episode is damaged, foreign, of another version, or has changed since it was found.
+        FormatError: If the episode is damaged, foreign, of another version, refused, or has changed since it was found.
         FieldError: If a field is missing or of another type or shape than declared.
     """
+    with _lock:
+        known = _known.get(extent)
+    if known is None:
+        known = _remembered(extent) or _opened(extent)
+        _keep(extent, known)
+    if not isinstance(known, Header):
+        raise type(known)(*known.args)  # a new one: each has the way that led to it
+    if hashed and not known.hashed:
+        if checked_seal(extent) != known.seal:
+            raise FormatError(f"{extent}: not what it was when it was last read, though nothing says that it changed")
+        known = replace(known, hashed=True)
+        _keep(extent, known)
+    return known
+
+
+def know_own(extent: Extent) -> None:
+    """Get to know an episode that this very process has just written, without a process that examines it.
+
+    Raises:
+        SvflError: As `header`.
+    """
+    from svfl_data.examiner import Content, examine  # HDF5 is in this process already: it has written the file
+
     digest = checked_seal(extent)
     descriptor = extent.open()
     try:
-        with h5py.File(_ExtentFile(extent, descriptor), "r") as file:
-            attributes = dict(file.attrs)
-            check_format(attributes, extent)
-            placements = dict(_placements(h5py.h5g.open(file.id, b"/"), "", extent))
-    except SvflError:
-        raise
-    except Exception as error:  # whole, but not as we write it: h5py raises nearly anything
-        reason = " ".join(str(error).split())
-        raise FormatError(f"{extent}: sealed, but not a readable episode ({reason})") from error
+        answer = b"".join(examine(Content(descriptor, extent.offset, extent.size - SEAL_SIZE), **NAMES))
     finally:
         os.close(descriptor)
-    hollow = {path: np.broadcast_to(np.zeros((), found.dtype), found.shape) for path, found in placements.items()}
-    check_arrays(hollow, str(extent))
-    return Header(digest, attributes, placements)
+    _keep(extent, _judged(extent, extent.size - SEAL_SIZE, digest, answer))
+
+
+def unsealed_header(extent: Extent) -> Header:
+    """What is known of an episode file that lost its seal to other software; `Header.seal` is empty.
+
+    Raises:
+        SvflError: As `header`.
+    """
+    return _judged(extent, extent.size, "", _examined(extent, extent.size))
+
+
+def forget() -> None:
+    """Open every episode anew from now on; only the user's cache still knows them."""
+    with _lock:
+        _known.clear()
 
 
 def checked_seal(extent: Extent) -> str:
@@ -75,48 +122,133 @@ def checked_seal(extent: Extent) -> str:
         head, tail = head or block[: len(HDF5_MAGIC)], tail + block
         digest.update(tail[:-SEAL_SIZE])
         tail = tail[-SEAL_SIZE:]
-    if tail != SEAL_MARK + digest.hexdigest().encode() + b"\n":
+    if tail != SEAL_MARK + digest.hexdigest().encode() + b"\n" or head != HDF5_MAGIC:
         raise broken(extent, head, tail, extent.size)
     return digest.hexdigest()
 
 
-def read_meta(extent: Extent) -> Meta:
-    """What an episode is about.
+def check_format(attributes: Mapping[str, Any], where: object) -> None:
+    """Refuse files that are not episodes, or of another major version.
+
+    Args:
+        attributes: Those of the file.
+        where: What to name in the error, such as the file.
 
     Raises:
-        FormatError: If its attributes are not those of an episode.
+        FormatError: If the file is another one.
     """
-    return parse_meta(header(extent).attributes, extent)
+    found = attributes.get("format")
+    if found != FORMAT:
+        raise FormatError(
+            f"{where}: an HDF5 file, but not an episode (attribute format is {_short(found)}, not {FORMAT!r})"
+        )
+    version, ours = str(attributes.get("format_version")), FORMAT_VERSION.split(".")[0]
+    if version.split(".")[0] != ours:
+        raise FormatError(f"{where}: format version {printable(version, 40)}; this software reads {ours}.x")
 
 
-class _ExtentFile(io.RawIOBase):
-    """An extent as a file object, for HDF5."""
+def check_meaning(path: str, attributes: Mapping[str, Any], where: object) -> None:
+    """Refuse numbers of another unit, in other axes or about another point than declared.
 
-    def __init__(self, extent: Extent, descriptor: int) -> None:
-        self.extent, self.descriptor, self.position = extent, descriptor, 0
+    Args:
+        path: Dataset path.
+        attributes: Those of the dataset in the file.
+        where: What to name in the error, such as the file.
 
-    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        start = {os.SEEK_SET: 0, os.SEEK_CUR: self.position, os.SEEK_END: self.extent.size - SEAL_SIZE}[whence]
-        self.position = start + offset
-        return self.position
-
-    def tell(self) -> int:
-        return self.position
-
-    def readinto(self, buffer: Any) -> int:  # noqa: ANN401 - any writable buffer
-        view = memoryview(buffer)
-        view[:] = pread(self.extent, self.descriptor, len(view), self.position)
-        self.position += len(view)
-        return len(view)
+    Raises:
+        FieldError: If one differs from the field's declaration.
+    """
+    field = field_at(path)
+    for name in MEANING if field else ():
+        found, expected = attributes.get(name), getattr(field, name)
+        if found != expected:
+            raise FieldError(f"{where}: field {path} has {name} {_short(found)}, expected {expected!r}")
 
 
-def _placements(group: h5py.h5g.GroupID, prefix: str, extent: Extent) -> Iterator[tuple[str, Placement]]:
-    """Every array that is declared or the user's own; what else there is comes from a later minor version."""
-    for name in group:
-        path = prefix + name.decode()
-        item = h5py.h5o.open(group, name)
-        if isinstance(item, h5py.h5g.GroupID):
-            yield from _placements(item, path + "/", extent)
-        elif isinstance(item, h5py.h5d.DatasetID) and (field_at(path) or path.startswith(EXTRA)):
-            check_meaning(path, h5py.Dataset(item).attrs, extent)
-            yield path, placement(item)
+def _short(value: object) -> str:
+    return printable(repr(value), 100)
+
+
+def _remembered(extent: Extent) -> Header | None:
+    """What an earlier process learned of the same file, unchanged since."""
+    found = header_cache.recall(extent)
+    if found is None:
+        return None
+    digest, answer = found
+    try:
+        description = Description(answer, extent)
+        return Header(digest, description.attributes, description.placements(extent.size - SEAL_SIZE), hashed=False)
+    except (SvflError, ValueError):
+        return None  # other limits now: open it again, which says what is wrong
+
+
+def _opened(extent: Extent) -> Header | FormatError | FieldError:
+    """An episode that nobody knows, or why it is refused."""
+    try:
+        digest = checked_seal(extent)
+        answer = _examined(extent, extent.size - SEAL_SIZE)
+        found = _judged(extent, extent.size - SEAL_SIZE, digest, answer)
+    except (FormatError, FieldError) as error:
+        return error
+    header_cache.remember(extent, digest, answer)
+    return found
+
+
+def _examined(extent: Extent, size: int) -> bytes:
+    descriptor = extent.open()
+    try:
+        return ask(descriptor, {"offset": extent.offset, "size": size, **NAMES})
+    except Unanswered as error:
+        raise FormatError(f"{extent}: not a readable episode ({error})") from error
+    finally:
+        os.close(descriptor)
+
+
+def _judged(extent: Extent, size: int, digest: str, answer: bytes) -> Header:
+    """The one verdict on an episode: whatever this lets pass, every tool can work with.
+
+    Raises:
+        SvflError: If it is not valid.
+    """
+    description = Description(answer, extent)
+    if not (description.problem and not description.attributes):
+        check_format(description.attributes, extent)
+    if description.problem:
+        raise FormatError(f"{extent}: {description.problem}")
+    placements = description.placements(size)
+    for path, attributes in description.arrays.items():
+        check_meaning(path, attributes, extent)
+    parse_meta(description.attributes, extent)
+    check_arrays({path: _hollow(found) for path, found in placements.items()}, str(extent))
+    arrays = {path: StoredArray(path, extent, placement) for path, placement in placements.items()}
+    _check_values(arrays, str(extent))
+    return Header(digest, description.attributes, placements, hashed=True)
+
+
+def _check_values(arrays: Mapping[str, StoredArray], where: str) -> None:
+    """Refuse numbers that no tool can work with; arrays are read when they are asked for."""
+
+
+def _hollow(found: Placement) -> np.ndarray:
+    """Stands for an array where only type and shape matter."""
+    return np.broadcast_to(np.zeros((), found.dtype), found.shape)
+
+
+def _keep(extent: Extent, found: Header | FormatError | FieldError) -> None:
+    with _lock:
+        _known[extent] = found
+        _known.move_to_end(extent)
+        while len(_known) > HEADERS_KEPT:
+            _known.popitem(last=False)
+
+
+_lock = threading.Lock()
+_known: OrderedDict[Extent, Header | FormatError | FieldError] = OrderedDict()
+
+
+def _after_fork() -> None:
+    global _lock
+    _lock = threading.Lock()  # another thread of the parent may have held it
+
+
+os.register_at_fork(after_in_child=_after_fork)

@@ -22,6 +22,7 @@ from svfl_data.dataset import Dataset
 from svfl_data.duplicates import content_id
 from svfl_data.errors import StorageError, SvflError
 from svfl_data.fields import EXTRA
+from svfl_data.header import know_own
 from svfl_data.progress import progress
 from svfl_data.reader import EpisodeReader
 from svfl_data.recording_setup import Setup
@@ -187,7 +188,10 @@ def append_index(folder: Path, path: Path) -> None:
     Raises:
         StorageError: If the disk refuses. The index then lacks a line, which costs time and nothing else.
     """
-    _append(folder / INDEX, [describe(Extent.of_file(path))])
+    extent = Extent.of_file(path)
+    with suppress(SvflError):  # what is wrong with it, its description says
+        know_own(extent)
+    _append(folder / INDEX, [describe(extent)])
 
 
 def describe(extent: Extent) -> Entry:

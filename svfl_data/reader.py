@@ -1,8 +1,9 @@
 """Lazy reading of one episode: shapes at once, numbers only when asked for.
 
-The seal is checked when an episode is first opened in a process; from then on its bytes are read by `pread` at known
+An episode is judged when it is first opened (`svfl_data.header`); from then on its bytes are read by `pread` at known
 places (`svfl_data.chunks`), and refused if the file has changed meanwhile. A reader holds no open file: it can be
-copied, pickled, and carried through a fork.
+copied, pickled, and carried through a fork. Reading a whole episode compares its bytes with its seal, once in each
+process; reading rows relies on the file being the one, unchanged, whose seal was compared before.
 """
 
 import functools
@@ -10,81 +11,15 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from svfl_data.chunks import Extent, Placement, pread
+from svfl_data.chunks import Extent, pread
+from svfl_data.damage import damaged_arrays
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FieldError, FormatError
-from svfl_data.fields import EXTRA, camera_names, field_at
-from svfl_data.header import header, read_meta
+from svfl_data.fields import EXTRA, camera_names
+from svfl_data.header import Header, header, unsealed_header
+from svfl_data.metadata import parse_meta
 from svfl_data.seal import SEAL_MARK, SEAL_SIZE
-
-
-@dataclass(frozen=True, eq=False)
-class StoredArray:
-    """An array of an episode on disk; index it to read.
-
-    Attributes:
-        path: Its name in the episode.
-        extent: The episode.
-        placement: Where it lies.
-    """
-
-    path: str
-    extent: Extent
-    placement: Placement
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Its sizes."""
-        return self.placement.shape
-
-    @property
-    def dtype(self) -> np.dtype:
-        """Type of its elements."""
-        return self.placement.dtype
-
-    @property
-    def unit(self) -> str:
-        """Unit of its numbers, ``-`` for none or unknown."""
-        field = field_at(self.path)
-        return field.unit if field else "-"
-
-    def __getitem__(self, rows: int | slice | tuple[()]) -> np.ndarray:
-        """Read one row, a range of rows, or (with ``[()]`` or ``[:]``) everything.
-
-        Raises:
-            IndexError: If there is no such row.
-            FormatError: If the file has changed or cannot be read.
-        """
-        if not self.shape:
-            return np.asarray(self.placement.value)
-        if isinstance(rows, tuple):
-            rows = slice(None)
-        if isinstance(rows, slice):
-            start, stop, stride = rows.indices(len(self))
-            return self.rows(start, max(start, stop))[::stride] if stride > 0 else self.rows(0, len(self))[rows]
-        row = rows + len(self) if rows < 0 else rows
-        if not 0 <= row < len(self):
-            raise IndexError(f"{self.path} of {self.extent}: no row {rows}; it has {len(self)}")
-        return self.rows(row, row + 1)[0]
-
-    def rows(self, start: int, stop: int) -> np.ndarray:
-        """Rows start .. stop-1, both within the array."""
-        descriptor = self.extent.open()
-        try:
-            return self.placement.rows(self.extent, descriptor, start, stop)
-        finally:
-            os.close(descriptor)
-
-    def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> np.ndarray:
-        return np.asarray(self[()], dtype=dtype)
-
-    def __len__(self) -> int:
-        return self.shape[0]
-
-    def __repr__(self) -> str:
-        return f"StoredArray({self.path}, {self.dtype} {self.shape}, {self.unit})"
+from svfl_data.stored_array import StoredArray as StoredArray  # for those who read
 
 
 @dataclass(frozen=True)
@@ -99,12 +34,12 @@ class EpisodeReader:
 
     @classmethod
     def of_file(cls, file: Path | str) -> "EpisodeReader":
-        """The episode of a file of its own.
+        """The episode of a file that the user names, be it by a link.
 
         Raises:
             FormatError: If there is no such file.
         """
-        return cls(Extent.of_file(Path(file)))
+        return cls(_named(Path(file)))
 
     @property
     def seal(self) -> str:
@@ -135,7 +70,7 @@ class EpisodeReader:
     @functools.cached_property
     def meta(self) -> Meta:
         """What the episode is about."""
-        return read_meta(self.extent)
+        return parse_meta(header(self.extent).attributes, self.extent)
 
     @property
     def paths(self) -> list[str]:
@@ -164,13 +99,13 @@ class EpisodeReader:
         return rates
 
     def load(self) -> Episode:
-        """The whole episode in memory.
+        """The whole episode in memory, its bytes compared with its seal.
 
         Raises:
             FieldError: If a field does not fit its declaration.
             FormatError: If the file has changed or cannot be read.
         """
-        return Episode(self.meta, {path: np.array(self[path][()]) for path in self.paths}, name=str(self.extent))
+        return _loaded(self.extent, header(self.extent, hashed=True))
 
     def __getitem__(self, path: str) -> StoredArray:
         placements = header(self.extent).placements
@@ -199,3 +134,48 @@ class EpisodeReader:
     def __repr__(self) -> str:
         head = f"Episode {self.meta.index} of {self.meta.task}: {len(self)} steps, {self.seconds:.2f} s, {self.extent}"
         return f"{head}\n{self.table()}"
+
+
+def read_episode(path: Path | str) -> Episode:
+    """Read a whole episode.
+
+    Args:
+        path: An episode file.
+
+    Returns:
+        The episode, every array checked against its declaration.
+
+    Raises:
+        FormatError: If the file is missing, truncated, damaged, not an episode, or of an unknown version.
+        FieldError: If a field is missing or does not fit its declaration.
+    """
+    return EpisodeReader.of_file(path).load()
+
+
+def read_unsealed(path: Path) -> Episode:
+    """Read an episode file that lost its seal to other software.
+
+    Little protects from damage here: what HDF5 can read may still be other numbers than were written.
+
+    Raises:
+        FormatError: If it is not a readable episode.
+        FieldError: If a field is missing or does not fit its declaration.
+    """
+    extent = Extent.of_file(path)
+    if damaged := damaged_arrays(path):
+        raise FormatError(f"{path}: damaged, {', '.join(damaged)} cannot be read")
+    return _loaded(extent, unsealed_header(extent))
+
+
+def _named(file: Path) -> Extent:
+    """The whole of a file that the user names, be it by a link."""
+    if file.is_dir():
+        raise FormatError(f"{file}: is a folder, not an episode file")
+    if not file.exists():
+        raise FormatError(f"{file}: no such file")
+    return Extent.of_file(file.resolve() if file.is_symlink() else file)
+
+
+def _loaded(extent: Extent, found: Header) -> Episode:
+    arrays = {path: StoredArray(path, extent, placement)[()] for path, placement in found.placements.items()}
+    return Episode(parse_meta(found.attributes, extent), arrays, name=str(extent))

@@ -32,7 +32,7 @@ def open_regular(path: Path, flags: int = os.O_RDONLY, mode: int = 0o644) -> int
     kind = os.fstat(descriptor).st_mode
     if not stat.S_ISREG(kind):
         os.close(descriptor)
-        raise FormatError(f"{path}: {_kind_words(kind)}, not an ordinary file; it was not read")
+        raise FormatError(f"{path}: {kind_words(kind)}, not an ordinary file; it was not read")
     return descriptor
 
 
@@ -65,6 +65,7 @@ def read_regular(path: Path, limit: int) -> bytes:
     return content
 
 
-def _kind_words(kind: int) -> str:
+def kind_words(kind: int) -> str:
+    """What a file is that is no ordinary one, by the `st_mode` of its stat."""
     names = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a named pipe", stat.S_IFSOCK: "a socket"}
     return names.get(stat.S_IFMT(kind), "a device")

@@ -166,8 +166,7 @@ def _check_file(dataset: Dataset, index: int, path: Path, reseal: bool) -> list[
     if not reseal or has_seal(path):
         return [_set_aside(dataset, path, why)]
     if _in_time(path):
-        content = path.read_bytes()
-        write_atomically(path, resealed_bytes(content, {"tool": "repair", "resealed": True}))
+        write_atomically(path, resealed_bytes(path, {"tool": "repair", "resealed": True}))
         check_seal(path)
         return [RepairAction(path, "resealed", f"holds a valid episode {index}", saved=True)]
     return [_set_aside(dataset, path, f"{why}; what it holds is not a valid episode")]

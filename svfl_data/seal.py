@@ -29,22 +29,6 @@ def _seal_of(digest: str) -> bytes:
     return SEAL_MARK + digest.encode() + b"\n"
 
 
-def unsealed(sealed: bytes, path: Path) -> bytes:
-    """The HDF5 content of a sealed file.
-
-    Args:
-        sealed: All bytes of the file.
-        path: The file, for messages.
-
-    Raises:
-        FormatError: If the content is not what was sealed.
-    """
-    content, found = sealed[:-SEAL_SIZE], sealed[-SEAL_SIZE:]
-    if found != seal(content):
-        raise broken(path, sealed[: len(HDF5_MAGIC)], found, len(sealed))
-    return content
-
-
 def check_seal(path: Path) -> None:
     """Check that a file is what was sealed, whatever its size; memory holds a block at a time.
 

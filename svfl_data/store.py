@@ -1,4 +1,4 @@
-"""Reading and writing episode files; the only module that knows HDF5.
+"""Writing episode files, and reading whole ones; the only module that writes HDF5.
 
 A file is built in memory, or in a file beside it where it may be large, then synced and given its name. Writing HDF5
 straight to a full disk makes the HDF5 library crash the whole process, and a killed writer leaves a file that cannot be
@@ -6,9 +6,10 @@ opened; this way an episode is either whole or absent. Equal episodes give equal
 HDF5's object times are not stored, and chunks are encoded by their content only (`svfl_data.chunk_encoding`).
 
 Behind the HDF5 content stands a seal, a SHA-256 of all bytes before it. HDF5 readers ignore it; ours checks it before
-HDF5 sees a byte, because damaged metadata can be read as if nothing had happened, or keep the library busy for ever.
+anything else, because damaged metadata can be read as if nothing had happened. How a file is read: `svfl_data.header`.
 """
 
+import dataclasses
 import io
 import os
 from collections import deque
@@ -23,16 +24,14 @@ import numpy as np
 from svfl_data.atomically import write_atomically
 from svfl_data.chunk_encoding import LEVEL, Encoding
 from svfl_data.episode import Episode, Meta, canonical_json
-from svfl_data.errors import FieldError, FormatError, SvflError
-from svfl_data.fields import EXTRA, field_at
-from svfl_data.metadata import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, checked_meta, parse_meta
+from svfl_data.fields import field_at
+from svfl_data.header import FORMAT, FORMAT_VERSION, MEANING
+from svfl_data.metadata import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, checked_meta
+from svfl_data.reader import read_episode as read_episode  # the other half of `write_episode`
+from svfl_data.reader import read_unsealed as read_unsealed
 from svfl_data.seal import SEAL_SIZE as SEAL_SIZE  # for readers
-from svfl_data.seal import file_seal, seal, unsealed
+from svfl_data.seal import file_seal, seal
 from svfl_data.sink import Sink, write_all
-
-FORMAT = "svfl-episode"
-FORMAT_VERSION = "1.0"
-"""Major.minor: readers accept every minor of their own major, since a minor version only adds optional fields."""
 
 STREAM_CHUNK = 1024  # rows per chunk of a stream
 CHUNK_BYTES = 2**20  # and no more than this, unless one row is larger
@@ -40,8 +39,6 @@ BLOCK_BYTES = 2**20  # encoded by a thread at once
 THREADS = 4  # of an episode that is sealed, at most; more would wait for HDF5 and the disk
 TEXT = h5py.h5t.py_create(h5py.string_dtype(), logical=True)
 SCALAR = h5py.h5s.create(h5py.h5s.SCALAR)
-MEANING = ("unit", "axes", "about")
-"""Attributes of a dataset without which its numbers mean nothing; they must be as declared."""
 
 
 class Rows(Protocol):
@@ -192,108 +189,18 @@ def write_episode(episode: Episode, path: Path) -> None:
     write_atomically(path, episode_bytes(episode))
 
 
-def read_episode(path: Path | str) -> Episode:
-    """Read a whole episode.
+def resealed_bytes(path: Path, entry: dict[str, Any]) -> bytes:
+    """The episode of a file that other software has changed, written anew and sealed.
+
+    What other software added beside declared arrays and those below ``extra/`` is not kept.
 
     Args:
-        path: An episode file.
-
-    Returns:
-        The episode, every array checked against its declaration.
+        path: A valid episode file without a seal.
+        entry: What to add to its history.
 
     Raises:
-        FormatError: If the file is missing, truncated, damaged, not an episode, or of an unknown version.
-        FieldError: If a field is missing or does not fit its declaration.
+        SvflError: As `read_unsealed`.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FormatError(f"{path}: {'is a folder, not an episode file' if path.is_dir() else 'no such file'}")
-    return _read_content(unsealed(path.read_bytes(), path), path)
-
-
-def read_unsealed(path: Path) -> Episode:
-    """Read an episode file that lost its seal to other software.
-
-    Nothing protects from damage here: HDF5 may crash or hang on a damaged file, or read it as if nothing had happened.
-
-    Raises:
-        FormatError: If it is not a readable episode.
-        FieldError: If a field is missing or does not fit its declaration.
-    """
-    return _read_content(path.read_bytes(), path)
-
-
-def _read_content(content: bytes, path: Path) -> Episode:
-    try:
-        with h5py.File(io.BytesIO(content), "r") as file:
-            check_format(file.attrs, path)
-            return Episode(parse_meta(file.attrs, path), _read_arrays(file, path), name=str(path))
-    except SvflError:
-        raise
-    except Exception as error:  # whole, but not as we write it: h5py raises nearly anything
-        reason = " ".join(str(error).split())
-        raise FormatError(f"{path}: sealed, but not a readable episode ({reason})") from error
-
-
-def check_format(attributes: Mapping[str, Any], where: object) -> None:
-    """Refuse files that are not episodes, or of another major version.
-
-    Args:
-        attributes: Those of the file.
-        where: What to name in the error, such as the file.
-
-    Raises:
-        FormatError: If the file is another one.
-    """
-    found = attributes.get("format")
-    if found != FORMAT:
-        raise FormatError(f"{where}: an HDF5 file, but not an episode (attribute format is {found!r}, not {FORMAT!r})")
-    version, ours = str(attributes.get("format_version")), FORMAT_VERSION.split(".")[0]
-    if version.split(".")[0] != ours:
-        raise FormatError(f"{where}: format version {version}; this software reads {ours}.x")
-
-
-def _read_arrays(file: h5py.File, where: Path) -> dict[str, np.ndarray]:
-    """Every array that is declared or the user's own; what else there is comes from a later minor version."""
-    arrays: dict[str, np.ndarray] = {}
-
-    def read(path: str, item: h5py.Group | h5py.Dataset) -> None:
-        if isinstance(item, h5py.Dataset) and (field_at(path) or path.startswith(EXTRA)):
-            check_meaning(path, item.attrs, where)
-            arrays[path] = np.asarray(item[()])
-
-    file.visititems(read)
-    return arrays
-
-
-def check_meaning(path: str, attributes: Mapping[str, Any], where: object) -> None:
-    """Refuse numbers of another unit, in other axes or about another point than declared.
-
-    Args:
-        path: Dataset path.
-        attributes: Those of the dataset in the file.
-        where: What to name in the error, such as the file.
-
-    Raises:
-        FieldError: If one differs from the field's declaration.
-    """
-    field = field_at(path)
-    for name in MEANING if field else ():
-        found, expected = attributes.get(name), getattr(field, name)
-        if found != expected:
-            raise FieldError(f"{where}: field {path} has {name} {found!r}, expected {expected!r}")
-
-
-def resealed_bytes(content: bytes, entry: dict[str, Any]) -> bytes:
-    """HDF5 content that other software has changed, sealed again, with an entry added to its history.
-
-    Args:
-        content: A valid episode without a seal.
-        entry: What to add to the attribute ``history``.
-    """
-    buffer = io.BytesIO(content)
-    with h5py.File(buffer, "r+") as file:
-        history = parse_meta(file.attrs, "file").history
-        file.attrs["history"] = canonical_json([*history, entry])
-    changed = buffer.getvalue()
-    return changed + seal(changed)
+    episode = read_unsealed(path)
+    meta = dataclasses.replace(episode.meta, history=[*episode.meta.history, entry])
+    return episode_bytes(Episode(meta, episode.arrays, episode.name))

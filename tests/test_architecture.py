@@ -14,7 +14,7 @@ FORBIDDEN = {
     "collectors": {"svfl_models", "torch", "escnn", "lightning", "h5py"},
 }
 ONLY = {
-    "h5py": ["svfl_data/chunks.py", "svfl_data/damage.py", "svfl_data/header.py", "svfl_data/store.py"],
+    "h5py": ["svfl_data/examiner.py", "svfl_data/store.py"],
     "escnn": ["svfl_models/planar_escnn.py"],
 }
 TORCH_IN_DATA = "svfl_data/torch_samples.py"

@@ -53,7 +53,7 @@ def test_every_mistake_is_one_line_with_its_exit_code(command, dataset, tmp_path
     target = tmp_path / "out.rrd"
     for words, code, said in (
         ((tmp_path / "nowhere",), 1, "no such folder"),
-        ((tmp_path / "nowhere.hdf5",), 1, "No such file"),
+        ((tmp_path / "nowhere.hdf5",), 1, "no such file"),
         ((no_dataset,), 1, "not a dataset"),
         ((empty,), 1, "no episodes yet"),
         ((truncated,), 1, "truncated"),

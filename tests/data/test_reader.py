@@ -15,7 +15,7 @@ from svfl_data.chunks import Extent
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode
 from svfl_data.errors import FieldError, FormatError, SvflError
-from svfl_data.header import header
+from svfl_data.header import forget
 from svfl_data.reader import EpisodeReader
 from svfl_data.seal import seal
 from svfl_data.store import episode_bytes, read_episode, write_episode
@@ -122,7 +122,7 @@ def test_no_damage_is_read(tmp_path):
         file.write_bytes(bad)
         with pytest.raises(FormatError, match=file.name):
             EpisodeReader.of_file(file).load()
-    with pytest.raises(FormatError, match="No such file"):
+    with pytest.raises(FormatError, match="no such file"):
         EpisodeReader.of_file(tmp_path / "absent.hdf5")
 
 
@@ -151,7 +151,7 @@ def test_damage_after_opening_is_found_or_harmless(file):
 
 
 def test_the_seal_is_checked_once_per_process(file, monkeypatch):
-    header.cache_clear()
+    forget()
     reads = []
     original = Extent.blocks
     monkeypatch.setattr(Extent, "blocks", lambda self: reads.append(self) or original(self))
