@@ -10,10 +10,11 @@ STEP = np.array([0.025, 0.025, 0.025, np.pi / 16])  # bounds of the action: dx, 
 OPEN = 1.0  # gripper opening all along
 CLEAR = 0.015  # [m] between fingertips and block at which the expert slows down
 SLOW = 0.006  # [m] per step from there on: 0.12 m/s
+ARRIVING = 2  # steps that the reference, late at that speed by 77 ms, takes to arrive after the last command
 
 
 class CollisionExpert:
-    """Moves above the place, comes down until a finger has met the block, pushes on, and stops.
+    """Moves above the place, comes down until a finger has met the block, pushes on, and waits until it has arrived.
 
     It counts up what it has commanded: once the block holds the hand up, the measured height no longer tells.
     """
@@ -28,6 +29,7 @@ class CollisionExpert:
         self._goal = np.array([*scene.hand_xy, touchdown - scene.push, scene.hand_yaw])
         self._slow_from = touchdown + CLEAR
         self._commanded: np.ndarray | None = None  # x, y, z, theta
+        self._rested = 0
 
     def __call__(self, observation: Observation) -> NDArray[np.float32] | None:
         """Next action, or None when the push is over."""
@@ -35,7 +37,8 @@ class CollisionExpert:
             self._commanded = observation.proprio[1:].astype(float)
         left = self._goal - self._commanded
         if np.allclose(left, 0, atol=1e-6):
-            return None
+            self._rested += 1
+            return np.array([OPEN, 0.0, 0.0, 0.0, 0.0], np.float32) if self._rested <= ARRIVING else None
         height = self._commanded[2]
         above_place = np.all(np.abs(left[[0, 1, 3]]) < 1e-6)
         if not above_place:

@@ -1,37 +1,81 @@
-"""The commanded pose between two 20 Hz actions."""
+"""The reference between two 20 Hz actions: the pose that a free hand has, with bounded acceleration and jerk."""
 
-import numpy as np
-from numpy.typing import NDArray
+import math
+from collections import deque
+from collections.abc import Sequence
+
+Four = tuple[float, float, float, float]
 
 
 class Reference:
-    """Spreads each action over the physics steps of a tick: a short ramp from the last velocity, then constant speed.
+    """Follows the commanded pose as fast as a bound on its acceleration allows, then smooths by a moving average.
 
-    The commanded pose is reached exactly at the end of the tick. Equal actions in a row run at constant velocity, so
-    that the hand's inertia does not disturb the wrist readings; a change of velocity is spread over the ramp
-    (linear segments with parabolic blends: Craig 2005, "Introduction to Robotics", section 7.3).
+    The commanded pose moves at constant speed during a tick. A tracker goes after it: in every physics step it takes
+    the largest speed from which it can still stop at the commanded pose, changing its velocity by no more than the
+    bound. The moving average over a time T then bounds the jerk to twice the acceleration over T. Both add no
+    overshoot, and both end exactly at the commanded pose. At constant speed v the reference is late by the way that
+    stopping takes, v^2 / (2 a), and by v T / 2.
+
+    Distances and speeds are measured as the largest of the four components, each in units of the bound of an action.
+    So the bound holds for each component, and a movement along a straight line stays on it, with the yaw in proportion.
+
+    Sources: Zanasi, Guarino Lo Bianco and Tonielli (2000), "Nonlinear filters for the generation of smooth
+    trajectories" (the tracker); Biagiotti and Melchiorri (2012), "FIR filters for online trajectory planning with
+    time- and frequency-domain specifications" (the average).
     """
 
-    def __init__(self, steps: int, blend_steps: int) -> None:
+    def __init__(self, pose: Sequence[float], bound: Sequence[float], acceleration: float, smoothing: int) -> None:
         """Start at rest.
 
         Args:
-            steps: Physics steps in a tick.
-            blend_steps: Length of the ramp, in physics steps.
+            pose: Where, (x, y, z, theta), [m] and [rad].
+            bound: Largest |dx|, |dy|, |dz| [m] and |dtheta| [rad] of an action.
+            acceleration: Largest change of the motion in a physics step from one to the next, in units of `bound`.
+            smoothing: Length of the moving average, in physics steps.
         """
-        self._ramp = np.minimum((np.arange(steps) + 0.5) / blend_steps, 1.0)
-        self._last = np.zeros(4)
+        self._bound = tuple(bound)
+        self._acceleration = acceleration
+        self._velocity: Four = (0.0, 0.0, 0.0, 0.0)  # in units of the bound, per physics step
+        self._tracked = deque([tuple(pose)] * smoothing, maxlen=smoothing)
+        self.pose: Four = self._mean()
 
-    def moves(self, action: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Divide an action into the motions of its physics steps.
+    @property
+    def tracker(self) -> Four:
+        """Pose before the moving average, (x, y, z, theta), [m] and [rad]: where `pose` is going."""
+        return self._tracked[-1]
+
+    def step(self, aim: Sequence[float]) -> Four:
+        """Move on by one physics step.
 
         Args:
-            action: Commanded motion (dx, dy, dz, dtheta) of the tick, (4,), [m] and [rad].
+            aim: Commanded pose now, (x, y, z, theta), [m] and [rad].
 
         Returns:
-            Motion of every physics step, (steps, 4), [m] and [rad]; they add up to the action.
+            Motion of `pose` in this step, (dx, dy, dz, dtheta), [m] and [rad].
         """
-        cruise = (action - np.sum(1.0 - self._ramp) * self._last) / np.sum(self._ramp)
-        moves = np.outer(1.0 - self._ramp, self._last) + np.outer(self._ramp, cruise)
-        self._last = cruise
-        return moves
+        left = [(to - at) / bound for to, at, bound in zip(aim, self.tracker, self._bound, strict=True)]
+        farthest = max(map(abs, left))
+        share = self._fastest(farthest) / farthest if farthest else 0.0
+        change = [share * way - speed for way, speed in zip(left, self._velocity, strict=True)]
+        part = self._acceleration / max(self._acceleration, *map(abs, change))
+        self._velocity = tuple(map(self._faster, self._velocity, change, [part] * 4))
+        self._tracked.append(
+            tuple(at + v * bound for at, v, bound in zip(self.tracker, self._velocity, self._bound, strict=True))
+        )
+        before, self.pose = self.pose, self._mean()
+        return tuple(after - at for after, at in zip(self.pose, before, strict=True))
+
+    def _fastest(self, way: float) -> float:
+        """Largest motion in a step from which one can stop within `way`, giving up the acceleration in every step."""
+        a = self._acceleration
+        steps = max(1, math.ceil(0.5 * (math.sqrt(1.0 + 8.0 * way / a) - 1.0)))
+        return way / steps + 0.5 * a * (steps - 1)
+
+    def _faster(self, speed: float, change: float, part: float) -> float:
+        """A component's next speed: all gain speed in proportion, which keeps lines straight, but each brakes alone."""
+        if speed * change < 0.0:
+            return speed + min(max(change, -self._acceleration), self._acceleration)
+        return speed + part * change
+
+    def _mean(self) -> Four:
+        return tuple(sum(parts) / len(self._tracked) for parts in zip(*self._tracked, strict=True))

@@ -23,6 +23,9 @@ from svfl_data.windows import WINDOW
 
 RENEWED = 1000
 """Resets after which the world is built anew: PyBullet keeps the shapes of removed bodies, up to 0.1 MB a reset."""
+LEAD = 4.0
+"""Times the way that stopping takes: how far the command may be ahead of a free hand, which needs 3.8 of them when it
+turns back at full speed."""
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
 
 
@@ -63,6 +66,8 @@ class World:
         self.config = config or WorldConfig()
         self._dt = self.config.physics_dt_ns * 1e-9
         self._bounds = np.array(self.config.workspace)
+        tick = self._dt * self.config.physics_steps
+        self._stopping = (self.config.max_move / tick) ** 2 / (2.0 * self.config.max_acceleration)
         self._connect()
 
     def _connect(self) -> None:
@@ -132,10 +137,11 @@ class World:
         )
         self.add_box((0.75, 0.75, 0.05), (0.5, 0.0, -0.05), 0.0, 0.0, c.table_friction, c.table_color)
         self._panda = Panda(c.panda, self.client, self._dt, np.array(c.home))
-        self._reference = Reference(c.physics_steps, c.blend_steps)
+        acceleration = c.max_acceleration * self._dt**2 / c.max_move
+        self._reference = Reference([*c.home, 0.0], self.action_bound.tolist(), acceleration, c.smoothing_steps)
         self._admittance = Admittance(c.admittance, self._dt)
-        home, still = [*c.home, 0.0], [0.0] * 4
-        wrenches = [self._advance(home, still, 1.0) for _ in range(c.settle_steps * c.physics_steps)]
+        home = [*c.home, 0.0]
+        wrenches = [self._advance(home, 1.0) for _ in range(c.settle_steps * c.physics_steps)]
         return _Home(
             state=pybullet.saveState(physicsClientId=self.client),
             bodies=pybullet.getNumBodies(physicsClientId=self.client),
@@ -181,7 +187,8 @@ class World:
         """Carry out one action: 25 physics steps of 2 ms, each with one control update and one reading.
 
         The commanded pose moves by the action from the last commanded pose (not from the measured one, so that a push
-        can be kept up or increased), and is reached at the end of the step.
+        can be kept up or increased). The reference follows it with bounded acceleration and jerk, and the hand follows
+        the reference.
 
         Args:
             action: Gripper opening 0..1, dx, dy, dz [m], dtheta [rad] in base, (5,); clipped to the bounds of an
@@ -196,10 +203,8 @@ class World:
         opening = float(np.clip(wanted[0], 0.0, 1.0))
         start = self._target
         self._target = self._limit(start + np.clip(wanted[1:], -self.action_bound, self.action_bound))
-        moves = self._reference.moves(self._target - start)
-        targets = start + np.cumsum(moves, axis=0) - moves
-        ticks = zip(targets.tolist(), moves.tolist(), strict=True)
-        wrenches = [self._advance(target, move, opening) for target, move in ticks]
+        way = np.linspace(start, self._target, self.config.physics_steps + 1)[1:].tolist()
+        wrenches = [self._advance(commanded, opening) for commanded in way]
         self._wrenches.append(self._noise(np.array(wrenches)).astype(np.float32))
 
     @property
@@ -214,24 +219,41 @@ class World:
         return np.array([*position, np.clip(target[3], -self.config.max_yaw, self.config.max_yaw)])
 
     def _limit(self, target: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Keep a commanded (x, y, z, theta) near the hand and inside the workspace."""
-        reach = self.config.admittance.max_deviation
-        at = np.array(self._panda.position)
-        position = np.clip(target[:3], at - reach, at + reach)
-        return self.within(np.array([*position, target[3]]))
+        """Keep a commanded (x, y, z, theta) inside the workspace, and near the reference where the hand is held up."""
+        low, high = np.transpose(self._leash(LEAD))
+        return self.within(np.array([*np.clip(target[:3], low, high), target[3]]))
 
-    def _advance(self, reference: Sequence[float], move: Sequence[float], opening: float) -> tuple[float, ...]:
-        """One physics step: command the arm, simulate, feel.
+    def _aim(self, commanded: Sequence[float]) -> Sequence[float]:
+        """Where the reference goes: to the commanded pose, but not on and on where the hand is held up."""
+        leash = zip(commanded, self._leash(1.0), strict=False)
+        return [*(min(max(to, low), high) for to, (low, high) in leash), commanded[3]]
+
+    def _leash(self, times: float) -> list[tuple[float, float]]:
+        """Bounds of x, y, z about the reference, (3, 2), [m]: `times` the way that stopping from full speed takes.
+
+        Where the hand is held up, less is left in that direction, nothing when the hand is `max_deviation` behind.
+        """
+        reach = self.config.admittance.max_deviation
+        stretch = times * self._stopping / reach
+
+        def way(left: float) -> float:
+            return left * stretch if left > 0.0 else left
+
+        places = zip(self._reference.tracker, self._reference.pose, self._panda.position, strict=False)
+        return [(track - way(reach + at - hand), track + way(reach - at + hand)) for track, at, hand in places]
+
+    def _advance(self, commanded: Sequence[float], opening: float) -> tuple[float, ...]:
+        """One physics step: move the reference, command the arm, simulate, feel.
 
         Args:
-            reference: Commanded (x, y, z, theta) now, [m] and [rad].
-            move: How far the command goes in this step, (dx, dy, dz, dtheta), [m] and [rad].
+            commanded: Commanded (x, y, z, theta) now, [m] and [rad].
             opening: Commanded gripper opening.
 
         Returns:
             The physical wrench on the hand, six numbers, [N] and [N m], base axes, about the sensor origin.
         """
         panda, admittance, dt = self._panda, self._admittance, self._dt
+        reference, move = self._reference.pose, self._reference.step(self._aim(commanded))
         pose = [r + e for r, e in zip(reference, (*admittance.deviation, 0.0), strict=True)]
         motion = [m + rate * dt for m, rate in zip(move, (*admittance.rate, 0.0), strict=True)]
         before = panda.hand_velocity
@@ -306,8 +328,13 @@ class World:
 
     @property
     def target(self) -> NDArray[np.float64]:
-        """Commanded TCP x, y, z [m] and theta [rad] in base, (4,): where a free hand is now."""
+        """Commanded TCP x, y, z [m] and theta [rad] in base, (4,): where a free hand comes to rest."""
         return self._target.copy()
+
+    @property
+    def reference(self) -> NDArray[np.float64]:
+        """TCP x, y, z [m] and theta [rad] in base, (4,), on the way to the target: where a free hand is now."""
+        return np.array(self._reference.pose)
 
     @property
     def tcp(self) -> NDArray[np.float64]:

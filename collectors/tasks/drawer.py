@@ -113,7 +113,7 @@ class DrawerTask(Task):
 
     def _blocked(self) -> bool:
         """Whether the hand stands on something: it is held up by 8 mm, which takes 20 N."""
-        return bool(self.world.tcp[2] - self.world.target[2] > 0.008)
+        return bool(self.world.tcp[2] - self.world.reference[2] > 0.008)
 
     def state(self) -> Mapping[str, np.ndarray]:
         """Pose of the drawer's moving part, and ``drawer``: how far it is open, (1,), [m]."""

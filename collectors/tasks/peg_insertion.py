@@ -119,7 +119,7 @@ class PegInsertion(Task):
     def _to_hole(self) -> np.ndarray:
         """Command, (3,) [m], that would bring the tip to the middle of the hole's rim if the hand followed."""
         offset, _ = self.tip()
-        return self.world.target[:3] - offset
+        return self.world.reference[:3] - offset
 
     def _entered(self) -> bool:
         """Whether the tip is in the hole."""
@@ -131,8 +131,8 @@ class PegInsertion(Task):
         return float(np.hypot(x, y))
 
     def _lag(self) -> float:
-        """How far the hand is held up above its command, [m]; it takes 2500 N/m."""
-        return float(self.world.tcp[2] - self.world.target[2])
+        """How far the hand is held up above the reference, [m]; it takes 2500 N/m."""
+        return float(self.world.tcp[2] - self.world.reference[2])
 
 
 def _ring() -> list[Box]:

@@ -42,7 +42,7 @@ def test_leaning_sideways_on_a_wall_does_not_chatter(world: World, side: float):
     world.tare()
     move(world, (0.55, 0.0, 0.02, 0.0), opening=0.0)
     move(world, (0.55 + side * 0.06, 0.0, 0.02, 0.0), opening=0.0, stride=0.2)
-    hold(world, 12, opening=0.0)
+    hold(world, 20, opening=0.0)  # a finger that sticks may slip once more within half a second
     rest = tared(world)[-100:]
     lean = world.config.admittance.stiffness * (world.target - [*world.tcp[:3], 0.0])[0]
     np.testing.assert_allclose(rest[:, 0].mean(), -lean, rtol=0.02)

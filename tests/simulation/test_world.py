@@ -122,18 +122,59 @@ def test_home_is_home(world: World):
 @pytest.mark.parametrize("x", [0.35, 0.55, 0.75])
 @pytest.mark.parametrize("y", [-0.2, 0.0, 0.2])
 def test_free_space_tracking_at_full_speed(world: World, x: float, y: float):
-    """Every step ends within 2 mm and 1 degree of the command, at rest or not, all over the workspace."""
+    """Every step ends within 2 mm and 1 degree of the reference, at rest or not, all over the workspace."""
     position, angle = [], []
     goals = [(x, y, z, theta) for z in (0.02, 0.25) for theta in (-np.pi / 2, 0.0, np.pi / 2)]
     for goal in goals:
         while np.abs(goal - world.target).max() > 1e-6:
             world.step([1.0, *(goal - world.target)])
-            position.append(np.linalg.norm(world.tcp[:3] - world.target[:3]))
-            angle.append(np.linalg.norm(rotation_error(world.target[3], tuple(world.tcp[3:]))))
+            position.append(np.linalg.norm(world.tcp[:3] - world.reference[:3]))
+            angle.append(np.linalg.norm(rotation_error(world.reference[3], tuple(world.tcp[3:]))))
     assert max(position) < 2e-3
     assert np.degrees(max(angle)) < 1.0
-    hold(world, 4)
+    hold(world, 8)
+    np.testing.assert_allclose(world.reference, world.target, atol=1e-9)
     assert np.linalg.norm(world.tcp[:3] - world.target[:3]) < 1e-4
+
+
+def full_steps() -> dict[str, list[tuple[float, ...]]]:
+    """Actions in units of the bound: every way to move along an axis, all axes together, and at random."""
+    rng = np.random.default_rng(0)
+    ways = {name: np.eye(4)[axis] for axis, name in enumerate(("x", "y", "z", "theta"))} | {"all": np.ones(4)}
+    made = {}
+    for name, way in ways.items():
+        made[f"{name}, turning back"] = [way] * 3 + [-way] * 6 + [way] * 6 + [0 * way] * 2
+        made[f"{name}, to and fro"] = [way, -way] * 8
+        made[f"{name}, two by two"] = [way, way, -way, -way] * 4
+    made["random corners"] = list(rng.choice([-1.0, 0.0, 1.0], (60, 4)))
+    made["random"] = list(rng.uniform(-1, 1, (60, 4)))
+    return made
+
+
+@pytest.mark.parametrize("moves", full_steps().values(), ids=full_steps())
+def test_a_free_hand_feels_less_than_five_newtons(moves):
+    """Whatever is commanded, with the sensor's noise; and the hand arrives."""
+    with World(dataclasses.replace(SMALL, workspace=((0.35, 0.75), (-0.2, 0.2), (0.05, 0.25)))) as world:
+        world.reset(seed=0)
+        world.tare()
+        settled = len(world.wrench)
+        for move in moves:
+            world.step([1.0, *(move * world.action_bound)])
+        hold(world, 8)
+        felt = np.abs(world.wrench[settled:] - world.tare_offset)
+        assert felt[:, :3].max() < 5.0
+        assert felt[:, 3:].max() < 0.25
+        np.testing.assert_allclose(world.tcp[:3], world.target[:3], atol=1e-4)
+
+
+def test_a_free_hand_carries_out_every_action(world: World):
+    """However far it is behind, turning back and all: nothing of the sum is lost."""
+    rng, start, total = np.random.default_rng(5), world.target, np.zeros(4)
+    for way in [np.array([1.0, -1.0, -1.0, 1.0])] * 4 + list(rng.choice([-1.0, 1.0], (40, 4))):
+        move = world.within(world.target + way * world.action_bound) - world.target
+        total += move
+        world.step([1.0, *move])
+        np.testing.assert_allclose(world.target, start + total, atol=1e-9)
 
 
 def test_theta_is_the_yaw_of_the_fingers(world: World):
@@ -154,7 +195,7 @@ def test_actions_are_clipped_to_their_bounds_and_to_the_workspace(world: World):
     for _ in range(20):
         world.step([2.0, 1.0, 1.0, 1.0, 1.0])
     np.testing.assert_allclose(world.target, [0.75, 0.2, 0.25, np.pi / 2])
-    hold(world, 4)
+    hold(world, 8)
     np.testing.assert_allclose(world.tcp[:3], [0.75, 0.2, 0.25], atol=1e-3)
 
 

@@ -19,8 +19,9 @@ HALF = 0.025
 TOP = 2 * HALF + 0.0072  # TCP height at which a fingertip reaches the block's top
 ELEMENTS = [(90 * k, flip) for flip in (False, True) for k in range(4)][1:]
 # Of the largest force and torque of the episode, root mean square over its readings. What is left is friction: a
-# sticking finger keeps a sideways force of 1 to 2 N that depends on how the arm, in another posture, gave way before.
-FORCE_TOLERANCE, TORQUE_TOLERANCE = 0.08, 0.16
+# sticking finger keeps a sideways force of 1 to 2 N, and a grasp one of 0.5 N, that depends on how the arm, in another
+# posture, gave way before.
+FORCE_TOLERANCE, TORQUE_TOLERANCE = 0.10, 0.16
 
 PRESS = [(1, 0, 0, -0.002, 0)] * 8 + [(1, 0, 0, 0, 0)] * 4
 PUSH = [(1, 0.006, 0.003, -0.001, 0.0)] * 4 + [(1, 0, 0, 0, 0.04)] * 4

@@ -10,6 +10,9 @@ from collectors.simulation import CameraConfig, NoiseConfig, World, WorldConfig
 from collectors.tasks.hand import Hand
 from collectors.tasks.task import MAX_STEPS, Task
 
+AGAIN = 80
+"""Steps for an expert whose work is undone after some 20 of them."""
+
 
 @pytest.fixture
 def world() -> Iterator[World]:

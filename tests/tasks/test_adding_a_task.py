@@ -11,8 +11,9 @@ from gymnasium.utils.env_checker import check_env
 
 from collectors.environment import Environment
 from collectors.expert import ExpertCollector
-from collectors.simulation import CameraConfig, WorldConfig
+from collectors.simulation import CameraConfig, NoiseConfig, World, WorldConfig
 from collectors.tasks import TASKS, task_class
+from collectors.tasks.hand import Hand
 
 PAGE = Path(__file__).parents[2] / "docs" / "adding-a-task.md"
 
@@ -40,4 +41,21 @@ def test_the_documented_task_works_everywhere(documented):
     episode = ExpertCollector(seed=0, task=documented, world=world)(3)
     assert episode.meta.success
     assert episode.meta.config["drawn"].keys() == {"xy"}
-    assert np.abs(episode.tared_wrench[-1, 2]) > 15.0
+    assert episode.tared_wrench[-50:, 2].mean() > 15.0
+
+
+def test_an_impact_is_no_success(documented):
+    """A threshold of force must hold for a while: one reading above it does not do the task."""
+    with World(WorldConfig(noise=NoiseConfig.none(), cameras={})) as world:
+        task = task_class(documented).begin(world, np.random.SeedSequence([3]))
+        hand = Hand(world, np.random.default_rng(0), noise=0.0)
+        world.finger_contacts = lambda body: (True, True)  # what is felt alone decides
+        for action in task.expert(hand):
+            before = len(world.wrench)
+            world.step(action)
+            felt = world.wrench[before:, 2] - world.tare_offset[2]
+            lasting = world.wrench[-50:, 2].mean() - world.tare_offset[2] > 15.0
+            assert task.success() == lasting
+            if felt.max() > 15.0 and not lasting:
+                return
+    pytest.fail("no impact came before the press")

@@ -8,7 +8,7 @@ from collectors.simulation import World
 from collectors.tasks.drawer import DAMPING, FRICTION, GAP, TRAVEL
 from collectors.tasks.drawer_opening import HOOK_Z, OPEN, DrawerOpening
 from tests.simulation.conftest import hold, move
-from tests.tasks.conftest import begin, perform
+from tests.tasks.conftest import AGAIN, begin, perform
 
 
 def slide(task, opening: float, speed: float = 0.0) -> None:
@@ -110,7 +110,7 @@ def test_the_expert_catches_the_handle_again(world):
             slide(task, 0.0)
             shut.append(step)
 
-    assert perform(task, disturb=disturb) is not None
+    assert perform(task, steps=AGAIN, disturb=disturb) is not None
     assert shut
 
 

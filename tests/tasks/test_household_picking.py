@@ -21,7 +21,7 @@ from collectors.tasks.household_objects import (
 )
 from collectors.tasks.household_picking import FLOOR, INNER, LIFTED, SPREAD, HouseholdPicking
 from collectors.tasks.household_picking_test import HouseholdPickingTest
-from tests.tasks.conftest import begin, perform, place
+from tests.tasks.conftest import AGAIN, begin, perform, place
 
 
 def test_the_table_is_what_the_rule_gives():
@@ -125,7 +125,7 @@ def test_the_expert_tries_again_after_a_slip(world):
             )
             taken.append(step)
 
-    assert perform(task, disturb=take) is not None
+    assert perform(task, steps=AGAIN, disturb=take) is not None
     assert taken
 
 
