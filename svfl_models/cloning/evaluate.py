@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from svfl_data.atomically import write_atomically
 from svfl_data.errors import TrainingError
+from svfl_data.printable import printable
 from svfl_models.cloning.acting import acting
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.workplace import Workplace
@@ -141,8 +142,8 @@ class Trial:
         self.policy, self.seed, self.name = acting(module), seed, str(checkpoint)
         try:
             self.environment = gymnasium.make(environment, disable_env_checker=True)
-        except gymnasium.error.Error as error:
-            reason = " ".join(str(error).split())[:200]
+        except (gymnasium.error.Error, ValueError) as error:  # the latter for a name that is none
+            reason = printable(" ".join(str(error).split()), 200)
             raise TrainingError(f"{checkpoint}: cannot be tried in {environment}: {reason}") from error
         _expect_same(self.environment, module.workplace, self.name)
 
