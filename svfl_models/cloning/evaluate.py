@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from svfl_data.atomically import write_atomically
-from svfl_data.errors import TrainingError
+from svfl_data.errors import StorageError, TrainingError
 from svfl_data.printable import printable
 from svfl_models.cloning.acting import acting
 from svfl_models.cloning.checkpoint import load_policy
@@ -198,7 +198,10 @@ def _episodes(
             trial.environment.close()
         return
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # workers inherit it: one core each
-    pool = ProcessPoolExecutor(min(workers, len(indices)), multiprocessing.get_context("spawn"), _start_worker)
+    try:
+        pool = ProcessPoolExecutor(min(workers, len(indices)), multiprocessing.get_context("spawn"), _start_worker)
+    except OSError as error:
+        raise StorageError(f"cannot start workers, which need room in /dev/shm: {error.strerror or error}") from error
     try:
         jobs = [pool.submit(_try, checkpoint, environment, seed, index) for index in indices]
         for job in jobs:
