@@ -64,7 +64,7 @@ def load_centering(path: Path | str, window: int = WINDOW, view: View = "camera"
     """
     dataset = Dataset.open(path)
     episodes = progress(dataset, "reading samples", total=len(dataset))
-    samples = [_sample(episode, window, view) for episode in episodes]
+    samples = [sample_of(episode, window, view) for episode in episodes]
     if not samples:
         raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
     sizes = sorted({sample["image"].shape for sample in samples})
@@ -73,7 +73,12 @@ def load_centering(path: Path | str, window: int = WINDOW, view: View = "camera"
     return CenteringSamples(**{name: np.stack([sample[name] for sample in samples]) for name in samples[0]})
 
 
-def _sample(episode: Episode, window: int, view: View) -> dict[str, np.ndarray]:
+def sample_of(episode: Episode, window: int = WINDOW, view: View = "camera") -> dict[str, np.ndarray]:
+    """What `CenteringSamples` holds of one episode.
+
+    Raises:
+        DatasetError: If it has no labels, or not exactly one camera with depth.
+    """
     if not (episode.has("label_offset") and episode.has("label_direction")):
         raise DatasetError(f"{episode.name}: has no labels (labels/offset and labels/direction) to learn from")
     camera = _only_camera(episode)

@@ -11,6 +11,9 @@ from typing import BinaryIO, cast
 
 from svfl_data.regular_file import open_regular
 
+FIRST = b"PK\x03\x04"
+"""How the first member begins. What stands before it, zipfile would skip and others might read."""
+
 
 class Stored:
     """An open archive whose members have been checked.
@@ -28,6 +31,9 @@ class Stored:
     """
 
     def __init__(self, file: BinaryIO) -> None:
+        file.seek(0)
+        if file.read(len(FIRST)) != FIRST:
+            raise zipfile.BadZipFile("does not begin as an archive does")
         self.file, self._archive = file, zipfile.ZipFile(file)
         found = self._archive.infolist()
         for member in found:

@@ -23,7 +23,7 @@ def load_centering(path: Path | str) -> CenteringModule:
     """
     path = Path(path)
     found = read_marked(path, FORMAT, FORMAT_VERSION, "block-centering checkpoint")
-    return rebuilt(CenteringModule, found, path)
+    return rebuilt(CenteringModule, found, path, TrainingConfig)
 
 
 def configuration(module: CenteringModule, data: Path | str | None = None) -> TrainingConfig:

@@ -14,6 +14,7 @@ from lightning.pytorch.trainer.states import TrainerStatus
 
 from svfl_data.errors import StorageError
 from svfl_models import run_folder
+from svfl_models.checkpoint_io import WholeCheckpoints
 
 
 def run(
@@ -55,6 +56,7 @@ def run(
         enable_model_summary=False,
         num_sanity_val_steps=0,
         default_root_dir=out,
+        plugins=[WholeCheckpoints(resumed)],
         **how,
     )
     interrupt = signal.getsignal(signal.SIGINT)

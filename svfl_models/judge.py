@@ -1,6 +1,6 @@
 """How good a trained network is on samples, and on which ones it errs."""
 
-import csv
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from svfl_data.symmetry import border_distance
 from svfl_models.config import TrainingConfig
 from svfl_models.data import INPUTS, Crops, in_order
 from svfl_models.module import CenteringModule, directions
+from svfl_models.writing import write_rows
 
 COLUMNS = ("samples", "episode", "direction", "predicted", "border_deg", "offset_x", "offset_y", "guess_x", "guess_y")
 
@@ -68,16 +69,15 @@ def judge(module: CenteringModule, samples: CenteringSamples, config: TrainingCo
 
 def write_predictions(judged: dict[str, Judgement], path: Path) -> None:
     """One row per sample, as CSV; lengths in [m]."""
-    with path.open("w", newline="") as file:
-        rows = csv.writer(file)
-        rows.writerow(COLUMNS)
-        for name, one in judged.items():
-            guesses = [("", "")] * len(one.predicted) if one.guess is None else [_metres(guess) for guess in one.guess]
-            for row in range(len(one.predicted)):
-                truth = one.samples
-                border = f"{one.border_deg[row]:.2f}"
-                who = (name, truth.episode[row], truth.direction[row], one.predicted[row], border)
-                rows.writerow([*who, *_metres(truth.offset[row]), *guesses[row]])
+    rows: list[Iterable[object]] = [COLUMNS]
+    for name, one in judged.items():
+        guesses = [("", "")] * len(one.predicted) if one.guess is None else [_metres(guess) for guess in one.guess]
+        for row in range(len(one.predicted)):
+            truth = one.samples
+            border = f"{one.border_deg[row]:.2f}"
+            who = (name, truth.episode[row], truth.direction[row], one.predicted[row], border)
+            rows.append([*who, *_metres(truth.offset[row]), *guesses[row]])
+    write_rows(path, rows)
 
 
 def _metres(vector: np.ndarray) -> tuple[str, str]:

@@ -27,7 +27,7 @@ def describe(path: Path | str, use: str, learning_rate: float = Latent.learning_
     """
     load_latent(path)  # what is damaged is refused here, before anything is trained
     found = read_latent(Path(path))
-    training = found["hyper_parameters"]["training"] or {}
+    training = found["hyper_parameters"].get("training") or {}
     return Latent(
         checkpoint=str(path),
         sha256=digest(path),

@@ -9,6 +9,8 @@ import lightning.pytorch as pl
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from svfl_models.writing import write_rows
+
 COLUMNS = ("epoch", "train_loss", "train_accuracy", "test_loss", "test_accuracy", "seconds")
 QUIET_SECONDS = 10.0
 """Time between two lines where the output is not a terminal."""
@@ -36,8 +38,7 @@ class MetricsFile(pl.Callback):
     def on_fit_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Start the clock and the file."""
         self.start = time.monotonic() - (self.rows[-1]["seconds"] if self.rows else 0.0)
-        with self.path.open("w", newline="") as file:
-            csv.writer(file).writerows([self.columns, *map(self._words, self.rows)])
+        write_rows(self.path, [self.columns, *map(self._words, self.rows)])
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Append a row."""

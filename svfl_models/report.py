@@ -1,6 +1,5 @@
 """What a training run leaves for people: two pictures, a page and the numbers."""
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from svfl_models import run_folder
 from svfl_models.config import Latent, TrainingConfig
 from svfl_models.paper import centering_figure, centering_words
 from svfl_models.progress import History
+from svfl_models.writing import write_figure, write_json, write_text
 
 NAMES = {
     "v": "V", "f": "F", "vf": "V+F", "vfp": "V+F+P", "svfl": "SVFL", "cnn": "CNN",
@@ -70,10 +70,10 @@ def write_report(out: Path, config: TrainingConfig, result: Result, history: His
     """Write pictures, page and numbers into the run's folder."""
     plot_history(history, out / run_folder.LEARNING_CURVE, cell_name(config))
     plot_confusion(np.array(result.confusion), out / run_folder.CONFUSION, cell_name(config))
-    (out / run_folder.REPORT).write_text(page(config, result))
+    write_text(out / run_folder.REPORT, page(config, result))
     figure = centering_figure(config.encoder, config.model, config.train_samples)
     numbers = {"config": config.plain(), "result": asdict(result), "paper_accuracy_percent": figure}
-    (out / run_folder.RESULT).write_text(json.dumps(numbers, indent=2) + "\n")
+    write_json(out / run_folder.RESULT, numbers)
 
 
 def page(config: TrainingConfig, result: Result) -> str:
@@ -159,7 +159,7 @@ def plot_history(history: History, path: Path, title: str) -> None:
     axes[1].set(xlabel="epoch", ylabel="accuracy, %", ylim=(0, 102))
     axes[1].legend(loc="lower right")
     figure.suptitle(title)
-    figure.savefig(path, dpi=120)
+    write_figure(figure, path, dpi=120)
 
 
 def plot_confusion(confusion: np.ndarray, path: Path, title: str) -> None:
@@ -174,4 +174,4 @@ def plot_confusion(confusion: np.ndarray, path: Path, title: str) -> None:
     axes.set_xticklabels(DIRECTIONS)
     axes.set_yticklabels(DIRECTIONS)
     axes.set_title(title, fontsize=10)
-    figure.savefig(path, dpi=120)
+    write_figure(figure, path, dpi=120)

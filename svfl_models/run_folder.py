@@ -1,10 +1,16 @@
 """The output folder of a training run: claimed for one configuration, never silently shared by two."""
 
+import fcntl
 import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from svfl_data.atomically import NO_LOCKS, clear_leftovers
 from svfl_data.errors import StorageError, TrainingError
+from svfl_models.writing import write_json
 
 CONFIG = "config.json"
 CHECKPOINT = "checkpoint.ckpt"
@@ -16,15 +22,51 @@ REPORT = "report.md"
 RESULT = "result.json"
 EVALUATION = "evaluation.json"
 OWN = (CHECKPOINT, METRICS, PREDICTIONS, LEARNING_CURVE, CONFUSION, REPORT, RESULT, EVALUATION)
+WORTH = (CHECKPOINT, RESULT)
+"""Without one of these a run has come to nothing, and its folder may be taken for another."""
 
 
-def claim(out: Path, config: dict[str, Any]) -> None:
-    """Make a folder the home of a run and write the run's configuration into it.
-
-    A folder that an earlier run with the same configuration used is cleared of that run's files.
+@contextmanager
+def held(out: Path) -> Iterator[None]:
+    """Keep other processes out of a folder, as long as the context lasts; leftovers of killed ones are cleared away.
 
     Args:
         out: The folder; it need not exist.
+
+    Raises:
+        TrainingError: If another process works in it.
+        StorageError: If it cannot be created.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(out, os.O_RDONLY)  # the kernel drops the lock when the process dies
+    except OSError as error:
+        raise StorageError(f"{out}: {error.strerror or error}") from error
+    try:
+        _lock(descriptor, out)
+        clear_leftovers(out)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _lock(descriptor: int, out: Path) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise TrainingError(f"{out}: another process is working in this folder") from error
+    except OSError as error:
+        if error.errno not in NO_LOCKS:  # where there are none, nobody can be kept out
+            raise StorageError(f"{out}: {error.strerror or error}") from error
+
+
+def claim(out: Path, config: dict[str, Any]) -> None:
+    """Make a folder, which is held, the home of a run and write the run's configuration into it.
+
+    A folder is cleared of the files of an earlier run with the same configuration, or of one that came to nothing.
+
+    Args:
+        out: The folder.
         config: Configuration of the run, plain values.
 
     Raises:
@@ -33,7 +75,7 @@ def claim(out: Path, config: dict[str, Any]) -> None:
         StorageError: If the folder cannot be written.
     """
     found = _read_config(out)
-    if found is not None and found != config:
+    if found is not None and found != config and any((out / name).exists() for name in WORTH):
         changed = [
             f"{key} = {found.get(key)!r}, now {value!r}" for key, value in config.items() if found.get(key) != value
         ]
@@ -45,9 +87,9 @@ def claim(out: Path, config: dict[str, Any]) -> None:
         out.mkdir(parents=True, exist_ok=True)
         for name in OWN:
             (out / name).unlink(missing_ok=True)
-        (out / CONFIG).write_text(json.dumps(config, indent=2) + "\n")
     except OSError as error:
         raise StorageError(f"{out}: {error.strerror or error}") from error
+    write_json(out / CONFIG, config)
 
 
 def _read_config(out: Path) -> dict[str, Any] | None:

@@ -67,30 +67,31 @@ def train_centering(
     module = module_of(config)
     module.classifier.fit(train)
 
-    run_folder.claim(out, config.plain())
-    metrics = MetricsFile(out / run_folder.METRICS)
-    start = time.monotonic()
-    if module.frozen:
-        data.encode(module.classifier.trunk)
-    with storage_errors(out):
-        fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console())])
-    seconds = time.monotonic() - start
+    with run_folder.held(out):
+        run_folder.claim(out, config.plain())
+        metrics = MetricsFile(out / run_folder.METRICS)
+        start = time.monotonic()
+        if module.frozen:
+            data.encode(module.classifier.trunk)
+        with storage_errors(out):
+            fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console())])
+        seconds = time.monotonic() - start
 
-    judged = {name: judge(module, some, config) for name, some in others.items()}
-    result = Result(
-        test_accuracy=judged["test"].accuracy,
-        best_test_accuracy=max(row["test_accuracy"] for row in metrics.rows if "test_accuracy" in row),
-        fresh_accuracy=judged["fresh"].accuracy if "fresh" in judged else None,
-        offset_error_mm=judged["test"].offset_error_mm,
-        epochs=len(metrics.rows),
-        seconds=round(seconds, 1),
-        parameters=parameter_count(module),
-        train_samples=np.bincount(train.direction, minlength=4).tolist(),
-        confusion=judged["test"].confusion.tolist(),
-    )
-    with storage_errors(out):
-        write_predictions(judged, out / run_folder.PREDICTIONS)
-        write_report(out, config, result, metrics.rows)
+        judged = {name: judge(module, some, config) for name, some in others.items()}
+        result = Result(
+            test_accuracy=judged["test"].accuracy,
+            best_test_accuracy=max(row["test_accuracy"] for row in metrics.rows if "test_accuracy" in row),
+            fresh_accuracy=judged["fresh"].accuracy if "fresh" in judged else None,
+            offset_error_mm=judged["test"].offset_error_mm,
+            epochs=len(metrics.rows),
+            seconds=round(seconds, 1),
+            parameters=parameter_count(module),
+            train_samples=np.bincount(train.direction, minlength=4).tolist(),
+            confusion=judged["test"].confusion.tolist(),
+        )
+        with storage_errors(out):
+            write_predictions(judged, out / run_folder.PREDICTIONS)
+            write_report(out, config, result, metrics.rows)
     return result
 
 

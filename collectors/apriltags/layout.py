@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collectors.apriltags.native import CORRECTED
+from svfl_data.atomically import write_atomically
 from svfl_data.errors import FormatError, StorageError, UsageError
 
 CORNERS = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
@@ -133,10 +134,7 @@ class Layout:
             StorageError: If the file cannot be written.
         """
         tags = [{"id": tag.id, "size": tag.size, "T_body_tag": tag.T_body_tag.tolist()} for tag in self.tags.values()]
-        try:
-            path.write_text(json.dumps({"family": self.family, "tags": tags}, indent=1) + "\n")
-        except OSError as error:
-            raise StorageError(f"cannot write {path}: {error.strerror}") from error
+        write_atomically(path, (json.dumps({"family": self.family, "tags": tags}, indent=1) + "\n").encode())
 
     @classmethod
     def read(cls, path: Path) -> "Layout":

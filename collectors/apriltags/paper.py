@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collectors.apriltags.sheet import Block, Page
-from svfl_data.errors import StorageError
+from svfl_data.atomically import write_atomically
 
 POINT = 72 / 25.4  # points in a millimetre
 DPI = 300
@@ -107,9 +107,6 @@ def write(pages: list[Page], path: Path) -> list[Path]:
     else:
         names = [path if n == 1 else path.with_stem(f"{path.stem}_{n}") for n in range(1, len(pages) + 1)]
         files = {name: png(page) for name, page in zip(names, pages, strict=True)}
-    try:
-        for name, content in files.items():
-            name.write_bytes(content)
-    except OSError as error:
-        raise StorageError(f"cannot write {path}: {error.strerror}") from error
+    for name, content in files.items():
+        write_atomically(name, content)
     return list(files)

@@ -9,6 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 
 from collectors.engines.worker import Collected, Deaths, Worker
+from svfl_data.errors import StorageError
 
 _worker: Worker  # of this worker process
 
@@ -32,9 +33,11 @@ def _pool(
 ) -> Iterator[Collected]:
     """Collect until nothing waits, or a process dies: then `unfinished` are the indices that were being worked on."""
     # Fresh processes: a forked one would inherit the parent's threads and locks.
-    pool = ProcessPoolExecutor(
-        min(workers, len(waiting)), multiprocessing.get_context("spawn"), _start_worker, (worker,)
-    )
+    context = multiprocessing.get_context("spawn")
+    try:
+        pool = ProcessPoolExecutor(min(workers, len(waiting)), context, _start_worker, (worker,))
+    except OSError as error:
+        raise StorageError(f"cannot start workers, which need room in /dev/shm: {error.strerror or error}") from error
     running: dict[Future[Collected], int] = {}
     try:
         while waiting or running:

@@ -18,6 +18,8 @@ import numpy as np
 from svfl_data.atomically import written_aside
 from svfl_data.episode import canonical_json
 from svfl_data.errors import FormatError, UsageError
+from svfl_data.printable import printable
+from svfl_data.stored_zip import Stored, stored
 
 FORMAT = "svfl-replay"
 FORMAT_VERSION = "2.0"
@@ -57,7 +59,7 @@ class Saved:
         header: What `write` was given.
     """
 
-    def __init__(self, archive: zipfile.ZipFile, header: dict[str, Any]) -> None:
+    def __init__(self, archive: Stored, header: dict[str, Any]) -> None:
         self._archive, self.header = archive, header
 
     def count(self, name: str) -> int:
@@ -69,14 +71,8 @@ class Saved:
 
     def array(self, name: str) -> np.ndarray:
         """An array by its name."""
-        return np.asarray(np.load(io.BytesIO(_member(self._archive, f"{name}.npy")), allow_pickle=False))
-
-
-def _member(archive: zipfile.ZipFile, name: str) -> bytes:
-    """A member of the archive, its CRC checked."""
-    if archive.getinfo(name).compress_type != zipfile.ZIP_STORED:
-        raise ValueError(f"{name} is compressed")
-    return archive.read(name)
+        content = io.BytesIO(self._archive.read(f"{name}.npy"))
+        return np.asarray(np.lib.format.read_array(content, allow_pickle=False))
 
 
 @contextmanager
@@ -89,17 +85,16 @@ def reading(path: Path) -> Iterator[Saved]:
     if not path.is_file():
         raise FormatError(f"{path}: {'not a file' if path.exists() else 'no such file'}")
     try:
-        with zipfile.ZipFile(path) as archive:
-            if HEADER not in archive.namelist():
+        with stored(path) as archive:
+            if HEADER not in archive.members:
                 raise FormatError(f"{path}: a ZIP file, but not a saved replay buffer (it has no {HEADER})")
-            header = json.loads(_member(archive, HEADER))
+            header = json.loads(archive.read(HEADER))
             if header["format"] != FORMAT:
-                raise FormatError(f"{path}: not a saved replay buffer (format is {header['format']!r})")
+                raise FormatError(f"{path}: not a saved replay buffer (format is {printable(header['format'], 40)!r})")
             if header["format_version"].split(".")[0] != FORMAT_VERSION.split(".")[0]:
-                raise FormatError(
-                    f"{path}: format version {header['format_version']}; this software reads {FORMAT_VERSION[0]}.x"
-                )
+                found = printable(header["format_version"], 40)
+                raise FormatError(f"{path}: format version {found}; this software reads {FORMAT_VERSION[0]}.x")
             yield Saved(archive, header)
     except DAMAGE as error:
-        words = str(error) or type(error).__name__
+        words = printable(" ".join(str(error).split()) or type(error).__name__, 200)
         raise FormatError(f"{path}: not a saved replay buffer, or damaged ({words})") from error

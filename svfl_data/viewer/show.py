@@ -2,19 +2,21 @@
 
 import errno
 import os
+import re
 import shlex
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import rerun as rr
 
-from svfl_data.errors import StorageError, SvflError
+from svfl_data.atomically import named_aside
+from svfl_data.errors import SvflError
 from svfl_data.viewer import blueprint
 from svfl_data.viewer.names import APPLICATION
 from svfl_data.viewer.opinion import Opinion
@@ -61,20 +63,51 @@ def save(shown: Content, path: Path) -> None:
     Raises:
         StorageError: If the disk refuses; a file that was there before is untouched.
     """
-    part = path.with_name(f".{path.name}.part")
+    with named_aside(path) as part:
+        with _silent():
+            _record(shown, part)
+        _check_written(part)
+
+
+def _record(shown: Content, part: Path) -> None:
+    """Write a recording to an empty file.
+
+    Raises:
+        OSError: If Rerun's writer has given up. It does not always tell why; the usual reason is a full disk.
+    """
+    recording = rr.RecordingStream(APPLICATION)
     try:
-        part.touch()
-        recording = rr.RecordingStream(APPLICATION)
         recording.save(part)
         shown(recording)
         recording.flush()
-        recording.disconnect()
-        _check_written(part)
-        part.replace(path)
-    except OSError as error:
-        raise StorageError(f"cannot write {path}: {error.strerror}") from error
+    except RuntimeError as error:
+        if "writ" not in str(error):
+            raise
+        told = re.search(r"os error (\d+)", str(error))
+        number = int(told[1]) if told else errno.ENOSPC
+        raise OSError(number, os.strerror(number)) from error
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(RuntimeError):
+            recording.disconnect()
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Nothing on standard error: Rerun's threads write lines of their own there about a disk that is full."""
+    sys.stderr.flush()
+    try:
+        kept = os.dup(2)
+    except OSError:  # it is closed already
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
 
 
 def _check_written(part: Path) -> None:

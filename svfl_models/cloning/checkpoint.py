@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.module import FORMAT, FORMAT_VERSION, CloningModule
 from svfl_models.opening import is_marked, read_marked, rebuilt
 
@@ -22,7 +23,7 @@ def load_policy(path: Path | str) -> CloningModule:
     """
     path = Path(path)
     found = read_marked(path, FORMAT, FORMAT_VERSION, "checkpoint of a policy")
-    return rebuilt(CloningModule, found, path)
+    return rebuilt(CloningModule, found, path, CloningConfig)
 
 
 def is_policy(path: Path | str) -> bool:

@@ -18,7 +18,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from svfl_data.atomically import write_atomically
-from svfl_data.errors import TrainingError
+from svfl_data.errors import StorageError, TrainingError
+from svfl_data.printable import printable
 from svfl_models.cloning.acting import acting
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.workplace import Workplace
@@ -141,8 +142,8 @@ class Trial:
         self.policy, self.seed, self.name = acting(module), seed, str(checkpoint)
         try:
             self.environment = gymnasium.make(environment, disable_env_checker=True)
-        except gymnasium.error.Error as error:
-            reason = " ".join(str(error).split())[:200]
+        except (gymnasium.error.Error, ValueError) as error:  # the latter for a name that is none
+            reason = printable(" ".join(str(error).split()), 200)
             raise TrainingError(f"{checkpoint}: cannot be tried in {environment}: {reason}") from error
         _expect_same(self.environment, module.workplace, self.name)
 
@@ -197,7 +198,10 @@ def _episodes(
             trial.environment.close()
         return
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # workers inherit it: one core each
-    pool = ProcessPoolExecutor(min(workers, len(indices)), multiprocessing.get_context("spawn"), _start_worker)
+    try:
+        pool = ProcessPoolExecutor(min(workers, len(indices)), multiprocessing.get_context("spawn"), _start_worker)
+    except OSError as error:
+        raise StorageError(f"cannot start workers, which need room in /dev/shm: {error.strerror or error}") from error
     try:
         jobs = [pool.submit(_try, checkpoint, environment, seed, index) for index in indices]
         for job in jobs:

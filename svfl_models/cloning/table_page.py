@@ -13,6 +13,7 @@ from svfl_models.cloning.table import GROUPS, Rate, Run
 from svfl_models.experiments.figures import MODEL_COLOURS, panels, save
 from svfl_models.experiments.page import duration, markdown
 from svfl_models.report import NAMES
+from svfl_models.writing import write_rows, write_text
 
 PICTURES = ("bc_success.png", "bc_curves.png")
 ERRORS = {"valid_gripper": "gripper wrong, %", "valid_xy_mm": "(dx, dy), mm", "valid_z_mm": "dz, mm"}
@@ -48,7 +49,7 @@ def write(table: Table, command: str, out: Path) -> tuple[str, list[Path]]:
         ["# Behaviour cloning: success in simulation", _success(table), _errors(table), _how(table, command)]
     )
     page = out / "bc_table.md"
-    page.write_text(words + "\n")
+    write_text(page, words + "\n")
     pictures = [_draw_success(table, out / PICTURES[0]), _draw_curves(table, out / PICTURES[1])]
     return words, [page, *pictures, _write_runs(table, out / "runs.csv")]
 
@@ -169,15 +170,16 @@ def _metrics(folder: Path) -> dict[str, list[float]]:
 
 
 def _write_runs(table: Table, file: Path) -> Path:
-    with file.open("w", newline="") as opened:
-        writer = csv.writer(opened)
-        writer.writerow(["task", "model", "demonstrations", "seed", "success", "trials", *ERRORS, "epochs", "seconds"])
-        for run in table.runs:
-            if found := run.outcome():
-                said = [f"{found[name]:.4g}" for name in ERRORS]
-                config = run.config
-                writer.writerow(
-                    [run.task, config.model, config.episodes, config.seed, sum(found["success"]), table.trials, *said,
-                     found["epochs"], f"{found['seconds']:.0f}"]
-                )  # fmt: skip
+    rows: list[list[object]] = [
+        ["task", "model", "demonstrations", "seed", "success", "trials", *ERRORS, "epochs", "seconds"]
+    ]
+    for run in table.runs:
+        if found := run.outcome():
+            said = [f"{found[name]:.4g}" for name in ERRORS]
+            config = run.config
+            rows.append(
+                [run.task, config.model, config.episodes, config.seed, sum(found["success"]), table.trials, *said,
+                 found["epochs"], f"{found['seconds']:.0f}"]
+            )  # fmt: skip
+    write_rows(file, rows)
     return file

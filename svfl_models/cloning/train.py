@@ -18,6 +18,7 @@ from svfl_models.cloning.metrics import CloningProgress, MetricsFile
 from svfl_models.cloning.module import CloningModule
 from svfl_models.fitting import run, storage_errors
 from svfl_models.train import THREADS
+from svfl_models.writing import write_json
 
 
 @dataclass(frozen=True)
@@ -81,11 +82,11 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
     module.policy.trunk.normalization.fit(
         **{name: typical[name].numpy() for name in ("image", "wrench", "proprio") if name in typical}
     )
-    resumed = _interrupted(config, out)
-    if resumed is None:
-        run_folder.claim(out, config.plain())
-    metrics = MetricsFile(out / run_folder.METRICS)
-    with storage_errors(out):
+    with run_folder.held(out), storage_errors(out):
+        resumed = _interrupted(config, out)
+        if resumed is None:
+            run_folder.claim(out, config.plain())
+        metrics = MetricsFile(out / run_folder.METRICS)
         watching = [metrics, CloningProgress(config.epochs, console or Console())]
         run(module, data, out, watching, resumed, max_epochs=config.epochs)
         last = metrics.rows[-1]
@@ -98,7 +99,7 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
             parameters=parameter_count(module),
         )
         content = {"config": config.plain(), "workplace": data.workplace.plain(), "result": asdict(result)}
-        (out / run_folder.RESULT).write_text(json.dumps(content, indent=2) + "\n")
+        write_json(out / run_folder.RESULT, content)
     return result
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from svfl_data.dataset import Dataset
-from svfl_data.errors import DatasetError
+from svfl_data.errors import DatasetError, TrainingError
+from svfl_data.printable import printable
 from svfl_data.reader import EpisodeReader
 from svfl_models.cloning.hand_view import projection
 from svfl_models.squashed_gaussian import CENTRE, SCALE
@@ -16,6 +17,8 @@ STEP_TOLERANCE = 0.1
 """Share by which the time of a step may differ between episodes."""
 BEYOND = 1e-3
 """Share by which a recorded action may exceed the bounds: rounding."""
+LARGEST_SIDE = 4096
+"""Most pixels along a side of a camera's image, [px]."""
 COMPONENTS = ("the gripper opening", "dx", "dy", "dz", "dtheta")
 
 
@@ -46,6 +49,15 @@ class Workplace:
     depth_scale: float
     step_ms: float
     switch: bool
+
+    def __post_init__(self) -> None:
+        shapes = {"image_axes": (2, 2), "projection": (3, 4), "centre": (2,)}
+        for name in ("image_axes", "projection", "centre", "table", "image_side", "depth_scale", "step_ms"):
+            values = np.asarray(getattr(self, name), dtype=np.float64)
+            if values.shape != shapes.get(name, ()) or not np.isfinite(values).all():
+                raise TrainingError(f"{name} of a workplace cannot be {printable(getattr(self, name), 60)}")
+        if self.image_side not in range(1, LARGEST_SIDE + 1) or not self.depth_scale > 0:
+            raise TrainingError(f"a camera of {self.image_side} px and {self.depth_scale} m per unit of depth is none")
 
     def plain(self) -> dict[str, Any]:
         """As a dictionary of plain values, for files."""

@@ -4,7 +4,6 @@ import argparse
 import importlib
 import os
 import shlex
-import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,8 @@ from typing import Protocol, cast
 
 from rich.console import Console
 
+from svfl_data.centering import sample_of
+from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_models.config import USES, Latent, TrainingConfig
 from svfl_models.experiments import page
@@ -22,6 +23,7 @@ from svfl_models.experiments.reuse import take_from
 from svfl_models.experiments.training import Training, run_name
 from svfl_models.fitting import storage_errors
 from svfl_models.pretrained import describe as describe_latent
+from svfl_models.writing import copy_file, write_text
 
 RECIPE = ("test_samples", "preset", "epochs", "patience", "learning_rate", "augment")
 """Options that become part of every run's configuration."""
@@ -67,6 +69,9 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
     }
     about = describe(f"centering-{name}", base, arguments.fresh)
     _check_enough(about["data"]["episodes"], max(samples), base)
+    for path in (base.data, arguments.fresh):
+        if path is not None:
+            _check_labelled(Dataset.open(path))
     with claimed(out, about):
         if arguments.also:
             with storage_errors(out):
@@ -82,7 +87,7 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
         with storage_errors(out):
             words = f"# {experiment.TITLE}\n\n{experiment.body(results)}\n## How\n\n"
             words += page.how(command_line(arguments, samples, usual_samples), results, about, arguments.seeds)
-            (out / f"{name}.md").write_text(words)
+            write_text(out / f"{name}.md", words)
             pictures = experiment.draw(results, out)
         if arguments.docs:
             with storage_errors(arguments.docs):
@@ -97,8 +102,8 @@ def publish(name: str, out: Path, pictures: Sequence[Path], docs: Path) -> None:
     """Copy page, figures and summary to where documentation keeps them, under names that stay."""
     docs.mkdir(parents=True, exist_ok=True)
     for file in (out / f"{name}.md", *pictures):
-        shutil.copyfile(file, docs / file.name)
-    shutil.copyfile(out / SUMMARY, docs / f"{name}.csv")
+        copy_file(file, docs / file.name)
+    copy_file(out / SUMMARY, docs / f"{name}.csv")
 
 
 def command_line(arguments: argparse.Namespace, samples: Sequence[int], usual_samples: Sequence[int]) -> str:
@@ -135,6 +140,13 @@ def _given(arguments: argparse.Namespace) -> dict[str, object]:
         return {}
     latents = [describe_latent(path, Latent.use) for path in arguments.latents]
     return {"latents": list({latent.sha256: latent for latent in latents}.values()), "uses": arguments.uses}
+
+
+def _check_labelled(dataset: Dataset) -> None:
+    """Refuse what no run can learn from or be tested on, before a folder is claimed for it."""
+    if not dataset.indices:
+        raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
+    sample_of(dataset.read(dataset.indices[0]))
 
 
 def _check_enough(episodes: int, train: int, base: TrainingConfig) -> None:

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
+from svfl_data.atomically import write_atomically
 from svfl_models.experiments.results import Cell, Mean, Results
 
 # Okabe and Ito's palette, made to be told apart by colour-blind people.
@@ -35,7 +36,9 @@ def save(figure: Figure, path: Path) -> Path:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)
     # 256 colours are more than there are in such a figure, and a third of the bytes.
-    Image.open(buffer).convert("RGB").quantize(256).save(path, optimize=True)
+    small = io.BytesIO()
+    Image.open(buffer).convert("RGB").quantize(256).save(small, format="png", optimize=True)
+    write_atomically(path, small.getvalue())
     return path
 
 

@@ -1,19 +1,17 @@
 """The folder of an experiment: held by one process, claimed for one recipe and one state of the datasets."""
 
-import fcntl
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from svfl_data.atomically import write_atomically
 from svfl_data.dataset import Dataset
 from svfl_data.errors import StorageError, TrainingError
 from svfl_data.statistics import fingerprint
 from svfl_models import run_folder
 from svfl_models.config import TrainingConfig
+from svfl_models.writing import write_json
 
 ABOUT = "experiment.json"
 RUNS = "runs"
@@ -57,19 +55,12 @@ def held(out: Path) -> Iterator[None]:
         TrainingError: If another process works in it.
         StorageError: If it cannot be created.
     """
-    try:
-        (out / RUNS).mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(out, os.O_RDONLY)  # the kernel drops the lock when the process dies
-    except OSError as error:
-        raise StorageError(f"{out}: {error.strerror or error}") from error
-    try:
+    with run_folder.held(out):
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise TrainingError(f"{out}: another process is working on this experiment") from error
+            (out / RUNS).mkdir(exist_ok=True)
+        except OSError as error:
+            raise StorageError(f"{out}: {error.strerror or error}") from error
         yield
-    finally:
-        os.close(descriptor)
 
 
 @contextmanager
@@ -86,7 +77,9 @@ def claimed(out: Path, about: dict[str, Any]) -> Iterator[None]:
     """
     _check(out, about)
     with held(out):
-        write_atomically(out / ABOUT, (json.dumps(about, indent=2) + "\n").encode())
+        if (out / ABOUT).exists():
+            _check(out, about)  # somebody may have worked in it until just now
+        write_json(out / ABOUT, about)
         yield
 
 
@@ -101,7 +94,7 @@ def _check(out: Path, about: dict[str, Any]) -> None:
         changes = _changes(found, about)
     except (OSError, ValueError, AttributeError) as error:
         raise TrainingError(f"{file} does not describe an experiment ({error}); choose another --out") from error
-    if changes:
+    if changes and any(finished(run) for run in (out / RUNS).glob("*")):  # else nothing of worth is lost
         raise TrainingError(f"{out} holds runs with {'; '.join(changes)}; choose another --out or delete it")
 
 

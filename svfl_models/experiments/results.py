@@ -1,6 +1,5 @@
 """What finished runs have in common: cells of equal configuration, with mean and standard error over the seeds."""
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,6 +8,7 @@ from typing import Any
 
 from svfl_models.config import TrainingConfig
 from svfl_models.experiments.folder import finished
+from svfl_models.writing import write_rows
 
 NOTHING = "-"
 VARIED = ("encoder", "group", "train_samples", "torque", "view", "image_size", "augment", "rotate", "noise")
@@ -146,26 +146,22 @@ class Results:
 
     def write_runs(self, path: Path) -> None:
         """One row per run, as CSV; accuracies 0..1; empty where a run has not finished."""
-        with path.open("w", newline="") as file:
-            rows = csv.writer(file)
-            rows.writerow(["run", *self._columns(), "seed", *RESULTS])
-            for run in self.runs:
-                numbers = [run.result.get(name, "") for name in RESULTS] if run.result else [""] * len(RESULTS)
-                rows.writerow([run.name, *self._settings(run.config), run.config.seed, *numbers])
+        rows: list[list[object]] = [["run", *self._columns(), "seed", *RESULTS]]
+        for run in self.runs:
+            numbers = [run.result.get(name, "") for name in RESULTS] if run.result else [""] * len(RESULTS)
+            rows.append([run.name, *self._settings(run.config), run.config.seed, *numbers])
+        write_rows(path, rows)
 
     def write_summary(self, path: Path) -> None:
         """One row per cell, as CSV; accuracies in per cent, mean and standard error over the seeds."""
-        with path.open("w", newline="") as file:
-            rows = csv.writer(file)
-            names = ("test", "test_error", "fresh", "fresh_error", "seconds", "parameters")
-            rows.writerow([*self._columns(), "seeds", *names])
-            for cell in self.cells:
-                numbers = [*_pair(cell.test), *_pair(cell.fresh), _pair(cell.seconds)[0]]
-                parameters = cell.mean("parameters")
-                seeds = cell.test.count if cell.test else 0
-                rows.writerow(
-                    [*self._settings(cell.config), seeds, *numbers, round(parameters.mean) if parameters else ""]
-                )
+        names = ("test", "test_error", "fresh", "fresh_error", "seconds", "parameters")
+        rows: list[list[object]] = [[*self._columns(), "seeds", *names]]
+        for cell in self.cells:
+            numbers = [*_pair(cell.test), *_pair(cell.fresh), _pair(cell.seconds)[0]]
+            parameters = cell.mean("parameters")
+            seeds = cell.test.count if cell.test else 0
+            rows.append([*self._settings(cell.config), seeds, *numbers, round(parameters.mean) if parameters else ""])
+        write_rows(path, rows)
 
     def _columns(self) -> list[str]:
         latent = ["latent"] if any(run.config.latent for run in self.runs) else []

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+from svfl_data.errors import FormatError
+from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.module import FORMAT, FORMAT_VERSION, LatentModule
 from svfl_models.opening import read_marked, rebuilt
 
@@ -22,7 +24,7 @@ def load_latent(path: Path | str) -> LatentModule:
             not fit its own description.
     """
     path = Path(path)
-    return rebuilt(LatentModule, read_latent(path), path)
+    return rebuilt(LatentModule, read_latent(path), path, LatentConfig)
 
 
 def read_latent(path: Path) -> dict[str, Any]:
@@ -31,4 +33,7 @@ def read_latent(path: Path) -> dict[str, Any]:
     Raises:
         FormatError: As `load_latent`.
     """
-    return read_marked(path, FORMAT, FORMAT_VERSION, "checkpoint of latent pretraining")
+    found = read_marked(path, FORMAT, FORMAT_VERSION, "checkpoint of latent pretraining")
+    if type(found["svfl"].get("steps")) is not int:
+        raise FormatError(f"{path}: does not say after how many steps it was written")
+    return found

@@ -10,8 +10,12 @@ What had to change for this package's observations is written in `svfl_models.la
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from svfl_data.errors import TrainingError
+
 MODELS = ("vtt", "poe", "concat")
 MODALITIES = ("image", "wrench", "proprio")
+DEEPEST = 64
+"""Most blocks of self-attention."""
 TERMS = (
     "image", "depth", "kl", "expert_kl", "reward", "contact", "next_contact", "alignment", "mismatch", "next_proprio",
 )  # fmt: skip
@@ -59,6 +63,10 @@ class Sizes:
     concat: tuple[int, int, int] = (256, 32, 32)
     decoder: tuple[int, int, int, int] = (256, 128, 64, 32)
     heads_hidden: int = 128
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.depth <= DEEPEST:
+            raise TrainingError(f"{self.depth} blocks of self-attention; possible are 1 to {DEEPEST}")
 
 
 @dataclass(frozen=True)

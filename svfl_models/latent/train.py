@@ -1,6 +1,5 @@
 """Pretrain a latent model: load, split, fit, write down."""
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -9,16 +8,17 @@ import lightning.pytorch as pl
 from rich.console import Console
 from torch.utils.data import DataLoader
 
-from svfl_data.errors import StorageError, TrainingError
+from svfl_data.errors import TrainingError
 from svfl_models import run_folder
 from svfl_models.fitting import run, storage_errors
-from svfl_models.latent.checkpoint import read_latent
+from svfl_models.latent.checkpoint import load_latent, read_latent
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.data import Leg, Sequences, fit, sequences_of
 from svfl_models.latent.inputs import Batch
 from svfl_models.latent.module import LatentModule
 from svfl_models.latent.network import parameter_count
 from svfl_models.latent.progress import LegsFile, Row, StepsBar
+from svfl_models.writing import write_json
 
 
 @dataclass(frozen=True)
@@ -66,25 +66,23 @@ def train_latent(config: LatentConfig, out: Path, resume: bool = False, console:
     )
     if earlier is None:
         fit(module.network.inputs, train.recordings)
-        run_folder.claim(out, config.plain())
     else:
         module.go_on(earlier)
-        _write(out / run_folder.CONFIG, config.plain())
-    _announce(config, train, valid, console)
-    metrics = LegsFile(out / run_folder.METRICS, module.steps)
-    data, watching = LatentData(train, valid, config, module), [metrics, StepsBar(config.steps, console)]
-    left = config.steps - module.steps
-    with storage_errors(out):
-        run(module, data, out, watching, max_epochs=-1, max_steps=left, reload_dataloaders_every_n_epochs=1)
-    result = LatentResult(
-        steps=int(metrics.rows[-1]["step"]),
-        seconds=metrics.rows[-1]["seconds"],
-        parameters={name: parameter_count(part) for name, part in module.network.named_children() if name != "inputs"},
-        train_sequences=len(train),
-        valid_sequences=len(valid),
-        last=metrics.rows[-1],
-    )
-    _write(out / run_folder.RESULT, {"config": config.plain(), "result": asdict(result)})
+    parts = {name: parameter_count(part) for name, part in module.network.named_children() if name != "inputs"}
+    with run_folder.held(out):
+        if earlier is None:
+            run_folder.claim(out, config.plain())
+        else:
+            write_json(out / run_folder.CONFIG, config.plain())
+        _announce(config, train, valid, console)
+        metrics = LegsFile(out / run_folder.METRICS, module.steps)
+        data, watching = LatentData(train, valid, config, module), [metrics, StepsBar(config.steps, console)]
+        left = config.steps - module.steps
+        with storage_errors(out):
+            run(module, data, out, watching, max_epochs=-1, max_steps=left, reload_dataloaders_every_n_epochs=1)
+        last = metrics.rows[-1]
+        result = LatentResult(int(last["step"]), last["seconds"], parts, len(train), len(valid), last)
+        write_json(out / run_folder.RESULT, {"config": config.plain(), "result": asdict(result)})
     return result
 
 
@@ -132,6 +130,7 @@ def _earlier(config: LatentConfig, out: Path) -> dict[str, Any]:
         FormatError: If there is none.
     """
     checkpoint = out / run_folder.CHECKPOINT
+    load_latent(checkpoint)  # a damaged one is said before the training starts
     found = read_latent(checkpoint)
     before, now = found["hyper_parameters"]["training"], config.plain()
     changed = [
@@ -162,10 +161,3 @@ def _announce(config: LatentConfig, train: Sequences, valid: Sequences, console:
         lines.append(f"{short} episodes have fewer than {config.sequence} steps and are left out")
     for line in lines:
         console.print(line, highlight=False)
-
-
-def _write(path: Path, content: dict[str, Any]) -> None:
-    try:
-        path.write_text(json.dumps(content, indent=2) + "\n")
-    except OSError as error:
-        raise StorageError(f"{path}: {error.strerror or error}") from error

@@ -2,7 +2,6 @@
 
 import argparse
 import shlex
-import shutil
 from pathlib import Path
 
 from svfl_data.cli import Commands, positive
@@ -57,6 +56,7 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_models.experiments.folder import held
     from svfl_models.experiments.grid import Grid
     from svfl_models.fitting import storage_errors
+    from svfl_models.writing import copy_file
 
     out, base = arguments.out, CloningConfig("", **{option: getattr(arguments, option) for option in RECIPE})
     episodes, data = sorted(set(arguments.episodes)), list(map(str, arguments.data))
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> None:
             with storage_errors(arguments.docs):
                 arguments.docs.mkdir(parents=True, exist_ok=True)
                 for file in files:
-                    shutil.copyfile(file, arguments.docs / (file.name if file.name != "runs.csv" else "bc_table.csv"))
+                    copy_file(file, arguments.docs / (file.name if file.name != "runs.csv" else "bc_table.csv"))
     print(words)
     print(*files, sep="\n")
     grid.raise_failures()

@@ -163,7 +163,7 @@ def test_a_failing_policy_is_named_and_the_others_are_done(data, tmp_path, monke
 def test_two_tables_in_one_folder_are_one_too_many(data, tmp_path, capsys):
     with held(tmp_path / "out"):
         assert cli.main(words(data, tmp_path / "out")) == 1
-    assert capsys.readouterr().err == f"svfl-train: {tmp_path / 'out'}: another process is working on this experiment\n"
+    assert capsys.readouterr().err == f"svfl-train: {tmp_path / 'out'}: another process is working in this folder\n"
     assert os.listdir(tmp_path / "out" / "runs") == []
 
 

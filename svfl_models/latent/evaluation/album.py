@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from svfl_models.experiments.figures import DPI
 from svfl_models.latent.evaluation.results import Album
+from svfl_models.writing import write_figure
 
 
 def reconstructions(album: Album, path: Path) -> Path:
@@ -32,7 +33,7 @@ def reconstructions(album: Album, path: Path) -> Path:
         one.set_title(_title(album, column), fontsize=9)
     figure.colorbar(shown, ax=axes[2:], label="depth, m", shrink=0.8)
     figure.suptitle(f"Episode {album.episode}: originals, and what the posterior states make of them", fontsize=11)
-    figure.savefig(path, dpi=DPI)
+    write_figure(figure, path, DPI)
     return path
 
 
@@ -58,7 +59,7 @@ def where_contact_looks(album: Album, path: Path) -> Path:
         above.set_title(_title(album, column), fontsize=9)
     figure.colorbar(shown, ax=axes[:, -1], label="share of attention, %", shrink=0.9)
     figure.suptitle(f"Episode {album.episode}: where the contact token looks, last layer, mean over heads", fontsize=11)
-    figure.savefig(path, dpi=DPI)
+    write_figure(figure, path, DPI)
     return path
 
 

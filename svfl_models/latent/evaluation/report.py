@@ -1,6 +1,5 @@
 """What an evaluation leaves: a page, the numbers, and pictures."""
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ from svfl_data.errors import StorageError
 from svfl_models.latent.evaluation import figures
 from svfl_models.latent.evaluation.results import Album, Evaluation
 from svfl_models.latent.evaluation.tables import tables
+from svfl_models.writing import write_json, write_text
 
 NUMBERS, PAGE = "evaluation.json", "report.md"
 
@@ -34,12 +34,9 @@ def write(out: Path, found: Evaluation, album: Album) -> list[Path]:
     Raises:
         StorageError: If the folder cannot be written.
     """
-    try:
-        pictures = figures.draw(out, found, album)
-        (out / NUMBERS).write_text(json.dumps(plain(found.plain()), indent=2, allow_nan=False) + "\n")
-        (out / PAGE).write_text(page(found, pictures))
-    except OSError as error:
-        raise StorageError(f"{out}: {error.strerror or error}") from error
+    pictures = figures.draw(out, found, album)
+    write_json(out / NUMBERS, plain(found.plain()))
+    write_text(out / PAGE, page(found, pictures))
     return [out / PAGE, out / NUMBERS, *pictures]
 
 
