@@ -10,6 +10,7 @@ A question is a line of JSON, sent with two descriptors: the file, and a pipe fo
 JSON followed by bytes: chunk tables and the values of small arrays. Nothing in either can run code.
 """
 
+import gc
 import io
 import json
 import math
@@ -303,6 +304,7 @@ def main() -> None:
     asked = socket.socket(fileno=0)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _warm_up()
+    gc.disable()  # a process that answers one question ends before it would be worth it
     base = _address_space()
     asked.sendall(b"\n")  # ready
     question = b""

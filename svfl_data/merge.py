@@ -78,7 +78,7 @@ def copy(chosen: Sequence[tuple[Dataset, int]], destination: Path, verb: str, fa
         config = {"made_by": f"svfl-data {verb}", **facts, "sources": [_origin(source) for source in sources]}
         new = Dataset.create_or_resume(aside, "+".join(tasks), int(sources[0].info["seed"]), config)
         for number, (source, index) in enumerate(progress(chosen, "copying episodes")):
-            write_episode(_moved(source.read(index), source, number, verb), new.episode_path(number))
+            write_episode(_moved(source.read(index, images=False), source, number, verb), new.episode_path(number))
         os.replace(aside, destination)
     except OSError as error:
         raise StorageError(f"cannot create {destination}: {error.strerror}") from error

@@ -31,12 +31,12 @@ def relabel(dataset: Dataset, index: int, change: Change) -> list[str]:
         FormatError: If it is damaged.
         StorageError: If the disk refuses; the old file is then intact.
     """
-    return _rewrite(dataset.read(index), dataset.episode_path(index), change)
+    return _rewrite(dataset.read(index, images=False), dataset.episode_path(index), change)
 
 
 def relabel_file(file: Path, change: Change) -> list[str]:
     """Change the metadata of an episode file; see `relabel`."""
-    return _rewrite(read_episode(file), file, change)
+    return _rewrite(read_episode(file, images=False), file, change)
 
 
 def _rewrite(episode: Episode, file: Path, change: Change) -> list[str]:

@@ -39,7 +39,7 @@ def check_episode(episode: Episode) -> list[Finding]:
 def check_file(path: Path) -> list[Finding]:
     """Everything that is wrong with one episode file, from its seal to its content."""
     try:
-        return check_episode(read_episode(path))
+        return check_episode(read_episode(path, images=False))
     except SvflError as problem:
         return unreadable(str(path), problem)
 
@@ -52,7 +52,7 @@ def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
         name = str(dataset.episode_path(index))
         try:
             name = str(dataset.extent(index))
-            episode = dataset.read(index)
+            episode = dataset.read(index, images=False)
         except SvflError as problem:
             yield unreadable(name, problem)
             continue
