@@ -180,14 +180,18 @@ class Dataset:
         """
         return EpisodeReader(self.extent(index))
 
-    def read(self, index: int) -> Episode:
+    def read(self, index: int, images: bool = True) -> Episode:
         """Read one episode.
+
+        Args:
+            index: Which.
+            images: See `EpisodeReader.load`.
 
         Raises:
             DatasetError: If the dataset has no such episode.
             FormatError: If its file is damaged.
         """
-        return self.episode(index).load()
+        return self.episode(index).load(images)
 
     def __len__(self) -> int:
         return len(self.indices)

@@ -61,7 +61,7 @@ class Camera:
     @property
     def depth_m(self) -> np.ndarray:
         """Depth images in metres, shape (F, H, W), float32; 0 where there is no measurement."""
-        return np.asarray(self.depth * np.float32(self.depth_scale), dtype=np.float32)
+        return np.asarray(np.asarray(self.depth) * np.float32(self.depth_scale), dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,8 @@ class Episode:
         """
         check_arrays(self.arrays, self.name)
         for array in self.arrays.values():
-            array.setflags(write=False)
+            if isinstance(array, np.ndarray):  # else it lies on disk
+                array.setflags(write=False)
 
     def __getattr__(self, name: str) -> np.ndarray:
         return _array(self, OF_EPISODE, name, self.__dict__.get("name", "episode"))
@@ -138,7 +139,8 @@ def _array(owner: Episode | Camera, fields: dict[str, Any], name: str, where: st
     key = name if isinstance(owner, Camera) else fields[name].path
     if key not in arrays:
         raise AttributeError(f"{where} was recorded without {fields[name].path}")
-    return np.asarray(arrays[key])
+    found: np.ndarray = arrays[key]  # or a `StoredArray`, which gives rows as one does
+    return found
 
 
 def canonical_json(value: Any) -> str:  # noqa: ANN401 - any JSON value

@@ -134,7 +134,7 @@ def copy(
             seed = int(sources[0].info["seed"])
             new = Dataset.create_or_resume(aside, "+".join(tasks), seed, config, may_vary)
             for number, one in enumerate(progress(kept, "copying episodes")):
-                episode = one.source.read(one.entry.index)
+                episode = one.source.read(one.entry.index, images=False)
                 write_episode(_moved(episode, one.source, number, verb), new.episode_path(number))
             os.replace(aside, destination)
     except OSError as error:

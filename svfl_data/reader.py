@@ -15,7 +15,7 @@ from svfl_data.chunks import Extent, pread
 from svfl_data.damage import damaged_arrays
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FieldError, FormatError
-from svfl_data.fields import EXTRA, camera_names
+from svfl_data.fields import EXTRA, camera_names, field_at
 from svfl_data.header import Header, header, unsealed_header
 from svfl_data.metadata import parse_meta
 from svfl_data.seal import SEAL_MARK, SEAL_SIZE
@@ -98,14 +98,19 @@ class EpisodeReader:
                 rates[path] = (len(t_ns) - 1) * 1e9 / max(1, int(t_ns[-1] - t_ns[0]))
         return rates
 
-    def load(self) -> Episode:
+    def load(self, images: bool = True) -> Episode:
         """The whole episode in memory, its bytes compared with its seal.
+
+        Args:
+            images: Whether images and the user's own arrays are in memory too. Else they are `StoredArray` objects,
+                which give rows when indexed and cannot be read any more once the file has changed: enough to check an
+                episode or to copy it, in little memory, whatever its images expand to.
 
         Raises:
             FieldError: If a field does not fit its declaration.
             FormatError: If the file has changed or cannot be read.
         """
-        return _loaded(self.extent, header(self.extent, hashed=True))
+        return _loaded(self.extent, header(self.extent, hashed=True), images)
 
     def __getitem__(self, path: str) -> StoredArray:
         placements = header(self.extent).placements
@@ -136,11 +141,12 @@ class EpisodeReader:
         return f"{head}\n{self.table()}"
 
 
-def read_episode(path: Path | str) -> Episode:
+def read_episode(path: Path | str, images: bool = True) -> Episode:
     """Read a whole episode.
 
     Args:
         path: An episode file.
+        images: See `EpisodeReader.load`.
 
     Returns:
         The episode, every array checked against its declaration.
@@ -149,7 +155,7 @@ def read_episode(path: Path | str) -> Episode:
         FormatError: If the file is missing, truncated, damaged, not an episode, or of an unknown version.
         FieldError: If a field is missing or does not fit its declaration.
     """
-    return EpisodeReader.of_file(path).load()
+    return EpisodeReader.of_file(path).load(images)
 
 
 def read_unsealed(path: Path) -> Episode:
@@ -164,7 +170,7 @@ def read_unsealed(path: Path) -> Episode:
     extent = Extent.of_file(path)
     if damaged := damaged_arrays(path):
         raise FormatError(f"{path}: damaged, {', '.join(damaged)} cannot be read")
-    return _loaded(extent, unsealed_header(extent))
+    return _loaded(extent, unsealed_header(extent), images=True)
 
 
 def _named(file: Path) -> Extent:
@@ -176,6 +182,13 @@ def _named(file: Path) -> Extent:
     return Extent.of_file(file.resolve() if file.is_symlink() else file)
 
 
-def _loaded(extent: Extent, found: Header) -> Episode:
-    arrays = {path: StoredArray(path, extent, placement)[()] for path, placement in found.placements.items()}
+def _loaded(extent: Extent, found: Header, images: bool) -> Episode:
+    stored = {path: StoredArray(path, extent, placement) for path, placement in found.placements.items()}
+    arrays = {path: array if not images and _may_be_large(path) else array[()] for path, array in stored.items()}
     return Episode(parse_meta(found.attributes, extent), arrays, name=str(extent))
+
+
+def _may_be_large(path: str) -> bool:
+    """Whether the size of an array is bounded with that of all only (`svfl_data.admission`)."""
+    field = field_at(path)
+    return field is None or field.image

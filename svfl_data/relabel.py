@@ -38,13 +38,13 @@ def relabel(dataset: Dataset, index: int, change: Change) -> list[str]:
         StorageError: If the disk refuses; the old file is then intact.
     """
     with _held(lambda: dataset.extent(index).file):
-        return _rewrite(dataset.read(index), dataset.episode_path(index), change)
+        return _rewrite(dataset.read(index, images=False), dataset.episode_path(index), change)
 
 
 def relabel_file(file: Path, change: Change) -> list[str]:
     """Change the metadata of an episode file; see `relabel`."""
     with _held(lambda: file):
-        return _rewrite(read_episode(file), file, change)
+        return _rewrite(read_episode(file, images=False), file, change)
 
 
 @contextmanager

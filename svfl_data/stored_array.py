@@ -1,6 +1,8 @@
 """An array of an episode on disk, of which rows are read when they are asked for."""
 
+import math
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,13 +36,23 @@ class StoredArray:
         return self.placement.dtype
 
     @property
+    def ndim(self) -> int:
+        """Number of its axes."""
+        return len(self.shape)
+
+    @property
+    def size(self) -> int:
+        """Number of its elements."""
+        return math.prod(self.shape)
+
+    @property
     def unit(self) -> str:
         """Unit of its numbers, ``-`` for none or unknown."""
         field = field_at(self.path)
         return field.unit if field else "-"
 
-    def __getitem__(self, rows: int | slice | tuple[()]) -> np.ndarray:
-        """Read one row, a range of rows, or (with ``[()]`` or ``[:]``) everything.
+    def __getitem__(self, rows: int | slice | tuple[()] | np.ndarray) -> np.ndarray:
+        """Read one row, a range of rows, some rows, or (with ``[()]`` or ``[:]``) everything.
 
         Raises:
             IndexError: If there is no such row.
@@ -53,7 +65,10 @@ class StoredArray:
         if isinstance(rows, slice):
             start, stop, stride = rows.indices(len(self))
             return self.rows(start, max(start, stop))[::stride] if stride > 0 else self.rows(0, len(self))[rows]
-        row = rows + len(self) if rows < 0 else rows
+        if isinstance(rows, np.ndarray) and rows.ndim:
+            found = [self[int(row)] for row in np.arange(len(self))[rows]]
+            return np.stack(found) if found else np.empty((0, *self.shape[1:]), self.dtype)
+        row = int(rows) + len(self) if rows < 0 else int(rows)
         if not 0 <= row < len(self):
             raise IndexError(f"{self.path} of {self.extent}: no row {rows}; it has {len(self)}")
         return self.rows(row, row + 1)[0]
@@ -65,6 +80,10 @@ class StoredArray:
             return self.placement.rows(self.extent, descriptor, start, stop)
         finally:
             os.close(descriptor)
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        """Its rows, one in memory at a time."""
+        return (self[row] for row in range(len(self)))
 
     def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> np.ndarray:
         return np.asarray(self[()], dtype=dtype)

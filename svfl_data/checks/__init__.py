@@ -40,7 +40,7 @@ def check_episode(episode: Episode) -> list[Finding]:
 def check_file(path: Path) -> list[Finding]:
     """Everything that is wrong with one episode file, from its seal to its content."""
     try:
-        return check_episode(read_episode(path))
+        return check_episode(read_episode(path, images=False))
     except SvflError as problem:
         return unreadable(str(path), problem)
 
@@ -53,7 +53,7 @@ def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
         try:
             reader = dataset.episode(index)
             name = str(reader.extent)
-            episode = dataset.read(index)
+            episode = dataset.read(index, images=False)
             between.add(index, reader, episode)
         except SvflError as problem:
             yield unreadable(name, problem)

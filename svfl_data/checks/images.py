@@ -1,6 +1,7 @@
 """Did the cameras see anything?"""
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,7 +21,7 @@ def check_color(episode: Episode) -> Iterator[Finding]:
         flat = np.array([frame.min() == frame.max() for frame in camera.color], dtype=bool)
         if flat.any():
             rows = np.flatnonzero(flat)
-            black = "all black" if not camera.color[rows].any() else "of one grey"
+            black = "all black" if not any(camera.color[row].any() for row in rows) else "of one grey"
             words = f"{len(rows)} of {len(flat)} images are {black}: {places(rows, camera.t_ns)}"
             yield error(episode, path, int(rows[0]), words)
         else:
@@ -28,8 +29,7 @@ def check_color(episode: Episode) -> Iterator[Finding]:
 
 
 def _frozen(episode: Episode, camera: Camera, path: str) -> Iterator[Finding]:
-    pairs = zip(camera.color[:-1], camera.color[1:], strict=True)
-    row, repeats = longest_run(np.array([np.array_equal(a, b) for a, b in pairs], dtype=bool))
+    row, repeats = longest_run(np.array([np.array_equal(a, b) for a, b in pairwise(camera.color)], dtype=bool))
     if repeats + 1 < FROZEN_FRAMES:
         return
     start, end = int(camera.t_ns[row]), int(camera.t_ns[row + repeats])
@@ -48,7 +48,7 @@ def check_depth(episode: Episode) -> Iterator[Finding]:
         if not camera.has("depth") or not camera.depth.size:
             continue
         path = f"cameras/{camera.name}/depth"
-        if not camera.depth.any():
+        if not any(frame.any() for frame in camera.depth):
             yield error(episode, path, 0, "no measurement in any depth image")
             continue
         holes = np.array([np.mean(frame == 0) for frame in camera.depth])
