@@ -278,9 +278,11 @@ class Journal:
     damaged: list[tuple[int, int]] = field(default_factory=list)
 
     @property
-    def damaged_inside(self) -> bool:
-        """Whether something intact follows the damage; a writer that was killed leaves damage at the end only."""
-        return any(start + size < self.size for start, size in self.damaged)
+    def incomplete(self) -> bool:
+        """Whether something is missing before what is intact; a writer that was killed leaves damage at the end only."""
+        every = [stream.spans for stream in self.streams.values()]
+        holes = any(len(spans) > 1 or spans[0][0] > 0 for spans in every if spans)
+        return holes or any(start + size < self.size for start, size in self.damaged)
 
 
 def read_journal(descriptor: int) -> Journal:

@@ -112,7 +112,7 @@ def _finish_journal(dataset: Dataset, path: Path, descriptor: int) -> RepairActi
     if path.name != f"episode_{saved.meta.index:06d}{SUFFIX}":
         raise DatasetError(f"says that it is of episode {saved.meta.index}")
     action = _publish(dataset, saved)
-    if journal.damaged_inside:
+    if journal.incomplete:
         aside = _set_aside(dataset, path, "kept")
         action = replace(action, detail=f"{action.detail}; the damaged journal is kept as {aside.path}")
     path.unlink(missing_ok=True)

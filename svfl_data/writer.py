@@ -14,7 +14,7 @@ import numpy as np
 
 from svfl_data.agreement import agree
 from svfl_data.claims import build, claim, publish
-from svfl_data.clocks import Gap, Late
+from svfl_data.clocks import Gap, Late, is_clock
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Meta, canonical_json
 from svfl_data.errors import DatasetError, FieldError, StorageError, UsageError
@@ -153,19 +153,20 @@ class EpisodeWriter(OwnProcess):
             raise FieldError(f"{group}: no rows were given")
         if late == "drop" and group == "observations":
             raise UsageError("observations cannot be dropped: an action follows each")
-        if self._growth.check(group, arrays) and not group.startswith(EXTRA):
+        first = self._growth.check(group, arrays)
+        if first and not group.startswith(EXTRA):
             # Reads the dataset's description, so outside the lock: other sensors do not wait for it.
             self._agree({path: [str(rows.dtype), list(rows.shape[1:])] for path, rows in arrays.items()})
         with self._lock:
             self._check_open()
-            if self._growth.check(group, arrays):
+            if first and self._growth.check(group, arrays):  # unless another thread was first
                 self._growth.begin(group, arrays)
-            if (t_ns := arrays.get(f"{group}/t_ns")) is not None and t_ns.dtype == np.int64 and t_ns.ndim == 1:
-                newer = self._log.newer(group, t_ns, late)
-                self._behind.append({path: rows[newer] for path, rows in arrays.items()})  # a copy
-                self._log.take(group, t_ns[newer], int(np.count_nonzero(~newer)))
-            else:
-                self._behind.append({path: rows.copy() for path, rows in arrays.items()})
+            t_ns = arrays.get(f"{group}/t_ns")
+            newer = None if t_ns is None or not is_clock(t_ns) else self._log.newer(group, t_ns, late)
+            kept = {path: rows.copy() if newer is None else rows[newer] for path, rows in arrays.items()}
+            self._behind.append(kept)
+            if t_ns is not None and is_clock(t_ns):
+                self._log.take(group, kept[f"{group}/t_ns"], len(t_ns) - len(kept[f"{group}/t_ns"]))
 
     def gap(self, group: str, start_ns: int, end_ns: int | None, reason: str) -> None:
         """Say that a stream has no readings for a while, because its sensor dropped out; nothing is invented for it.
