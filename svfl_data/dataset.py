@@ -1,6 +1,5 @@
 """A dataset: a folder of episode files plus ``dataset.json``, which says what they have in common."""
 
-import fcntl
 import json
 import os
 import re
@@ -14,6 +13,7 @@ from svfl_data.atomically import write_atomically
 from svfl_data.chunks import Extent
 from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
+from svfl_data.held_folder import HeldFolder
 from svfl_data.reader import EpisodeReader
 from svfl_data.shards import MEMBER, member_extent, members, shard_files
 from svfl_data.store import read_episode
@@ -159,24 +159,28 @@ class Dataset:
             return f"{head}; {error}"
 
     @contextmanager
-    def writing(self) -> Iterator[None]:
+    def writing(self) -> Iterator[HeldFolder]:
         """Hold the folder for one collector, and clear away what killed ones and killed workers were writing.
+
+        Yields:
+            The folder, which can tell whether it was removed or renamed meanwhile.
 
         Raises:
             DatasetError: If another process is collecting into the folder.
+            StorageError: If the folder cannot be opened or locked.
         """
-        descriptor = os.open(self.path, os.O_RDONLY)  # the kernel drops the lock when the process dies
+        held = HeldFolder(self.path)
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not held.lock():
+                raise DatasetError(f"{self.path}: another process is collecting into this dataset")
             self._clear()
             try:
-                yield
+                yield held
             finally:
-                self._clear()
-        except BlockingIOError as error:
-            raise DatasetError(f"{self.path}: another process is collecting into this dataset") from error
+                if held.in_own_process and held.in_place:
+                    self._clear()
         finally:
-            os.close(descriptor)
+            held.close()
 
     def _clear(self) -> None:
         for leftover in self.path.glob(".*.part"):

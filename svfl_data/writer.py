@@ -4,7 +4,7 @@ import json
 import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import TracebackType
@@ -274,11 +274,17 @@ class EpisodeWriter(OwnProcess):
         """End the episode and throw away what was recorded; does nothing after `seal`.
 
         Raises:
+            StorageError: If the disk refuses.
             UsageError: In another process.
         """
         self.check_process()
-        if not self._closed:
+        if self._closed:
+            return
+        try:
             self._journal.path.unlink(missing_ok=True)
+        except OSError as error:
+            raise StorageError(f"cannot remove {self._journal.path}: {error.strerror}") from error
+        finally:
             self._close()
 
     def __enter__(self) -> Self:
@@ -343,7 +349,8 @@ class EpisodeWriter(OwnProcess):
         except StorageError:
             self._folder.check()  # says more
             raise
-        self._journal.path.unlink(missing_ok=True)
+        with suppress(OSError):  # else repair sees that the episode was published
+            self._journal.path.unlink(missing_ok=True)
         self._close()
         return path
 
@@ -360,7 +367,10 @@ class EpisodeWriter(OwnProcess):
         self._ended = self._closed = True
 
     def _recorded(self) -> dict[str, Rows]:
-        journal = read_journal(self._journal.descriptor)
+        try:
+            journal = read_journal(self._journal.descriptor)
+        except OSError as error:
+            raise StorageError(f"cannot read {self._journal.path}: {error.strerror}") from error
         if journal.damaged:
             raise StorageError(
                 f"{self._journal.path}: the disk gave back other bytes than were written; svfl-data repair saves what "
