@@ -8,6 +8,7 @@ from collectors.engines import processes
 from collectors.engines.worker import FAILURES, Collected, Collector, Engine, Worker
 from collectors.progress import CollectionProgress
 from svfl_data.dataset import Dataset
+from svfl_data.errors import SvflError
 
 
 def software_versions(*packages: str) -> dict[str, str]:
@@ -43,12 +44,15 @@ def collect_dataset(
 
     Raises:
         CollectError: If workers keep dying.
+        StorageError: If the dataset's folder is removed or renamed meanwhile; it is never made again.
         SvflError: Whatever a collector raises; episodes finished before are on disk.
     """
     info = dataset.info
-    worker = Worker(collector, dataset.path, info["task"], info["seed"], info["config"], keep_failures)
     with ExitStack() as stack:
-        stack.enter_context(dataset.writing())
+        held = stack.enter_context(dataset.writing())
+        worker = Worker(
+            collector, dataset.path, info["task"], info["seed"], info["config"], keep_failures, held.identity
+        )
         if keep_failures:
             stack.enter_context(worker.dataset(FAILURES).writing())
         shown = progress or stack.enter_context(CollectionProgress())
@@ -56,7 +60,12 @@ def collect_dataset(
         missing = [index for index in range(episodes) if index not in have]
         done: list[Collected] = []
         shown.begin(info["task"], episodes, len(missing))
-        for finished in engine(missing, workers, worker) if missing else ():
-            done.append(finished)
-            shown.advance(finished)
+        try:
+            for finished in engine(missing, workers, worker) if missing else ():
+                held.check()
+                done.append(finished)
+                shown.advance(finished)
+        except SvflError:
+            held.check()  # a folder that is gone explains what a worker ran into, and this process knows more of it
+            raise
         return done

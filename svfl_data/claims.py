@@ -43,7 +43,10 @@ def locked(folder: Path) -> Iterator[None]:
     """Hold a folder; waits for whoever else does."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        except OSError as error:
+            raise StorageError(f"cannot lock {folder}: {error.strerror}") from error
         yield
     finally:
         os.close(descriptor)
@@ -93,7 +96,12 @@ def _create(path: Path) -> int | None:
         return None
     except OSError as error:
         raise StorageError(f"cannot create {path}: {error.strerror}") from error
-    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        os.close(descriptor)
+        raise StorageError(f"cannot lock {path}: {error.strerror}") from error
     if os.fstat(descriptor).st_nlink:
         return descriptor
     os.close(descriptor)  # a repair that came between creation and lock took it for an abandoned one
@@ -101,7 +109,12 @@ def _create(path: Path) -> int | None:
 
 
 def take_over(path: Path) -> int | None:
-    """Lock the journal of a writer that is gone; None if the writer lives, or the journal is gone too."""
+    """Lock the journal of a writer that is gone; None if the writer lives, or the journal is gone too.
+
+    Raises:
+        FormatError: If it is no ordinary file.
+        OSError: If it cannot be opened or locked.
+    """
     try:
         descriptor = open_regular(path, os.O_RDWR)
     except FileNotFoundError:
@@ -111,6 +124,9 @@ def take_over(path: Path) -> int | None:
     except BlockingIOError:
         os.close(descriptor)
         return None
+    except OSError:
+        os.close(descriptor)
+        raise
     if os.fstat(descriptor).st_nlink:
         return descriptor
     os.close(descriptor)
@@ -131,7 +147,8 @@ def build(dataset: Dataset, meta: Meta, arrays: Mapping[str, Rows]) -> Path:
         finally:
             os.close(descriptor)
     except BaseException as error:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
         if not isinstance(error, OSError):
             raise
         raise StorageError(

@@ -24,21 +24,30 @@ SILENCE_PERIODS, SILENCE_NS = 10, 200_000_000
 """Time without a reading from which it counts as silence: so many periods, and no less than so many ns."""
 
 
+def is_clock(t_ns: np.ndarray) -> bool:
+    """Whether an array of this name is one of time stamps; below ``extra/`` it may be anything."""
+    return t_ns.dtype == np.int64 and t_ns.ndim == 1
+
+
 @dataclass
 class Clock:
     """The time stamps of one group so far.
 
     Attributes:
-        found: Count, first and last.
+        count: How many.
+        first_ns: The first, [ns].
+        last_ns: The last, [ns].
         silences: Times of more than `SILENCE_NS` between two readings, start and end, [ns].
         dropped: Readings that came too late and were left out.
     """
 
-    found: Found = field(default_factory=lambda: Found(0, 0, 0))
+    count: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
     silences: list[tuple[int, int]] = field(default_factory=list)
     dropped: int = 0
 
-    def newer(self, group: str, t_ns: np.ndarray, late: Late) -> np.ndarray:
+    def newer(self, group: str, t_ns: np.ndarray, late: Late) -> np.ndarray | None:
         """Which rows may be appended.
 
         Args:
@@ -47,34 +56,42 @@ class Clock:
             late: What to do with rows that are not newer than all before them.
 
         Returns:
-            Boolean, shape (M,).
+            Boolean, shape (M,); None, which is most often and soon told, for all.
 
         Raises:
             FieldError: If one is not newer and none may be dropped.
         """
-        before = np.full(len(t_ns), self.found.last_ns if self.found.count else np.iinfo(np.int64).min, np.int64)
-        before[1:] = np.maximum(before[1:], np.maximum.accumulate(t_ns)[:-1])
+        if not len(t_ns) or ((not self.count or int(t_ns[0]) > self.last_ns) and bool((t_ns[1:] > t_ns[:-1]).all())):
+            return None
+        least = self.last_ns if self.count else int(t_ns[0]) - 1
+        before = np.maximum(least, np.maximum.accumulate(np.concatenate([[least], t_ns[:-1]])))
         newer = t_ns > before
-        if not self.found.count and len(t_ns):
-            newer[0] = True
-        if late == "refuse" and not newer.all():
+        if late == "refuse":
             row = int(np.argmin(newer))
             raise FieldError(
-                f"{group}: row {self.found.count + row} has t_ns {t_ns[row]}, which is not after the {before[row]} of "
-                "the row before; the time stamps of a stream ascend (late='drop' leaves such readings out)"
+                f"{group}: row {self.count + row} has t_ns {t_ns[row]}, which is not after the {before[row]} of the "
+                "row before; the time stamps of a stream ascend (late='drop' leaves such readings out)"
             )
         return newer
 
-    def take(self, t_ns: np.ndarray, dropped: int) -> None:
-        """Count rows that were appended, and some that were not."""
-        self.dropped += dropped
-        if len(t_ns):
-            known = [self.found.last_ns] if self.found.count else []
-            every = np.concatenate([np.array(known, np.int64), t_ns])
-            rows = np.flatnonzero(np.diff(every) > SILENCE_NS)
-            self.silences += zip(every[rows].tolist(), every[rows + 1].tolist(), strict=True)
-            first = self.found.first_ns if self.found.count else int(t_ns[0])
-            self.found = Found(self.found.count + len(t_ns), first, int(t_ns[-1]))
+    def take(self, t_ns: np.ndarray) -> None:
+        """Count rows that were appended."""
+        if not len(t_ns):
+            return
+        first, last = int(t_ns[0]), int(t_ns[-1])
+        if self.count and first - self.last_ns > SILENCE_NS:
+            self.silences.append((self.last_ns, first))
+        if last - first > SILENCE_NS:
+            rows = np.flatnonzero(np.diff(t_ns) > SILENCE_NS)
+            self.silences += zip(t_ns[rows].tolist(), t_ns[rows + 1].tolist(), strict=True)
+        self.first_ns = self.first_ns if self.count else first
+        self.last_ns = last
+        self.count += len(t_ns)
+
+    @property
+    def found(self) -> Found:
+        """The time stamps in short."""
+        return Found(self.count, self.first_ns, self.last_ns)
 
     @property
     def period_ns(self) -> float:

@@ -1,6 +1,5 @@
 """A dataset: a folder of episode files plus ``dataset.json``, which says what they have in common."""
 
-import fcntl
 import json
 import os
 import re
@@ -16,6 +15,7 @@ from svfl_data.atomically import write_atomically
 from svfl_data.chunks import Extent
 from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
+from svfl_data.held_folder import HeldFolder
 from svfl_data.leftovers import clear_leftovers
 from svfl_data.printable import printable
 from svfl_data.reader import EpisodeReader
@@ -211,27 +211,28 @@ class Dataset:
             return f"{head}; {error}"
 
     @contextmanager
-    def writing(self) -> Iterator[None]:
+    def writing(self) -> Iterator[HeldFolder]:
         """Hold the folder for one collector, and clear away what killed ones and killed workers were writing.
+
+        Yields:
+            The folder, which can tell whether it was removed or renamed meanwhile.
 
         Raises:
             DatasetError: If another process is collecting into the folder.
+            StorageError: If the folder cannot be opened or locked.
         """
+        held = HeldFolder(self.path)
         try:
-            descriptor = os.open(self.path, os.O_RDONLY)  # the kernel drops the lock when the process dies
-        except OSError as error:
-            raise StorageError(f"cannot open {self.path}: {error.strerror}") from error
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not held.lock():
+                raise DatasetError(f"{self.path}: another process is collecting into this dataset")
             self.clear()
             try:
-                yield
+                yield held
             finally:
-                self.clear()
-        except BlockingIOError as error:
-            raise DatasetError(f"{self.path}: another process is collecting into this dataset") from error
+                if held.in_own_process and held.in_place:
+                    self.clear()
         finally:
-            os.close(descriptor)
+            held.close()
 
     def clear(self) -> None:
         """Remove what killed processes were writing; files whose writers live are left alone."""

@@ -1,5 +1,6 @@
 """A dataset's folder that is being recorded into: it must stay the same folder, under the same name."""
 
+import fcntl
 import os
 from pathlib import Path
 
@@ -56,13 +57,32 @@ class HeldFolder(OwnProcess):
         found = os.fstat(self._descriptor)
         return found.st_dev, found.st_ino
 
+    @property
+    def in_place(self) -> bool:
+        """Whether it still has its name."""
+        return identity(self.path) == self.identity
+
+    def lock(self) -> bool:
+        """Hold it for this process alone, until it is closed or the process dies; False if another one does.
+
+        Raises:
+            StorageError: If the file system refuses.
+        """
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError as error:
+            raise StorageError(f"cannot lock {self.path}: {error.strerror}") from error
+        return True
+
     def check(self) -> None:
         """Refuse to go on if the folder has lost its name.
 
         Raises:
             StorageError: If it was removed or renamed; says where it is now, if that can be found out.
         """
-        if identity(self.path) != self.identity:
+        if not self.in_place:
             raise StorageError(
                 f"{self.path}: the folder was removed or renamed while it was being recorded into; {self._where()}"
             )

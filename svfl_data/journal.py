@@ -18,6 +18,7 @@ from array import array
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import prod
 from pathlib import Path
@@ -102,15 +103,16 @@ class JournalWriter(OwnProcess):
     def close(self) -> None:
         """Close the file, which also gives up its lock; the journal stays."""
         self._syncer.shutdown()
-        if self.descriptor >= 0 and self.in_own_process:
-            os.close(self.descriptor)
-            self.descriptor = -1
+        descriptor, self.descriptor = self.descriptor, -1
+        if descriptor >= 0:
+            with suppress(OSError):  # of a disk that is gone; what it had not taken was not promised
+                os.close(descriptor)
 
     def forked(self) -> None:
         """A fork of the process holds neither the file nor its lock, so that repair can tell when the writer dies."""
-        if self.descriptor >= 0:
-            os.close(self.descriptor)
-            self.descriptor = -1
+        descriptor, self.descriptor = self.descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
 
     def _refusal(self, error: OSError, size: int) -> StorageError:
         try:
@@ -278,9 +280,11 @@ class Journal:
     damaged: list[tuple[int, int]] = field(default_factory=list)
 
     @property
-    def damaged_inside(self) -> bool:
-        """Whether something intact follows the damage; a writer that was killed leaves damage at the end only."""
-        return any(start + size < self.size for start, size in self.damaged)
+    def incomplete(self) -> bool:
+        """Whether something is missing before what is intact; a killed writer leaves damage at the end only."""
+        every = [stream.spans for stream in self.streams.values()]
+        holes = any(len(spans) > 1 or spans[0][0] > 0 for spans in every if spans)
+        return holes or any(start + size < self.size for start, size in self.damaged)
 
 
 def read_journal(descriptor: int) -> Journal:

@@ -36,13 +36,14 @@ class RecordingLog:
         """What went wrong so far, in words."""
         return [*self._faults, *([f"and {self._beyond} more"] if self._beyond else [])]
 
-    def newer(self, group: str, t_ns: np.ndarray, late: Late) -> np.ndarray:
+    def newer(self, group: str, t_ns: np.ndarray, late: Late) -> np.ndarray | None:
         """Which rows of a group may be appended; see `svfl_data.clocks.Clock.newer`."""
         return self._clocks.setdefault(group, Clock()).newer(group, t_ns, late)
 
     def take(self, group: str, t_ns: np.ndarray, dropped: int) -> None:
         """Count rows that were appended, and some that were left out; a reading ends an open gap."""
-        self._clocks[group].take(t_ns, dropped)
+        self._clocks[group].take(t_ns)
+        self._clocks[group].dropped += dropped
         for row, gap in enumerate(self._gaps if len(t_ns) else ()):
             if gap.stream == group and gap.end_ns is None and t_ns[0] >= gap.start_ns:
                 self._gaps[row] = replace(gap, end_ns=int(t_ns[0]))

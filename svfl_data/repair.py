@@ -36,7 +36,7 @@ class RepairAction:
         path: The file that matters now.
         done: ``published`` (a whole episode that lacked only its name), ``salvaged`` (an unfinished episode, up to the
             last flush), ``resealed``, ``quarantined`` (moved to ``damaged/``), ``cleared`` (remains of a step that was
-            finished already) or ``in use`` (its writer lives, nothing was done).
+            finished already), ``in use`` (its writer lives, nothing was done) or ``left alone`` (it cannot be opened).
         detail: In words, for a person.
         saved: Whether readings became usable by it.
         lost: Whether readings are missing, or a file cannot be used.
@@ -86,8 +86,10 @@ def _finish(dataset: Dataset, path: Path) -> list[RepairAction]:
     """Make an episode of a journal, if its writer is gone."""
     try:
         descriptor = take_over(path)
-    except (FormatError, OSError) as error:
+    except (FormatError, IsADirectoryError) as error:
         return [_set_aside(dataset, path, _words(error, path))]
+    except OSError as error:  # its writer may live
+        return [RepairAction(path, "left alone", f"cannot be opened ({error.strerror})", lost=True)]
     if descriptor is None:
         return [RepairAction(path, "in use", "is being written")] if path.exists() else []
     try:
@@ -112,7 +114,7 @@ def _finish_journal(dataset: Dataset, path: Path, descriptor: int) -> RepairActi
     if path.name != f"episode_{saved.meta.index:06d}{SUFFIX}":
         raise DatasetError(f"says that it is of episode {saved.meta.index}")
     action = _publish(dataset, saved)
-    if journal.damaged_inside:
+    if journal.incomplete:
         aside = _set_aside(dataset, path, "kept")
         action = replace(action, detail=f"{action.detail}; the damaged journal is kept as {aside.path}")
     path.unlink(missing_ok=True)

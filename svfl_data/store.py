@@ -77,7 +77,7 @@ def write_sealed(descriptor: int, meta: Meta, arrays: Mapping[str, Rows]) -> Non
         OSError: If the disk refuses; the file then holds nothing of use.
     """
     sink = Sink(descriptor)
-    encoders = ThreadPoolExecutor(min(THREADS, len(os.sched_getaffinity(0))), "encode")
+    encoders = ThreadPoolExecutor(min(THREADS, os.cpu_count() or 1), "encode")
     with encoders, ThreadPoolExecutor(1) as thread:  # Ctrl-C interrupts the main thread, never HDF5 in its own
         try:
             thread.submit(_write_hdf5, sink, meta, arrays, encoders).result()

@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import TracebackType
@@ -13,7 +13,7 @@ import numpy as np
 
 from svfl_data.agreement import Agreement
 from svfl_data.claims import build, claim, publish
-from svfl_data.clocks import Gap, Late
+from svfl_data.clocks import Gap, Late, is_clock
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Meta
 from svfl_data.errors import DatasetError, FieldError, StorageError, UsageError
@@ -146,18 +146,19 @@ class EpisodeWriter(OwnProcess):
             raise FieldError(f"{group}: no rows were given")
         if late == "drop" and group == "observations":
             raise UsageError("observations cannot be dropped: an action follows each")
-        if self._growth.check(group, arrays) and self._agreement and not group.startswith(EXTRA):
+        first = self._growth.check(group, arrays)
+        if first and self._agreement and not group.startswith(EXTRA):
             self._agreement.extend(arrays)  # reads files, so outside the lock: other sensors do not wait for it
         with self._lock:
             self._check_open()
-            if self._growth.check(group, arrays):
+            if first and self._growth.check(group, arrays):  # unless another thread was first
                 self._growth.begin(group, arrays)
-            if (t_ns := arrays.get(f"{group}/t_ns")) is not None and t_ns.dtype == np.int64 and t_ns.ndim == 1:
-                newer = self._log.newer(group, t_ns, late)
-                self._behind.append({path: rows[newer] for path, rows in arrays.items()})  # a copy
-                self._log.take(group, t_ns[newer], int(np.count_nonzero(~newer)))
-            else:
-                self._behind.append({path: rows.copy() for path, rows in arrays.items()})
+            t_ns = arrays.get(f"{group}/t_ns")
+            newer = None if t_ns is None or not is_clock(t_ns) else self._log.newer(group, t_ns, late)
+            kept = {path: rows.copy() if newer is None else rows[newer] for path, rows in arrays.items()}
+            self._behind.append(kept)
+            if t_ns is not None and is_clock(t_ns):
+                self._log.take(group, kept[f"{group}/t_ns"], len(t_ns) - len(kept[f"{group}/t_ns"]))
 
     def gap(self, group: str, start_ns: int, end_ns: int | None, reason: str) -> None:
         """Say that a stream has no readings for a while, because its sensor dropped out; nothing is invented for it.
@@ -265,11 +266,17 @@ class EpisodeWriter(OwnProcess):
         """End the episode and throw away what was recorded; does nothing after `seal`.
 
         Raises:
+            StorageError: If the disk refuses.
             UsageError: In another process.
         """
         self.check_process()
-        if not self._closed:
+        if self._closed:
+            return
+        try:
             self._journal.path.unlink(missing_ok=True)
+        except OSError as error:
+            raise StorageError(f"cannot remove {self._journal.path}: {error.strerror}") from error
+        finally:
             self._close()
 
     def __enter__(self) -> Self:
@@ -336,7 +343,8 @@ class EpisodeWriter(OwnProcess):
         except StorageError:
             self._folder.check()  # says more
             raise
-        self._journal.path.unlink(missing_ok=True)
+        with suppress(OSError):  # else repair sees that the episode was published
+            self._journal.path.unlink(missing_ok=True)
         self._close()
         return path
 
@@ -355,7 +363,10 @@ class EpisodeWriter(OwnProcess):
             self._agreement.leave()
 
     def _recorded(self) -> dict[str, Rows]:
-        journal = read_journal(self._journal.descriptor)
+        try:
+            journal = read_journal(self._journal.descriptor)
+        except OSError as error:
+            raise StorageError(f"cannot read {self._journal.path}: {error.strerror}") from error
         if journal.damaged:
             raise StorageError(
                 f"{self._journal.path}: the disk gave back other bytes than were written; svfl-data repair saves what "

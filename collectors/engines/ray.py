@@ -16,6 +16,7 @@ from typing import Any
 from collectors.engines.worker import Collected, Deaths, Worker
 from svfl_data.atomically import write_atomically
 from svfl_data.errors import CollectError, SvflError
+from svfl_data.held_folder import identity
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Ray:
         # One CPU also means OMP_NUM_THREADS=1, which Ray sets. A lost actor is replaced here, not by Ray, to say so.
         start = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(Actor).remote
         waiting, deaths = deque(indices), Deaths()
-        actors = [start(replace(worker, folder=there)) for _ in range(min(workers, len(waiting)))]
+        actors = [start(replace(worker, folder=there, identity=None)) for _ in range(min(workers, len(waiting)))]
         running: dict[Any, tuple[Any, int]] = {}
         idle = list(actors)
         try:
@@ -60,7 +61,7 @@ class Ray:
                     deaths.count("a Ray worker", [index])
                     waiting.appendleft(index)
                     actors.remove(actor)
-                    actor = start(replace(worker, folder=there))
+                    actor = start(replace(worker, folder=there, identity=None))
                     actors.append(actor)
                 else:
                     deaths.forget()
@@ -75,8 +76,9 @@ class Actor:
     """A worker that also hands out what it has written."""
 
     def __init__(self, worker: Worker) -> None:
-        """Take over a worker, which will open its world in this process."""
-        self._worker = worker
+        """Take over a worker, which will open its world in this process, and begin the folder on this machine."""
+        worker.dataset()
+        self._worker = replace(worker, identity=identity(worker.folder))
 
     def collect(self, index: int) -> Collected:
         """Make and write the episode of an index."""

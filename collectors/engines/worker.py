@@ -9,6 +9,7 @@ from typing import Protocol
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode
 from svfl_data.errors import CollectError
+from svfl_data.held_folder import Identity, check_same
 from svfl_data.store import write_episode
 
 Collector = Callable[..., Episode]
@@ -52,6 +53,7 @@ class Worker:
         seed: The same.
         config: The same.
         keep_failures: Whether to write failed attempts into a dataset of their own.
+        identity: Which folder it is; with it, one that was removed or renamed is never made again.
     """
 
     collector: Collector
@@ -60,9 +62,16 @@ class Worker:
     seed: int
     config: dict
     keep_failures: bool = False
+    identity: Identity | None = None
 
     def dataset(self, name: str = "") -> Dataset:
-        """The dataset in the folder, or in one inside it."""
+        """The dataset in the folder, or in one inside it.
+
+        Raises:
+            StorageError: If the folder is not the one that it was.
+        """
+        if self.identity is not None:
+            check_same(self.folder, self.identity)
         return Dataset.create_or_resume(self.folder / name, self.task, self.seed, self.config)
 
     def collect(self, index: int) -> Collected:

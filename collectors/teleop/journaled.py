@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from collectors.contract import Observation, Rig
 from collectors.record import OBJECT
+from svfl_data.own_process import OwnProcess
 from svfl_data.writer import EpisodeWriter
 
 
@@ -22,7 +23,7 @@ def constants(rig: Rig) -> dict[str, np.ndarray]:
     return arrays
 
 
-class Journaled:
+class Journaled(OwnProcess):
     """A rig, with a journal of the episode that it is in.
 
     Args:
@@ -40,6 +41,7 @@ class Journaled:
 
     def observe(self) -> Observation:
         """See and feel, and write down what is new since the last time."""
+        self.check_process()
         seen = self._rig.observe()
         self._t_ns = np.array([seen.t_ns], np.int64)
         self._writer.append("observations", t_ns=self._t_ns, proprio=seen.proprio[None])
@@ -54,6 +56,7 @@ class Journaled:
 
     def step(self, action: NDArray[np.float32]) -> None:
         """Act, and write the action down."""
+        self.check_process()
         self._writer.append("actions", action=action[None])
         self._rig.step(action)
 

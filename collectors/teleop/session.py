@@ -103,7 +103,7 @@ class Session:
             KeyboardInterrupt: If the process was told to end; the same.
             SvflError: If the disk refuses.
         """
-        with self._dataset.writing(), self._signals():
+        with self._dataset.writing() as self._held, self._signals():
             self._salvage()
             self._set_up()
             while self._ready():
@@ -185,6 +185,7 @@ class Session:
             arrays = arrays | {"extra/teleop/beat_ns": beats}
         config = meta.config | {"teleop": self._about | facts}
         episode = Episode(replace(meta, index=self._scene, success=success, config=config), arrays)
+        self._held.check()
         write_episode(episode, self._dataset.episode_path(self._scene))
         self._saved[self._scene] = success
         self._again = None

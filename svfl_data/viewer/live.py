@@ -17,6 +17,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from svfl_data.errors import UsageError
+from svfl_data.own_process import OwnProcess
 from svfl_data.viewer import images, names, plots, scene
 from svfl_data.viewer.robot import robot_for
 
@@ -87,7 +88,7 @@ class Step:
     before: "Step | None"
 
 
-class Live:
+class Live(OwnProcess):
     """Streams episodes, one after the other; call it with every observation.
 
     Attributes:
@@ -126,7 +127,11 @@ class Live:
             rig: The robot.
             seen: What it observed.
             action: What led there, (5,); None at the first observation of an episode.
+
+        Raises:
+            UsageError: In another process than the one that opened it.
         """
+        self.check_process()
         if action is None:
             self.finish()
             self._recording = self._recording or self._open(rig, seen)
@@ -147,8 +152,8 @@ class Live:
         self._rig = None
 
     def close(self) -> None:
-        """Send what waits and end the recording."""
-        if self._recording is not None:
+        """Send what waits and end the recording; does nothing in a fork of its process."""
+        if self._recording is not None and self.in_own_process:
             self._send()
             self._recording.disconnect()
             self._recording = None

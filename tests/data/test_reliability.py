@@ -4,6 +4,7 @@
 """
 
 import functools
+import json
 import mmap
 import os
 import resource
@@ -25,6 +26,7 @@ from svfl_data.claims import INFLIGHT, NEXT
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FieldError, FormatError, StorageError
+from svfl_data.journal import HEADER
 from svfl_data.repair import repair_dataset, repair_exit_code
 from svfl_data.seal import SEAL_SIZE, seal
 from svfl_data.store import episode_bytes, read_episode, write_episode
@@ -383,26 +385,80 @@ def unfinished(dataset, episode) -> Path:
         return writer._journal.path
 
 
-def test_a_journal_cut_or_damaged_anywhere_gives_back_what_was_before(dataset):
+def test_a_journal_cut_anywhere_gives_back_what_was_before(dataset):
     episode = make_episode(steps=20)
     journal = unfinished(dataset, episode)
     whole = journal.read_bytes()
-    rng = np.random.default_rng(0)
     counts: Counter[str] = Counter()
     lengths = []
     for position in np.linspace(0, len(whole) - 1, CUTS).astype(int):
-        for damaged in (whole[:position], flipped(whole, position, rng)):
-            journal.write_bytes(damaged)
-            (action,) = repair_dataset(dataset.path)
-            counts[action.done] += 1
-            if action.done == "salvaged":
-                saved = read_episode(action.path)
-                assert_prefix(saved.arrays, episode.arrays)
-                lengths.append((position, len(saved)))
-            action.path.unlink()
+        journal.write_bytes(whole[:position])
+        (action,) = repair_dataset(dataset.path)
+        counts[action.done] += 1
+        if action.done == "salvaged":
+            saved = read_episode(action.path)
+            assert_prefix(saved.arrays, episode.arrays)
+            assert saved.meta.annotations == episode.meta.annotations
+            lengths.append((position, len(saved)))
+        action.path.unlink()
     assert [length for _, length in sorted(lengths)] == sorted(length for _, length in lengths)
     assert max(length for _, length in lengths) >= 19  # all but the step that was cut
-    report("damaged journals", counts)
+    report("cut journals", counts)
+
+
+def records_of(content: bytes) -> list[tuple[int, int, dict]]:
+    """First byte, byte after the last, and label of every record of an intact journal."""
+    records, at = [], 0
+    while at < len(content):
+        _, label, size, _ = HEADER.unpack_from(content, at)
+        start = at + HEADER.size
+        records.append((at, start + label + size, json.loads(content[start : start + label])))
+        at = start + label + size
+    return records
+
+
+def rows_of(label: dict) -> range:
+    return range(label["start"], label["start"] + label["shape"][0]) if "start" in label else range(0)
+
+
+def test_repair_keeps_every_whole_record_around_a_damaged_one(dataset):
+    """Of a group the rows that all its streams have, of the steps the longest run; gaps where rows are missing."""
+    episode = make_episode(steps=20)
+    journal = unfinished(dataset, episode)
+    whole, rng = journal.read_bytes(), np.random.default_rng(0)
+    records = records_of(whole)
+    for number in np.unique(np.linspace(1, len(records) - 1, CUTS).astype(int)):
+        first, after, label = records[number]
+        journal.write_bytes(
+            whole[:first] + flipped(whole[first:after], int(rng.integers(after - first)), rng) + whole[after:]
+        )
+        (action,) = repair_dataset(dataset.path)
+        path, lost = label.get("path", ""), rows_of(label)
+        group = path.rpartition("/")[0]
+        if not lost and action.done == "quarantined":  # a constant, without which there is no episode
+            (dataset.path / "damaged" / journal.name).unlink()
+            continue
+        saved = read_episode(action.path)
+        assert not saved.meta.success
+        clocked = {one for one in saved.arrays if one.startswith(("streams/", "cameras/")) and saved.arrays[one].ndim}
+        for one in clocked & {known for _, _, record in records if rows_of(record) for known in [record["path"]]}:
+            truth = episode.arrays[one]
+            same = one.rpartition("/")[0] == group
+            np.testing.assert_array_equal(saved.arrays[one], np.delete(truth, list(lost), 0) if same else truth)
+        gaps = [one["stream"] for one in saved.meta.annotations if one["name"] == "gap"]
+        missing = lost and lost[-1] + 1 < len(episode.arrays[path]) and group.startswith(("streams/", "cameras/"))
+        assert gaps == ([group] if missing else [])
+        if group in ("observations", "actions"):
+            before, behind = lost[0] - (group == "observations"), 20 - lost[0] - 1
+            kept = slice(0, before) if before >= behind else slice(lost[0] + 1, 20)
+            np.testing.assert_array_equal(saved.action, episode.action[kept])
+            np.testing.assert_array_equal(saved.t_ns, episode.t_ns[kept.start : kept.stop + 1])
+        else:
+            np.testing.assert_array_equal(saved.action, episode.action)
+        if after < len(whole):
+            assert (dataset.path / "damaged" / journal.name).exists()
+            (dataset.path / "damaged" / journal.name).unlink()
+        action.path.unlink()
 
 
 def flipped(content: bytes, position: int, rng: np.random.Generator) -> bytes:
