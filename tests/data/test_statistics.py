@@ -93,7 +93,7 @@ def test_what_is_no_split_is_refused(dataset):
             load_split(dataset, "default")
     file.write_text(json.dumps(content))
     dataset.episode_path(split["test"][0]).unlink()
-    with pytest.raises(DatasetError, match="lacks 1 of its 5 episodes .*--replace"):
+    with pytest.raises(DatasetError, match=r"lacks 1 of its 5 episodes .*--replace"):
         load_split(dataset, "default")
 
 
