@@ -74,7 +74,8 @@ def last(t_ns: np.ndarray, values: np.ndarray, now: int, length: int) -> tuple[n
 def test_the_law_of_samples(tmp_path_factory, seed, sizes, depth, frames, window, chunk, at, cache, crop):
     """Whatever the rates, shapes and gaps: the last at or before the step, never a later one, padding where none."""
     rng = np.random.default_rng(seed)
-    dataset = Dataset.create_or_resume(tmp_path_factory.mktemp("law") / "d", "centering", 0, {})
+    varies = [f"cameras/{camera}/depth_scale" for camera in sizes]
+    dataset = Dataset.create_or_resume(tmp_path_factory.mktemp("law") / "d", "centering", 0, {}, varies)
     episodes = {index: irregular(rng, index, sizes, depth) for index in (0, 3, 7)}
     for index, episode in episodes.items():
         write_episode(episode, dataset.episode_path(index))
@@ -201,7 +202,7 @@ def test_what_cannot_be_sampled_is_named(dataset, tmp_path):
     with pytest.raises(DatasetError, match="no episodes to take samples from"):
         Samples(Dataset.create_or_resume(tmp_path / "empty", "centering", 0, {}))
     write_episode(make_episode(9, size=20), dataset.episode_path(9))
-    with pytest.raises(DatasetError, match=r"color is \(16, 16, 3\) in .*0000.hdf5, but \(20, 20, 3\) in .*0009.hdf5"):
+    with pytest.raises(DatasetError, match=r"color is uint8 \(20, 20, 3\) in .*0009.hdf5, but .*\(16, 16, 3\)"):
         Samples(dataset)
 
 
