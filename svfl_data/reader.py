@@ -17,6 +17,7 @@ from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FieldError, FormatError
 from svfl_data.fields import EXTRA, camera_names, field_at
 from svfl_data.header import header, read_meta
+from svfl_data.printable import printable
 from svfl_data.seal import SEAL_MARK, SEAL_SIZE
 
 
@@ -193,9 +194,9 @@ class EpisodeReader:
             clock = path.rpartition("/")[0] + "/t_ns"
             same = clock in rates and array.shape[:1] == self[clock].shape
             rate = f" at {rates[clock]:.1f} Hz" if same else ""
-            lines.append(f"  {path} {array.dtype} {array.shape}{unit}{rate}")
+            lines.append(printable(f"  {path} {array.dtype} {array.shape}{unit}{rate}"))
         return "\n".join(lines)
 
     def __repr__(self) -> str:
         head = f"Episode {self.meta.index} of {self.meta.task}: {len(self)} steps, {self.seconds:.2f} s, {self.extent}"
-        return f"{head}\n{self.table()}"
+        return f"{printable(head)}\n{self.table()}"

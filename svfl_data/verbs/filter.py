@@ -15,6 +15,7 @@ from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode
 from svfl_data.errors import UsageError
 from svfl_data.merge import choose
+from svfl_data.printable import say
 from svfl_data.verbs.source import yes_no
 
 OPERATORS: dict[str, Callable[[Any, Any], bool]] = {
@@ -103,4 +104,4 @@ def run(arguments: argparse.Namespace) -> None:
         lambda episode: all(condition(episode) for condition in conditions),
         [str(condition) for condition in conditions],
     )
-    print(f"{arguments.destination}: {count} episodes")
+    say(f"{arguments.destination}: {count} episodes")

@@ -8,6 +8,7 @@ from svfl_data.cli import Commands
 from svfl_data.dataset import Dataset
 from svfl_data.fields import FIELDS
 from svfl_data.index import Summary, summary
+from svfl_data.printable import printable
 from svfl_data.reader import EpisodeReader
 from svfl_data.verbs.source import add_episode, add_json, add_path, is_episode, print_json, reader
 
@@ -75,7 +76,7 @@ def dataset_words(dataset: Dataset, found: Summary, software: dict[str, str]) ->
         f"  software  {versions}",
         *(f"  damaged   {reason}" for reason in found.damaged.values()),
     ]
-    return "\n".join(lines)
+    return "\n".join(map(printable, lines))
 
 
 def _counts(counts: dict[str, int]) -> str:
@@ -128,7 +129,7 @@ def episode_words(episode: EpisodeReader) -> str:
     lines += [f"  transform {record}" for record in meta.transforms]
     lines += [f"  mark      {_mark_words(one)}" for one in meta.annotations]
     lines += [f"  history   {entry.get('time', '')} {entry.get('tool', entry)}" for entry in meta.history]
-    return "\n".join([repr(episode), *lines])
+    return "\n".join([repr(episode), *map(printable, lines)])
 
 
 def _mark_words(one: dict[str, Any]) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 from svfl_data.cli import Commands
 from svfl_data.dataset import Dataset
 from svfl_data.merge import merge
+from svfl_data.printable import say
 
 
 def add(commands: Commands) -> None:
@@ -25,4 +26,4 @@ def add(commands: Commands) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Merge."""
     count = merge([Dataset.open(source) for source in arguments.sources], arguments.destination)
-    print(f"{arguments.destination}: {count} episodes from {len(arguments.sources)} datasets")
+    say(f"{arguments.destination}: {count} episodes from {len(arguments.sources)} datasets")
