@@ -118,8 +118,8 @@ def add_block(world: World, scene: Scene) -> int:
     )
 
 
-def summary(dataset: Dataset) -> str:
-    """What a dataset of samples holds: classes, and how many attempts were rejected and why."""
+def summary(dataset: Dataset) -> list[str]:
+    """What a dataset of samples holds, in lines: classes, and how many attempts were rejected and why."""
     classes: Counter[str] = Counter()
     rejected: Counter[str] = Counter()
     for episode in dataset:
@@ -131,4 +131,4 @@ def summary(dataset: Dataset) -> str:
         "classes: " + ", ".join(f"{name} {classes[name]}" for name in DIRECTIONS),
         f"rejected attempts: {rejected.total()} of {total + rejected.total()}",
     ]
-    return "\n".join([*lines, *(f"  {count} x {reason}" for reason, count in rejected.most_common())])
+    return [*lines, *(f"  {count} x {reason}" for reason, count in rejected.most_common())]

@@ -15,6 +15,7 @@ from rich.progress import (
 )
 
 from collectors.engines.worker import Collected
+from svfl_data.printable import printable, say
 
 QUIET_SECONDS = 10.0
 """Time between two lines where the output is not a terminal."""
@@ -26,7 +27,8 @@ class CollectionProgress:
     def __init__(self) -> None:
         console = Console(stderr=True)
         self._bars = Progress(
-            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[words]}"),
+            TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
+            TextColumn("{task.fields[words]}"),
             TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
             console=console, disable=not console.is_terminal,
         )  # fmt: skip
@@ -48,7 +50,7 @@ class CollectionProgress:
             episodes: How many it shall have.
             missing: How many it does not have yet.
         """
-        self._bar: TaskID = self._bars.add_task(task, total=episodes, completed=episodes - missing, words="")
+        self._bar: TaskID = self._bars.add_task(printable(task), total=episodes, completed=episodes - missing, words="")
         self._task, self._episodes, self._left = task, episodes, missing
         self._steps = self._successes = self._attempts = self._done = 0
         self._start = self._said = time.monotonic()
@@ -67,6 +69,4 @@ class CollectionProgress:
         if self._bars.disable and self._left and now - self._said > QUIET_SECONDS:
             self._said = now
             left = self._left * seconds / self._done
-            print(
-                f"{self._task}: {self._episodes - self._left}/{self._episodes}, {words}, {left:.0f} s left", flush=True
-            )
+            say(f"{self._task}: {self._episodes - self._left}/{self._episodes}, {words}, {left:.0f} s left")

@@ -1,10 +1,12 @@
 """A dataset card: what a dataset holds, in Markdown, with pictures beside it."""
 
+import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,6 +20,7 @@ from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError, StorageError
 from svfl_data.fields import FIELDS
 from svfl_data.index import Summary, entries, summary
+from svfl_data.printable import markdown
 from svfl_data.progress import progress
 from svfl_data.split import FOLDER as SPLITS
 from svfl_data.symmetry import DIRECTIONS
@@ -137,9 +140,9 @@ def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, p
     name = dataset.path.resolve().name
     first = dataset.episode(dataset.indices[0])
     lines = [
-        f"# {name}",
+        f"# {markdown(name)}",
         "",
-        f"{found.episodes} episodes of {' and '.join(found.tasks)}: {found.steps} steps, "
+        f"{found.episodes} episodes of {' and '.join(map(markdown, found.tasks))}: {found.steps} steps, "
         f"{found.seconds / 60:.3g} minutes, {found.bytes / 1e6:.3g} MB. Source: {_listed(found.sources)}.",
         "",
         "| | |",
@@ -157,18 +160,18 @@ def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, p
         "",
         "## Distributions",
         "",
-        f"![Histograms of duration, largest force and labels]({pictures[1]})",
+        f"![Histograms of duration, largest force and labels]({quote(pictures[1])})",
         "",
         f"## Episode {shown}, of median duration",
         "",
-        f"![Images, force, torque, gripper and actions of episode {shown}]({pictures[0]})",
+        f"![Images, force, torque, gripper and actions of episode {shown}]({quote(pictures[0])})",
         "",
         "## How to read it",
         "",
         "```python",
         "from svfl_data.dataset import Dataset",
         "",
-        f'dataset = Dataset.open("{name}")',
+        f"dataset = Dataset.open({json.dumps(name)})",
         f"episode = dataset.read({shown})",
         "print(episode)",
         "```",
@@ -193,10 +196,10 @@ def _figures(
     kinds = Counter(severity for fact in facts for severity in fact.findings)
     yield "svfl-data validate", f"{kinds['error']} errors, {kinds['warning']} warnings"
     splits = sorted(file.stem for file in (dataset.path / SPLITS).glob("*.json") if "." not in file.stem)
-    yield "splits", ", ".join(splits) or "none"
-    yield "seed", str(dataset.info.get("seed"))
+    yield "splits", ", ".join(map(markdown, splits)) or "none"
+    yield "seed", markdown(dataset.info.get("seed"))
     yield "format", _listed(found.format_versions)
-    yield "software", ", ".join(f"{package} {version}" for package, version in software.items()) or "unknown"
+    yield "software", ", ".join(markdown(f"{package} {version}") for package, version in software.items()) or "unknown"
 
 
 def _range(values: Sequence[float]) -> str:
@@ -204,17 +207,17 @@ def _range(values: Sequence[float]) -> str:
 
 
 def _listed(counts: dict[str, int] | Counter[str]) -> str:
-    return ", ".join(f"{name} ({count})" for name, count in counts.items()) or "-"
+    return ", ".join(f"{markdown(name)} ({count})" for name, count in counts.items()) or "-"
 
 
 def _streams(found: Summary) -> Iterator[str]:
     for name, stream in found.streams.items():
         fields = [field for field in FIELDS if field.path.startswith(f"streams/{name}/") and "t_ns" not in field.path]
         what = "; ".join(f"{field.path.rpartition('/')[2]} [{field.unit}]" for field in fields)
-        yield f"| {name} | {_rate(stream)} | {stream['rows']} | {what} |"
+        yield f"| {markdown(name)} | {_rate(stream)} | {stream['rows']} | {what} |"
     for name, camera in found.cameras.items():
         sizes = " and ".join(f"{height} x {width} px" for height, width in camera["sizes"])
-        yield f"| camera {name} | {_rate(camera)} | {camera['rows']} | {sizes} |"
+        yield f"| camera {markdown(name)} | {_rate(camera)} | {camera['rows']} | {sizes} |"
 
 
 def _rate(stream: dict[str, Any]) -> str:
@@ -226,6 +229,9 @@ def _origins(config: dict[str, Any]) -> list[str]:
     """Where a merged or filtered dataset came from."""
     if "sources" not in config:
         return []
-    conditions = f", keeping {' and '.join(config['conditions'])}" if "conditions" in config else ""
-    origins = [f"- {one.get('dataset')}: {one.get('task')}, seed {one.get('seed')}" for one in config["sources"]]
-    return ["## Where it came from", "", f"`{config.get('made_by')}`{conditions}, from", "", *origins]
+    conditions = f", keeping {' and '.join(map(markdown, config['conditions']))}" if "conditions" in config else ""
+    origins = [
+        f"- {markdown(one.get('dataset'))}: {markdown(one.get('task'))}, seed {markdown(one.get('seed'))}"
+        for one in config["sources"]
+    ]
+    return ["## Where it came from", "", f"{markdown(config.get('made_by'))}{conditions}, from", "", *origins]

@@ -14,11 +14,10 @@ from svfl_data import standard_streams
 from svfl_data.errors import SvflError
 from svfl_data.extras import OURS, needs
 from svfl_data.library_caches import confine_caches
-from svfl_data.printable import printable
+from svfl_data.printable import LONGEST_LINE, printable
 from svfl_data.refused import refusal
 
 SIGNALLED = 128  # plus the signal: exit code of a command that one has ended, the shell's convention
-LONGEST_LINE = 4000  # characters of an error
 
 
 class Parser(argparse.ArgumentParser):

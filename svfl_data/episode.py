@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from svfl_data.fields import CAMERA, OF_CAMERA, OF_EPISODE, camera_names, check_arrays
+from svfl_data.printable import printable
 from svfl_data.side_files import plain
 
 
@@ -102,8 +103,9 @@ class Episode:
 
     def __repr__(self) -> str:
         seconds = (self.t_ns[-1] - self.t_ns[0]) / 1e9
-        shapes = "".join(f"\n  {path} {array.dtype} {array.shape}" for path, array in self.arrays.items())
-        return f"Episode {self.meta.index} of {self.meta.task}: {len(self)} steps, {seconds:.2f} s{shapes}"
+        lines = [f"Episode {self.meta.index} of {self.meta.task}: {len(self)} steps, {seconds:.2f} s"]
+        lines += [f"  {path} {array.dtype} {array.shape}" for path, array in self.arrays.items()]
+        return "\n".join(map(printable, lines))
 
     @property
     def cameras(self) -> dict[str, Camera]:

@@ -26,14 +26,10 @@ def main() -> int:
     arguments, _ = parser.parse_known_args()
     if not is_ours(arguments.file):
         return FOREIGN
-    from svfl_data.errors import SvflError
+    from svfl_data.cli import run
 
-    try:
-        _write(arguments.file, arguments.application_id, arguments.recording_id, arguments.entity_path_prefix)
-    except SvflError as error:
-        print(f"rerun-importer-svfl: {error}", file=sys.stderr)
-        return error.exit_code
-    return 0
+    asked = (arguments.file, arguments.application_id, arguments.recording_id, arguments.entity_path_prefix)
+    return run(lambda: _write(*asked), "rerun-importer-svfl")
 
 
 def is_ours(file: Path) -> bool:

@@ -17,6 +17,7 @@ from matplotlib.gridspec import GridSpec
 
 from svfl_data.atomically import write_atomically
 from svfl_data.episode import Camera, Episode
+from svfl_data.printable import printable
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.transforms import processed_wrench, recorded_transforms
 
@@ -30,6 +31,7 @@ FRAMES = 8  # images in a strip
 WIDTH_IN, STRIP_IN, PANEL_IN, GRIPPER_IN, HEAD_IN = 11.0, 1.75, 1.7, 0.8, 1.05
 PICTURE = 0.9  # of a strip's height; the rest is for the times above
 DPI = 110
+NAME = 40  # characters of a camera's or annotation's name
 TALLEST_IN = 60.0  # more cameras than this has room for share it
 
 
@@ -101,11 +103,12 @@ def title(episode: Episode) -> str:
         known = DIRECTIONS[direction] if 0 <= direction < len(DIRECTIONS) else f"direction {direction}"
         label = f"; label (yellow arrow): {known}, ({dx:+.1f}, {dy:+.1f}) mm in base x, y"
     seconds = (episode.t_ns[-1] - episode.t_ns[0]) / 1e9
-    return (
-        f"{meta.task}, episode {meta.index}: {'success' if meta.success else 'no success'}{label}\n"
+    lines = (
+        f"{meta.task}, episode {meta.index}: {'success' if meta.success else 'no success'}{label}",
         f"{meta.source}, seed {meta.seed}, {len(episode)} steps, {seconds:.2f} s; "
-        f"wrench in base axes, torque about the sensor origin, after {steps}"
+        f"wrench in base axes, torque about the sensor origin, after {steps}",
     )
+    return "\n".join(map(printable, lines))
 
 
 def _step_words(record: dict[str, Any]) -> str:
@@ -141,7 +144,7 @@ def _strip(axis: Axes, episode: Episode, camera: Camera, kind: str) -> None:
         if kind == "color" and row == rows[-1]:
             _label(inset, episode, camera)
     depth = f"depth, m:\ndark {near:.2f}\nbright {far:.2f}"
-    words = f"{camera.name}\n{'colour' if kind == 'color' else depth}"
+    words = f"{printable(camera.name, NAME)}\n{'colour' if kind == 'color' else depth}"
     axis.text(1.01, 0.45, words, transform=axis.transAxes, fontsize=8, va="center")
 
 
@@ -222,7 +225,7 @@ def _dress(axis: Axes, episode: Episode, span: tuple[float, float]) -> None:
 def _intervals(episode: Episode) -> list[tuple[str, float, float]]:
     """Name, start and end [s] of the annotations that have them; `svfl-data validate` names those that do not."""
     return [
-        (str(one["name"]), one["start_ns"] / 1e9, one["end_ns"] / 1e9)
+        (printable(one["name"], NAME), one["start_ns"] / 1e9, one["end_ns"] / 1e9)
         for one in episode.meta.annotations
         if isinstance(one, dict) and "name" in one
         if all(isinstance(one.get(key), int) for key in ("start_ns", "end_ns"))

@@ -18,6 +18,7 @@ from svfl_data.errors import FieldError, FormatError
 from svfl_data.fields import EXTRA, camera_names, field_at
 from svfl_data.header import Header, header, unsealed_header
 from svfl_data.metadata import parse_meta
+from svfl_data.printable import printable
 from svfl_data.seal import SEAL_MARK, SEAL_SIZE
 from svfl_data.stored_array import StoredArray as StoredArray  # for those who read
 
@@ -133,12 +134,12 @@ class EpisodeReader:
             clock = path.rpartition("/")[0] + "/t_ns"
             same = clock in rates and array.shape[:1] == self[clock].shape
             rate = f" at {rates[clock]:.1f} Hz" if same else ""
-            lines.append(f"  {path} {array.dtype} {array.shape}{unit}{rate}")
+            lines.append(printable(f"  {path} {array.dtype} {array.shape}{unit}{rate}"))
         return "\n".join(lines)
 
     def __repr__(self) -> str:
         head = f"Episode {self.meta.index} of {self.meta.task}: {len(self)} steps, {self.seconds:.2f} s, {self.extent}"
-        return f"{head}\n{self.table()}"
+        return f"{printable(head)}\n{self.table()}"
 
 
 def read_episode(path: Path | str, images: bool = True) -> Episode:

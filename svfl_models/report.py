@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from svfl_data.printable import markdown
 from svfl_data.symmetry import DIRECTIONS
 from svfl_models import run_folder
 from svfl_models.config import Latent, TrainingConfig
@@ -63,7 +64,7 @@ def latent_name(latent: Latent) -> str:
 
 def pretraining(latent: Latent) -> str:
     """What a checkpoint was trained on, in words."""
-    return f"{latent.steps:,} steps on `{latent.data}`, preset {latent.preset}"
+    return f"{latent.steps:,} steps on {markdown(latent.data)}, preset {markdown(latent.preset)}"
 
 
 def write_report(out: Path, config: TrainingConfig, result: Result, history: History) -> None:
@@ -79,7 +80,7 @@ def write_report(out: Path, config: TrainingConfig, result: Result, history: His
 def page(config: TrainingConfig, result: Result) -> str:
     """The run in Markdown."""
     paper = centering_words(config.encoder, config.model, config.train_samples)
-    settings = "\n".join(f"| {name} | {value} |" for name, value in _settings(config).items())
+    settings = "\n".join(f"| {name} | {markdown(value)} |" for name, value in _settings(config).items())
     return f"""# Block centering: {cell_name(config)}
 
 | | accuracy |
@@ -114,7 +115,7 @@ def _settings(config: TrainingConfig) -> dict[str, Any]:
 def _latent(config: TrainingConfig) -> str:
     if config.latent is None:
         return ""
-    checkpoint = f"`{config.latent.checkpoint}` (SHA-256 {config.latent.sha256[:12]})"
+    checkpoint = f"{markdown(config.latent.checkpoint)} (SHA-256 {config.latent.sha256[:12]})"
     if config.latent.use == "scratch":
         return (
             f"The encoder has the architecture and input scales of {checkpoint}, but random weights to begin with.\n\n"

@@ -27,6 +27,7 @@ from svfl_data.claims import INFLIGHT, NEXT
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode, Meta
 from svfl_data.journal import SUFFIX
+from svfl_data.printable import say
 from svfl_data.repair import repair_dataset
 from svfl_data.store import write_episode
 from svfl_data.writer import EpisodeWriter
@@ -251,7 +252,7 @@ class Session:
 
     def _say(self, message: str) -> None:
         self._message = message
-        print(message, flush=True)
+        say(message)
 
     @contextmanager
     def _signals(self) -> Iterator[None]:

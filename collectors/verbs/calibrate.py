@@ -6,6 +6,7 @@ from pathlib import Path
 
 from collectors.verbs.options import between
 from svfl_data.cli import Commands, natural
+from svfl_data.printable import say
 
 DOUBTFUL_PX, WRONG_PX = 1.0, 5.0  # root mean square reprojection error
 CAUSES = "another board's file, poses of other pictures, wrong intrinsics, or a bent tag"
@@ -96,16 +97,16 @@ def run(arguments: argparse.Namespace) -> None:
         estimate = from_known_board if arguments.board_poses else from_hand_held_board
         result = estimate(views, [poses[one.name] for one in views], source.intrinsics)
     for name, error in result.errors.items():
-        print(f"  {name:<28} {error:6.2f} px")
-    print(f"board seen in {len(views)} of {len(found)} pictures; error {result.error:.2f} px (root mean square)")
+        say(f"  {name:<28} {error:6.2f} px")
+    say(f"board seen in {len(views)} of {len(found)} pictures; error {result.error:.2f} px (root mean square)")
     if not result.error <= WRONG_PX:  # nor if it is none
         raise CollectError(f"error {result.error:.1f} px: {CAUSES}; nothing is written")
     if result.error > DOUBTFUL_PX:
-        print(f"  that is much: {CAUSES}")
+        say(f"  that is much: {CAUSES}")
     place, turn = result.position_deviation * 1e3, np.degrees(result.rotation_deviation)
     where = result.T_base_camera[:3, 3]
-    print(f"camera at x, y, z = {where[0]:.4f}, {where[1]:.4f}, {where[2]:.4f} m")
-    print(f"  standard deviation {place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f} mm, turn {turn.max():.3f} deg")
+    say(f"camera at x, y, z = {where[0]:.4f}, {where[1]:.4f}, {where[2]:.4f} m")
+    say(f"  standard deviation {place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f} mm, turn {turn.max():.3f} deg")
     residuals = {
         "pictures": result.errors,
         "error_px": result.error,
@@ -116,7 +117,7 @@ def run(arguments: argparse.Namespace) -> None:
         source.intrinsics, result.T_base_camera, image_axes(result.T_base_camera), source.depth_scale
     )
     write_calibration(arguments.out, arguments.camera, calibration, residuals)
-    print(f"{arguments.out}: camera {arguments.camera}")
+    say(f"{arguments.out}: camera {arguments.camera}")
 
 
 def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:

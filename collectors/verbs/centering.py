@@ -5,6 +5,7 @@ import time
 
 from collectors.verbs.options import add_collection, add_world, between, engine, world
 from svfl_data.cli import Commands, positive
+from svfl_data.printable import say
 
 
 def add(commands: Commands) -> None:
@@ -44,5 +45,5 @@ def run(arguments: argparse.Namespace) -> None:
     seconds = time.perf_counter() - start
     if done:
         rate = sum(finished.steps for finished in done) / seconds
-        print(f"collected {len(done)} samples in {seconds:.0f} s ({rate:.0f} steps/s)")
-    print(summary(dataset))
+        say(f"collected {len(done)} samples in {seconds:.0f} s ({rate:.0f} steps/s)")
+    say(*summary(dataset))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from collectors.tasks import PAPER, TASKS
 from collectors.verbs.options import add_collection, add_world, between, engine, world
 from svfl_data.cli import Commands, positive
+from svfl_data.printable import say
 
 if TYPE_CHECKING:  # at run time only when collecting: the command line itself loads no simulation
     from collectors.expert import ExpertCollector
@@ -98,7 +99,7 @@ def run(arguments: argparse.Namespace) -> None:
                 arguments.keep_failures,
                 progress,
             )
-    print(*map(summary, datasets.values()), sep="\n")
+    say(*map(summary, datasets.values()))
 
 
 def _kind(tags: bool) -> type[ExpertCollector]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from collectors.tasks import TASKS
 from collectors.verbs.options import add_collection, add_world, engine, world
 from svfl_data.cli import Commands, positive
+from svfl_data.printable import say
 
 
 def add(commands: Commands) -> None:
@@ -38,4 +39,4 @@ def run(arguments: argparse.Namespace) -> None:
     _ = collector.policy  # what is wrong with it is said before a folder is begun
     dataset = Dataset.create_or_resume(arguments.out, arguments.task, arguments.seed, collector.config())
     collect_dataset(dataset, arguments.episodes, arguments.workers, watched(arguments, collector), where)
-    print(summary(dataset))
+    say(summary(dataset))

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from svfl_data.cli import Commands, natural
+from svfl_data.printable import say
 
 
 def add(commands: Commands) -> None:
@@ -35,11 +36,11 @@ def run(arguments: argparse.Namespace) -> None:
     found = replay(episode)
     for path, difference in found.differences.items():
         field = field_at(path)
-        print(f"  {difference:<10.3g} {path}" + (f" [{field.unit}]" if field else ""))
+        say(f"  {difference:<10.3g} {path}" + (f" [{field.unit}]" if field else ""))
     versions = ", ".join(f"{name} {recorded}, here {here}" for name, (recorded, here) in found.versions.items())
     recorded_with = f"; recorded with {versions}" if versions else ""
     if found.exact:
-        print(f"{episode.name}: exact, {len(episode)} steps{recorded_with}")
+        say(f"{episode.name}: exact, {len(episode)} steps{recorded_with}")
         return
     differing = [f"{path} by {value:.3g}" for path, value in found.differences.items() if value]
     scene = [] if found.scene else ["another scene is drawn"]

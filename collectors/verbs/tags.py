@@ -5,6 +5,7 @@ from pathlib import Path
 
 from collectors.verbs.options import between
 from svfl_data.cli import Commands, natural, positive
+from svfl_data.printable import say
 
 SIZE_MM = 30.0  # of a tag
 
@@ -75,10 +76,10 @@ def run(arguments: argparse.Namespace) -> None:
     else:
         pages = tag_pages(family, list(range(first, first + arguments.count)), size, paper)
     for file in write(pages, out):
-        print(f"{file}: {paper}, {family}, tags of {size:g} mm")
+        say(f"{file}: {paper}, {family}, tags of {size:g} mm")
     if layout:
         layout.write(out.with_suffix(".json"))
-        print(f"{out.with_suffix('.json')}: where its {len(layout.tags)} tags are")
+        say(f"{out.with_suffix('.json')}: where its {len(layout.tags)} tags are")
 
 
 def _grid(text: str) -> tuple[int, int]:

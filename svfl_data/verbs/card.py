@@ -6,6 +6,7 @@ from pathlib import Path
 from svfl_data.cli import Commands
 from svfl_data.dataset import Dataset
 from svfl_data.errors import UsageError
+from svfl_data.printable import say
 from svfl_data.verbs.source import add_dataset
 
 
@@ -31,4 +32,4 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_data.card import write_card
 
     files = write_card(Dataset.open(arguments.path), out)
-    print("wrote " + ", ".join(map(str, files)))
+    say("wrote " + ", ".join(map(str, files)))

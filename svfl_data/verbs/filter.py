@@ -15,6 +15,7 @@ from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode
 from svfl_data.errors import UsageError
 from svfl_data.merge import choose
+from svfl_data.printable import say
 from svfl_data.verbs.source import add_allowances, left_out_words, yes_no
 
 OPERATORS: dict[str, Callable[[Any, Any], bool]] = {
@@ -106,4 +107,4 @@ def run(arguments: argparse.Namespace) -> None:
         arguments.varies,
         arguments.once,
     )
-    print(f"{arguments.destination}: {count} episodes{left_out_words(left_out)}")
+    say(f"{arguments.destination}: {count} episodes{left_out_words(left_out)}")

@@ -80,7 +80,7 @@ def dataset_words(dataset: Dataset, found: Summary, software: dict[str, str], st
         *_some("damaged", list(found.damaged.values())),
         *_some("no name", [f"{name}: not counted; an episode is named like episode_000012.hdf5" for name in strays]),
     ]
-    return "\n".join(lines)
+    return "\n".join(map(printable, lines))
 
 
 def _some(head: str, words: list[str]) -> list[str]:
@@ -145,7 +145,7 @@ def episode_words(episode: EpisodeReader) -> str:
     lines += [f"  transform {printable(record)}" for record in meta.transforms]
     lines += [f"  mark      {_mark_words(one)}" for one in meta.annotations]
     lines += [f"  history   {printable(one.get('time', ''), 40)} {printable(one['tool'])}" for one in meta.history]
-    return "\n".join([repr(episode), *lines])
+    return "\n".join([repr(episode), *map(printable, lines)])
 
 
 def _mark_words(one: dict[str, Any]) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 from svfl_data.cli import Commands
 from svfl_data.dataset import Dataset
 from svfl_data.merge import merge
+from svfl_data.printable import say
 from svfl_data.verbs.source import add_allowances, left_out_words
 
 
@@ -30,4 +31,4 @@ def run(arguments: argparse.Namespace) -> None:
     """Merge."""
     sources = [Dataset.open(source) for source in arguments.sources]
     count, left_out = merge(sources, arguments.destination, arguments.varies, arguments.once)
-    print(f"{arguments.destination}: {count} episodes from {len(sources)} datasets{left_out_words(left_out)}")
+    say(f"{arguments.destination}: {count} episodes from {len(sources)} datasets{left_out_words(left_out)}")

@@ -6,6 +6,7 @@ from pathlib import Path
 from svfl_data import pack
 from svfl_data.cli import Commands, positive
 from svfl_data.dataset import Dataset
+from svfl_data.printable import say
 from svfl_data.verbs.source import add_dataset
 
 MEGABYTE = 10**6
@@ -41,10 +42,10 @@ def add(commands: Commands) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Pack."""
     target = pack.pack(Dataset.open(arguments.path), arguments.out, arguments.shard_mb * MEGABYTE)
-    print(f"{arguments.out}: {len(target)} episodes in {len(list(target.path.glob('shard_*')))} shards")
+    say(f"{arguments.out}: {len(target)} episodes in {len(list(target.path.glob('shard_*')))} shards")
 
 
 def run_unpack(arguments: argparse.Namespace) -> None:
     """Unpack."""
     target = pack.unpack(Dataset.open(arguments.path), arguments.out)
-    print(f"{arguments.out}: {len(target)} episodes in files of their own")
+    say(f"{arguments.out}: {len(target)} episodes in files of their own")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from svfl_data.cli import Commands
 from svfl_data.errors import UsageError
+from svfl_data.printable import say
 from svfl_data.verbs.source import add_episode, add_path, read
 
 
@@ -30,4 +31,4 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_data import plot
 
     plot.save(read(arguments.path, arguments.episode), arguments.out)
-    print(f"wrote {arguments.out}")
+    say(f"wrote {arguments.out}")

@@ -10,6 +10,7 @@ from svfl_data.contact import ContactRule
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import UsageError
+from svfl_data.printable import say
 from svfl_data.progress import progress
 from svfl_data.transforms import Gravity, LowPass, Tare
 from svfl_data.verbs.source import add_episode, add_path, is_episode, yes_no
@@ -84,7 +85,7 @@ def run(arguments: argparse.Namespace) -> None:
     if is_episode(arguments.path):
         _refuse(arguments.episode is not None, "--episode chooses from a dataset folder")
         relabel.relabel_file(arguments.path, change)
-        print(f"{arguments.path}: relabelled")
+        say(f"{arguments.path}: relabelled")
         return
     dataset = Dataset.open(arguments.path)
     if arguments.episode is None:
@@ -92,7 +93,7 @@ def run(arguments: argparse.Namespace) -> None:
     dataset.clear()
     indices: Sequence[int] = dataset.indices if arguments.episode is None else [arguments.episode]
     changed = sum(bool(relabel.relabel(dataset, index, change)) for index in progress(indices, "relabelling"))
-    print(f"{arguments.path}: {changed} of {len(indices)} episodes changed")
+    say(f"{arguments.path}: {changed} of {len(indices)} episodes changed")
 
 
 def _changes(arguments: argparse.Namespace) -> list[relabel.Change]:

@@ -5,6 +5,7 @@ import dataclasses
 
 from svfl_data.cli import Commands
 from svfl_data.errors import SvflError
+from svfl_data.printable import say
 from svfl_data.repair import RepairAction, repair_dataset, repair_exit_code
 from svfl_data.verbs.source import add_dataset, add_json, print_json
 
@@ -40,9 +41,9 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.json:
         print_json([dataclasses.asdict(action) | {"path": str(action.path)} for action in actions])
     elif actions:
-        print(*(f"{action.done}: {action.path}: {action.detail}" for action in actions), sep="\n")
+        say(*(f"{action.done}: {action.path}: {action.detail}" for action in actions))
     else:
-        print(f"{arguments.path}: in order, nothing to do")
+        say(f"{arguments.path}: in order, nothing to do")
     if code := repair_exit_code(actions):
         problem = LossError(_loss_words(arguments, actions))
         problem.exit_code = code

@@ -102,5 +102,5 @@ def yes_no(text: str) -> bool:
 
 
 def print_json(value: Any) -> None:  # noqa: ANN401 - any JSON value
-    """Print a value for a machine to read."""
-    print(json.dumps(value, indent=2, ensure_ascii=False))
+    """Print a value for a machine to read; what is not ASCII, and so may be no harmless text, as escapes."""
+    print(json.dumps(value, indent=2))

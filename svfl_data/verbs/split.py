@@ -4,6 +4,7 @@ import argparse
 
 from svfl_data.cli import Commands, natural
 from svfl_data.dataset import Dataset
+from svfl_data.printable import say
 from svfl_data.split import check_no_copies, split_episodes
 from svfl_data.verbs.source import add_dataset, add_json, print_json
 
@@ -56,4 +57,4 @@ def run(arguments: argparse.Namespace) -> None:
         print_json({"file": str(file), "sha256": split.sha256, "seed": split.seed, "parts": split.parts})
     else:
         parts = ", ".join(f"{part} {len(indices)}" for part, indices in split.parts.items())
-        print(f"{file}: {parts} episodes, seed {split.seed}, sha256 {split.sha256[:12]}")
+        say(f"{file}: {parts} episodes, seed {split.seed}, sha256 {split.sha256[:12]}")

@@ -6,6 +6,7 @@ import dataclasses
 from svfl_data.cli import Commands
 from svfl_data.dataset import Dataset
 from svfl_data.fields import field_at
+from svfl_data.printable import say
 from svfl_data.split import load_split
 from svfl_data.statistics import TRAIN, FieldStatistics, compute_statistics, save_statistics
 from svfl_data.verbs.source import add_dataset, add_json, print_json
@@ -37,10 +38,10 @@ def run(arguments: argparse.Namespace) -> None:
         fields = {path: dataclasses.asdict(field) for path, field in found.items()}
         print_json({"file": str(file), "split_sha256": split.sha256, "fields": fields})
         return
-    print(f"{file}: {len(split[TRAIN])} training episodes")
+    say(f"{file}: {len(split[TRAIN])} training episodes")
     for path, field in found.items():
-        print(f"{path}, {field.count} rows [{field.unit}]")
-        print(*_rows(path, field), sep="\n")
+        say(f"{path}, {field.count} rows [{field.unit}]")
+        say(*_rows(path, field))
 
 
 def _rows(path: str, field: FieldStatistics) -> list[str]:

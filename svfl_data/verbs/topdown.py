@@ -10,6 +10,7 @@ from svfl_data.atomically import write_atomically
 from svfl_data.cli import Commands, natural, positive
 from svfl_data.episode import Episode
 from svfl_data.errors import UsageError
+from svfl_data.printable import printable, say
 from svfl_data.top_view import SIZE
 from svfl_data.topdown import TopDown, latest_frame, topdown
 from svfl_data.verbs.source import add_episode, add_path, read
@@ -48,7 +49,7 @@ def run(arguments: argparse.Namespace) -> None:
     step = len(episode) if arguments.step is None else arguments.step
     seen = topdown(episode, step, size=arguments.size)
     write_atomically(arguments.out, png(_figure(episode, step, seen)))
-    print(f"wrote {arguments.out}: {(seen.depth > 0).mean():.1%} of the square was seen")
+    say(f"wrote {arguments.out}: {(seen.depth > 0).mean():.1%} of the square was seen")
 
 
 def _figure(episode: Episode, step: int, seen: TopDown) -> "Figure":
@@ -61,7 +62,7 @@ def _figure(episode: Episode, step: int, seen: TopDown) -> "Figure":
     axes = figure.subplots(1, len(frames) + 2, squeeze=False)[0]
     for axis, (camera, row) in zip(axes, frames, strict=False):
         axis.imshow(camera.color[row])
-        axis.set_title(f"camera {camera.name}", fontsize=9, parse_math=False)
+        axis.set_title(printable(f"camera {camera.name}", 60), fontsize=9, parse_math=False)
         axis.set_axis_off()
     view, edge = seen.view, 500 * seen.view.extent
     tcp = view.pixel(episode.proprio[step, 1:3])[::-1] + 0.5  # (right, down) from the corner, px
@@ -79,7 +80,7 @@ def _figure(episode: Episode, step: int, seen: TopDown) -> "Figure":
         )
         axis.title.set_fontsize(9)
     figure.suptitle(
-        f"{episode.meta.task}, episode {episode.meta.index}, step {step} of {len(episode)}: "
+        f"{printable(episode.meta.task)}, episode {episode.meta.index}, step {step} of {len(episode)}: "
         f"{view.metres_per_pixel * 1e3:.1f} mm per pixel; + TCP; pink: hidden from the cameras",
         fontsize=10, parse_math=False,  # a dollar sign in a name is a dollar sign
     )  # fmt: skip

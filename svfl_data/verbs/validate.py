@@ -9,6 +9,7 @@ from svfl_data.checks import Finding, check_dataset, check_file
 from svfl_data.cli import Commands
 from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError
+from svfl_data.printable import say
 from svfl_data.progress import progress
 from svfl_data.verbs.source import add_json, add_path, is_episode, print_json
 
@@ -40,7 +41,7 @@ def run(arguments: argparse.Namespace) -> None:
     for found in lists:
         findings += found
         if not arguments.json:
-            print(*found, sep="\n", end="\n" if found else "")
+            say(*found)
     kinds = Counter(finding.severity for finding in findings)
     if arguments.json:
         totals = {"episodes": count, "errors": kinds["error"], "warnings": kinds["warning"], "notes": kinds["note"]}
@@ -49,7 +50,7 @@ def run(arguments: argparse.Namespace) -> None:
     if kinds["error"]:
         raise DatasetError(f"{arguments.path}: {summary} in {_counted(count, 'episode')}")
     if not arguments.json:
-        print(f"{arguments.path}: {_counted(count, 'episode')}, {summary}, {_counted(kinds['note'], 'note')}")
+        say(f"{arguments.path}: {_counted(count, 'episode')}, {summary}, {_counted(kinds['note'], 'note')}")
 
 
 def _checked(arguments: argparse.Namespace) -> tuple[int, Iterable[list[Finding]] | Iterator[list[Finding]]]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from svfl_data.cli import Commands, natural, positive
 from svfl_data.dataset import Dataset
 from svfl_data.errors import UsageError
+from svfl_data.printable import say
 from svfl_data.reader import EpisodeReader
 from svfl_data.verbs.source import add_path, is_episode, reader
 
@@ -73,8 +74,8 @@ def run(arguments: argparse.Namespace) -> None:
         content = show.content(_episodes(arguments), arguments.urdf)
     if arguments.save:
         show.save(content, arguments.save)
-        print(f"viewer file {arguments.save}")
-        print(f"open it     {show.command_to_open(arguments.save)}")
+        say(f"viewer file {arguments.save}")
+        say(f"open it     {show.command_to_open(arguments.save)}")
     elif arguments.web:
         show.serve(content, arguments.bind, arguments.port)
     else:

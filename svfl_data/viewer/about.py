@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from svfl_data.printable import markdown
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer.opinion import Opinion
 from svfl_data.viewer.scene import METRES_PER_NEWTON, METRES_PER_NEWTON_METRE
@@ -19,8 +20,8 @@ def about(shown: Shown, peak: float, opinion: Opinion | None = None) -> str:
     """
     meta, t_ns, tare = shown.meta, shown[TIMES], shown[TARE]
     seconds = (t_ns[-1] - t_ns[0]) / 1e9
-    versions = ", ".join(f"{name} {version}" for name, version in meta.software.items())
-    lines = [f"{len(shown)} steps, {seconds:.2f} s; source {meta.source}, seed {meta.seed}."]
+    versions = ", ".join(markdown(f"{name} {version}") for name, version in meta.software.items())
+    lines = [f"{len(shown)} steps, {seconds:.2f} s; source {markdown(meta.source)}, seed {meta.seed}."]
     if "labels/offset" in shown:
         dx, dy = shown["labels/offset"] * 1e3
         direction = DIRECTIONS[int(shown["labels/direction"])]
@@ -40,16 +41,16 @@ def about(shown: Shown, peak: float, opinion: Opinion | None = None) -> str:
     ]
     if "streams/object/pose" in shown and "streams/object/half_extents" not in shown:
         lines.append("**Object** (blue): size not recorded, drawn as a 5 cm cube.")
-    title = f"**{meta.task}, episode {meta.index}: {'success' if meta.success else 'no success'}**; "
+    title = f"**{markdown(meta.task)}, episode {meta.index}: {'success' if meta.success else 'no success'}**; "
     return title + lines.pop(0) + "\n\n" + "\n".join(f"- {line}" for line in lines)
 
 
 def _opinion_words(shown: Shown, opinion: Opinion) -> str:
     if opinion.probabilities is None:
         outlined = "; outlined: the part of the picture that it sees" if opinion.crop is not None else ""
-        return f"{opinion.name}; its actions (pale) are beside the commanded ones{outlined}."
+        return f"{markdown(opinion.name)}; its actions (pale) are beside the commanded ones{outlined}."
     last = opinion.probabilities[-1]
-    words = f"{opinion.name}; at the last step **{DIRECTIONS[int(last.argmax())]}** with {last.max():.1%}."
+    words = f"{markdown(opinion.name)}; at the last step **{DIRECTIONS[int(last.argmax())]}** with {last.max():.1%}."
     if "labels/direction" in shown:
         words += f" The true direction has {last[int(shown['labels/direction'])]:.1%}."
     return words

@@ -6,6 +6,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from svfl_data.printable import printable
 from svfl_data.symmetry import element
 from svfl_data.viewer import names
 from svfl_data.viewer.images import camera_entity, crop_range
@@ -65,7 +66,7 @@ def _window(content: rrb.Container) -> rrb.Blueprint:
 
 
 def _title(shown: Shown) -> str:
-    return f"{shown.meta.task} {shown.meta.index}"
+    return printable(f"{shown.meta.task} {shown.meta.index}")
 
 
 def _page(shown: Shown, summary: Summary, opinion: Opinion | None) -> rrb.Container:
@@ -124,9 +125,11 @@ def _pictures(shown: Shown, opinion: Opinion | None) -> list[rrb.View]:
         entity = camera_entity(shown.root, camera)
         outline = "seen" if opinion is not None and opinion.crop is not None and opinion.camera == camera else "crop"
         contents = ["$origin/color", f"$origin/{outline}", "$origin/predicted", "$origin/true"]
-        views.append(rrb.Spatial2DView(origin=entity, contents=contents, name=f"{camera}: colour"))
+        views.append(rrb.Spatial2DView(origin=entity, contents=contents, name=printable(f"{camera}: colour")))
         if f"cameras/{camera}/depth" in shown:
-            views.append(rrb.Spatial2DView(origin=entity, contents=["$origin/depth"], name=f"{camera}: depth, m"))
+            views.append(
+                rrb.Spatial2DView(origin=entity, contents=["$origin/depth"], name=printable(f"{camera}: depth, m"))
+            )
     if opinion is not None and opinion.seen is not None:
         views.append(rrb.Spatial2DView(origin=f"{shown.root}{names.OPINION}/seen", name="What the network sees"))
     elif shown.cameras:

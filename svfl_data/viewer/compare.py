@@ -9,6 +9,7 @@ import rerun.blueprint as rrb
 
 from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError
+from svfl_data.printable import markdown, printable
 from svfl_data.progress import progress
 from svfl_data.viewer.names import AXES, FORCE
 from svfl_data.viewer.recording import RULE
@@ -45,7 +46,7 @@ class Loads:
             DatasetError: If it has no readings.
         """
         norms, peaks = [], []
-        for index in progress(dataset.indices, f"forces of {dataset.path}"):
+        for index in progress(dataset.indices, printable(f"forces of {dataset.path}")):
             pieces = list(Shown.of(dataset.episode(index)).readings(RULE))
             norms += [np.linalg.norm(piece.wrench.reshape(-1, 2, 3), axis=2) for piece in pieces]
             peaks.append(max((float(piece.size.max()) for piece in pieces), default=0.0))
@@ -60,7 +61,7 @@ def content(first: Dataset, second: Dataset) -> Callable[[rr.RecordingStream], N
     loads = (Loads.of(first), Loads.of(second))
 
     def log(recording: rr.RecordingStream) -> None:
-        recording.send_recording_name(f"forces: {loads[0].name} and {loads[1].name}")
+        recording.send_recording_name(printable(f"forces: {loads[0].name} and {loads[1].name}"))
         views = []
         for path, words, values in (
             ("force", "Force of a reading, N", [load.force for load in loads]),
@@ -76,7 +77,7 @@ def content(first: Dataset, second: Dataset) -> Callable[[rr.RecordingStream], N
                 recording.log(f"compare/{path}/{'ab'[number]}", bars, static=True)
             views.append(
                 [
-                    rrb.BarChartView(origin=f"compare/{path}/{'ab'[number]}", name=f"{words}: {load.name}")
+                    rrb.BarChartView(origin=f"compare/{path}/{'ab'[number]}", name=printable(f"{words}: {load.name}"))
                     for number, load in enumerate(loads)
                 ]
             )
@@ -126,7 +127,7 @@ def table(loads: tuple[Loads, Loads]) -> str:
     for load in loads:
         force = " | ".join(f"{value:.1f}" for value in np.quantile(load.force, QUANTILES))
         torque = " | ".join(f"{value:.2f}" for value in np.quantile(load.torque, QUANTILES))
-        lines.append(f"| {load.name} | {len(load.peak)} | {len(load.force)} | {force} | {torque} |")
+        lines.append(f"| {markdown(load.name)} | {len(load.peak)} | {len(load.force)} | {force} | {torque} |")
     first, second = loads
     lines += [
         "",

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from svfl_data.printable import printable
 from svfl_data.viewer import names
 from svfl_data.viewer.names import AXES, FORCE, LABEL, PALE_AXES, TORQUE, WHITE, send
 from svfl_data.viewer.shown import Readings
@@ -131,5 +132,5 @@ def send_marks(
         t_ns = np.array([(start, max(start, end - 1), end) for start, end in spans]).reshape(-1)
         values = np.tile([level, level, np.nan], len(spans))  # NaN lifts the pen
         path = f"{root}{names.MARKS}/{rr.escape_entity_path_part(name)}"
-        recording.log(path, rr.SeriesLines(names=[name], colors=[color], widths=7.0), static=True)
+        recording.log(path, rr.SeriesLines(names=[printable(name)], colors=[color], widths=7.0), static=True)
         send_curve(recording, path, t_ns, values[:, None])

@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 
 from svfl_data.contact import CONTACT, ContactRule, contact_intervals
+from svfl_data.printable import printable
 from svfl_data.progress import progress
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer import images, names, plots, scene
@@ -147,7 +148,7 @@ def _log_camera(recording: rr.RecordingStream, shown: Shown, camera: str) -> Non
     small = int(np.prod(color.shape)) > EXACT_BYTES
     depth = shown.arrays.get(f"{group}/depth")
     pieces = range(0, rows, FRAMES_AT_ONCE)
-    for first in progress(pieces, f"pictures of {camera}") if small else pieces:
+    for first in progress(pieces, printable(f"pictures of {camera}")) if small else pieces:
         piece = slice(first, min(first + FRAMES_AT_ONCE, rows))
         images.send_color(recording, entity, clock[piece], np.asarray(color[piece]), small)
         if depth is not None:

@@ -17,6 +17,7 @@ import rerun as rr
 
 from svfl_data.atomically import named_aside
 from svfl_data.errors import SvflError
+from svfl_data.printable import printable, say
 from svfl_data.viewer import blueprint
 from svfl_data.viewer.names import APPLICATION
 from svfl_data.viewer.opinion import Opinion
@@ -46,7 +47,7 @@ def content(episodes: Sequence[tuple[Shown, Opinion | None]], urdf: Path | None 
 
     def log(recording: rr.RecordingStream) -> None:
         metas = [shown.meta for shown, _ in episodes]
-        recording.send_recording_name(f"{metas[0].task} {', '.join(str(meta.index) for meta in metas)}")
+        recording.send_recording_name(printable(f"{metas[0].task} {', '.join(str(meta.index) for meta in metas)}"))
         pages = [(shown, log_episode(recording, shown, opinion, urdf), opinion) for shown, opinion in episodes]
         recording.send_blueprint(blueprint.one(*pages[0]) if len(pages) == 1 else blueprint.side_by_side(pages))
 
@@ -77,7 +78,7 @@ def _record(shown: Content, part: Path) -> None:
     """
     recording = rr.RecordingStream(APPLICATION)
     try:
-        recording.save(part)
+        recording.save(os.fsencode(part).decode("utf-8", "surrogateescape"))  # Rerun knows no other encoding
         shown(recording)
         recording.flush()
     except RuntimeError as error:
@@ -164,7 +165,7 @@ def serve(shown: Content, bind: str = LOOPBACK, port: int = 9090) -> None:
     with tempfile.TemporaryDirectory(prefix="svfl-view-") as folder:
         file = Path(folder) / "episode.rrd"
         save(shown, file)
-        print(web_address(bind, port), "(Ctrl-C ends it)", flush=True)
+        say(f"{web_address(bind, port)} (Ctrl-C ends it)")
         ports = ["--web-viewer-port", str(port), "--port", str(port + 1)]
         _run(["--serve-web", "--bind", bind, *ports, str(file)], "choose another one with --port")
 

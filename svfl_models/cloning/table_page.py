@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from svfl_data.printable import markdown as escaped
 from svfl_models import run_folder
 from svfl_models.cloning.table import GROUPS, Rate, Run
 from svfl_models.experiments.figures import MODEL_COLOURS, panels, save
@@ -60,10 +61,10 @@ def _success(table: Table) -> str:
         for count in table.counts:
             rates = {model: table.rate(task, count, model) for model in GROUPS}
             for model, rate in rates.items():
-                rows.append([task, count, NAMES[model], *_rate_words(rate)])
+                rows.append([escaped(task), count, NAMES[model], *_rate_words(rate)])
             if all(rates.values()) and count == table.counts[-1]:
                 svfl, cnn = (rates[model].share for model in GROUPS)  # type: ignore[union-attr] # all are there
-                verdicts.append(f"{task} {svfl - cnn:+.0%}".replace("%", " points"))
+                verdicts.append(f"{escaped(task)} {svfl - cnn:+.0%}".replace("%", " points"))
     header = ["task", "demonstrations", "network", "success", "95 % interval", "each seed"]
     return (
         f"{markdown(header, rows)}\n\nEach policy was tried in {table.trials} scenes that no demonstration has, the "

@@ -6,6 +6,7 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from svfl_data.printable import printable
 from svfl_models.experiments.worker import Job
 
 DAY_S = 86400.0
@@ -28,7 +29,7 @@ class Bar:
             TextColumn("runs {task.fields[done]}"),
             BarColumn(),
             TimeRemainingColumn(),
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
         )
         # By default the speed is that of the last 30 s, in which no run may have ended.
         self.bar = Progress(*columns, console=console, transient=True, speed_estimate_period=DAY_S)
@@ -51,9 +52,12 @@ class Bar:
             words: How it went.
         """
         self.done += 1
-        self.bar.update(self.task, advance=self.costs[name], done=self._done(), description=f"{name}: {words}")
+        self.bar.update(
+            self.task, advance=self.costs[name], done=self._done(), description=printable(f"{name}: {words}")
+        )
         if not self.console.is_terminal:
-            self.console.print(f"{self._done()} {name}: {words}", highlight=False, soft_wrap=True)
+            said = printable(f"{self._done()} {name}: {words}")
+            self.console.print(said, highlight=False, markup=False, soft_wrap=True)
 
     def _done(self) -> str:
         return f"{self.done}/{self.total}"

@@ -14,6 +14,7 @@ from rich.console import Console
 from svfl_data.centering import sample_of
 from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError
+from svfl_data.printable import say
 from svfl_models.config import USES, Latent, TrainingConfig
 from svfl_models.experiments import page
 from svfl_models.experiments.folder import RUNS, claimed, describe
@@ -92,9 +93,9 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
         if arguments.docs:
             with storage_errors(arguments.docs):
                 publish(name, out, pictures, arguments.docs)
-    print(words)
+    say(*words.split("\n"))
     for file in (out / f"{name}.md", *pictures, out / SUMMARY, out / "runs.csv"):
-        print(file)
+        say(file)
     grid.raise_failures()
 
 

@@ -9,6 +9,7 @@ from rich.console import Console
 from torch.utils.data import DataLoader
 
 from svfl_data.errors import TrainingError
+from svfl_data.printable import printable
 from svfl_models import run_folder
 from svfl_models.fitting import run, storage_errors
 from svfl_models.latent.checkpoint import load_latent, read_latent
@@ -160,4 +161,4 @@ def _announce(config: LatentConfig, train: Sequences, valid: Sequences, console:
     if short := train.left_out + valid.left_out:
         lines.append(f"{short} episodes have fewer than {config.sequence} steps and are left out")
     for line in lines:
-        console.print(line, highlight=False)
+        console.print(printable(line), highlight=False, markup=False)

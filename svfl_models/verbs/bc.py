@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from svfl_data.cli import Commands, natural, positive
+from svfl_data.printable import say
 from svfl_models.cloning.config import ENCODERS, LOSSES, VIEWS, CloningConfig
 from svfl_models.config import IMAGE_SIZES, MODELS
 from svfl_models.groups import GROUPS
@@ -65,11 +66,11 @@ def run(arguments: argparse.Namespace) -> None:
 
     result = train.train_cloning(config, out)
     (learned, held_out), (steps, _) = result.episodes, result.steps
-    print(f"learned {steps} steps of {learned} episodes of {config.data}; on {held_out} held-out ones:")
-    print(
+    say(f"learned {steps} steps of {learned} episodes of {config.data}; on {held_out} held-out ones:")
+    say(
         f"gripper wrong in {result.valid_gripper:.1%}, (dx, dy) {result.valid_xy_mm:.1f} mm off, "
         f"dz {result.valid_z_mm:.1f} mm, dtheta {result.valid_turn_deg:.1f} deg"
     )
-    print(f"{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training")
-    print(f"checkpoint  {out / run_folder.CHECKPOINT}")
-    print(f"try it      svfl-train evaluate {out / run_folder.CHECKPOINT}")
+    say(f"{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training")
+    say(f"checkpoint  {out / run_folder.CHECKPOINT}")
+    say(f"try it      svfl-train evaluate {out / run_folder.CHECKPOINT}")

@@ -5,6 +5,7 @@ import shlex
 from pathlib import Path
 
 from svfl_data.cli import Commands, positive
+from svfl_data.printable import say
 from svfl_models.cloning.config import ENCODERS, VIEWS, CloningConfig
 from svfl_models.presets import PRESETS
 
@@ -76,8 +77,7 @@ def run(arguments: argparse.Namespace) -> None:
                 arguments.docs.mkdir(parents=True, exist_ok=True)
                 for file in files:
                     copy_file(file, arguments.docs / (file.name if file.name != "runs.csv" else "bc_table.csv"))
-    print(words)
-    print(*files, sep="\n")
+    say(*words.split("\n"), *files)
     grid.raise_failures()
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from svfl_data.centering import VIEWS
 from svfl_data.cli import Commands, natural, positive
 from svfl_data.errors import UsageError
+from svfl_data.printable import say
 from svfl_models.config import ENCODERS, IMAGE_SIZES, MODELS, TARGETS, TORQUES, USES, Latent, TrainingConfig
 from svfl_models.groups import GROUPS
 from svfl_models.verbs.options import DEFAULT, add_data, add_recipe, group_of, positive_number
@@ -67,15 +68,15 @@ def run(arguments: argparse.Namespace) -> None:
 
     result = train.train_centering(config, out, fresh)
     figure = paper.centering_words(config.encoder, config.model, config.train_samples)
-    print(f"{report.cell_name(config)}: test accuracy {result.test_accuracy:.1%} (paper: {figure})")
+    say(f"{report.cell_name(config)}: test accuracy {result.test_accuracy:.1%} (paper: {figure})")
     if result.fresh_accuracy is not None:
-        print(f"on the samples of {fresh}: {result.fresh_accuracy:.1%}")
+        say(f"on the samples of {fresh}: {result.fresh_accuracy:.1%}")
     if result.offset_error_mm is not None:
-        print(f"predicted offsets are {result.offset_error_mm:.1f} mm off on average")
-    print(f"{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training")
-    print(f"data        {config.data}")
-    print(f"checkpoint  {out / run_folder.CHECKPOINT}")
-    print(f"report      {out / run_folder.REPORT}")
+        say(f"predicted offsets are {result.offset_error_mm:.1f} mm off on average")
+    say(f"{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training")
+    say(f"data        {config.data}")
+    say(f"checkpoint  {out / run_folder.CHECKPOINT}")
+    say(f"report      {out / run_folder.REPORT}")
 
 
 def _network(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from svfl_data.cli import Commands, positive
+from svfl_data.printable import say
 from svfl_models.groups import GROUPS
 
 EXAMPLE = """\
@@ -47,7 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
     group = GROUPS[arguments.group] if arguments.group else None
     rows = check.check(module, samples, config, group, arguments.precision)
 
-    print(f"{arguments.checkpoint}: group {config.group}, {len(samples)} episodes of {arguments.data}")
+    say(f"{arguments.checkpoint}: group {config.group}, {len(samples)} episodes of {arguments.data}")
     table = Table()
     for heading in ("element", "expected", "output error", "hidden error", "accuracy"):
         table.add_column(heading, justify="left" if heading in ("element", "expected") else "right", no_wrap=True)

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from svfl_data.cli import Commands, natural, positive
+from svfl_data.printable import say
 from svfl_models.run_folder import EVALUATION
 
 EXAMPLE = "svfl-train evaluate out/bc_picking/checkpoint.ckpt --episodes 100 --workers 2"
@@ -31,4 +32,4 @@ def run(arguments: argparse.Namespace) -> None:
 
     found = evaluate(arguments.checkpoint, arguments.episodes, arguments.seed, arguments.workers)
     found.save(arguments.out or arguments.checkpoint.with_name(EVALUATION))
-    print(found)
+    say(found)

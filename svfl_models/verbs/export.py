@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from svfl_data.cli import Commands
+from svfl_data.printable import say
 
 EXAMPLE = """\
 svfl-train export out/centering/checkpoint.ckpt --out out/centering/classifier.pt2
@@ -33,9 +34,9 @@ def run(arguments: argparse.Namespace) -> None:
 
     if is_policy(arguments.checkpoint):
         difference = acting.export(load_policy(arguments.checkpoint), arguments.out)
-        print(f"{arguments.out}: actions differ from the network's by {difference:.1g} of their bounds, at most")
+        say(f"{arguments.out}: actions differ from the network's by {difference:.1g} of their bounds, at most")
         return
     save = export.saver(arguments.out)
     module = checkpoint.load_centering(arguments.checkpoint)
     difference = save(module.classifier, arguments.out, checkpoint.configuration(module).view)
-    print(f"{arguments.out}: outputs differ from the network's by {difference:.1g} of the largest output, at most")
+    say(f"{arguments.out}: outputs differ from the network's by {difference:.1g} of the largest output, at most")

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from svfl_data.cli import Commands, natural, positive
+from svfl_data.printable import say
 from svfl_models.latent.config import MODELS, PRESETS, LatentConfig
 from svfl_models.verbs.options import positive_number
 
@@ -61,8 +62,8 @@ def run(arguments: argparse.Namespace) -> None:
 
     result = train.train_latent(config, out, resume)
     parts = ", ".join(f"{name} {count:,}" for name, count in result.parameters.items())
-    print(f"{sum(result.parameters.values()):,} parameters: {parts}")
-    print(f"{result.steps} steps, {result.seconds:.0f} s; loss {result.last['train_loss']:.4g}, ", end="")
-    print(f"on held-out episodes {result.last['valid_loss']:.4g}")
-    print(f"checkpoint  {out / run_folder.CHECKPOINT}")
-    print(f"metrics     {out / run_folder.METRICS}")
+    say(f"{sum(result.parameters.values()):,} parameters: {parts}")
+    losses = f"loss {result.last['train_loss']:.4g}, on held-out episodes {result.last['valid_loss']:.4g}"
+    say(f"{result.steps} steps, {result.seconds:.0f} s; {losses}")
+    say(f"checkpoint  {out / run_folder.CHECKPOINT}")
+    say(f"metrics     {out / run_folder.METRICS}")

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from svfl_data.cli import Commands, natural, positive
+from svfl_data.printable import say
 
 EXAMPLE = """\
 svfl-train latent-eval out/latent_poe/checkpoint.ckpt
@@ -46,11 +47,11 @@ def run(arguments: argparse.Namespace) -> None:
             arguments.checkpoint, arguments.data, arguments.episodes, arguments.seed, lambda stage: status.update(stage)
         )
     files = report.write(out, found, album)
-    print(f"{found.model} after {found.steps} steps, on {found.episodes} {found.of}")
+    say(f"{found.model} after {found.steps} steps, on {found.episodes} {found.of}")
     rows = compact(found)
     width = max(len(name) for name, _ in rows) + 2
     for name, words in rows:
-        print(f"{name:<{width}}{words}")
+        say(f"{name:<{width}}{words}")
     for line in found.left_out:
-        print(f"not judged: {line}")
-    print(f"report  {files[0]}")
+        say(f"not judged: {line}")
+    say(f"report  {files[0]}")

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from svfl_data.errors import StorageError
+from svfl_data.printable import markdown
 from svfl_models.latent.evaluation import figures
 from svfl_models.latent.evaluation.results import Album, Evaluation
 from svfl_models.latent.evaluation.tables import tables
@@ -51,12 +52,12 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
 
 def page(found: Evaluation, pictures: list[Path]) -> str:
     """The evaluation in Markdown."""
-    left_out = "".join(f"- Not judged: {line}.\n" for line in found.left_out)
+    left_out = "".join(f"- Not judged: {markdown(line)}.\n" for line in found.left_out)
     shown = "\n".join(f"![{path.stem}]({path.name})" for path in pictures)
     return f"""# What {found.model} is worth after {found.steps:,} steps
 
-- Checkpoint: `{found.checkpoint}`.
-- Judged: {found.episodes} {found.of}; {found.frames} frames, each episode followed from its first.
+- Checkpoint: {markdown(found.checkpoint)}.
+- Judged: {found.episodes} {markdown(found.of)}; {found.frames} frames, each episode followed from its first.
 {left_out}
 {shown}
 
