@@ -1,5 +1,6 @@
 """The output folder of a training run: claimed for one configuration, never silently shared by two."""
 
+import errno
 import fcntl
 import json
 import os
@@ -8,10 +9,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from svfl_data.atomically import NO_LOCKS, clear_leftovers
 from svfl_data.errors import StorageError, TrainingError
+from svfl_data.leftovers import clear_leftovers
 from svfl_models.writing import write_json
 
+NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
+"""What a file system without locks answers."""
 CONFIG = "config.json"
 CHECKPOINT = "checkpoint.ckpt"
 METRICS = "metrics.csv"

@@ -64,7 +64,7 @@ class Journaled(OwnProcess):
         """Write down the true values that go with the last observation, and hand them on."""
         if OBJECT in values:
             self._writer.append("streams/object", t_ns=self._t_ns, pose=values[OBJECT][None])
-        others = {name: value[None] for name, value in values.items() if name != OBJECT}
+        others: dict[str, Any] = {name: value[None] for name, value in values.items() if name != OBJECT}
         if others:
             self._writer.append("extra/state", **others)
         return values
