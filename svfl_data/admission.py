@@ -23,7 +23,8 @@ NUMBERS_EXPANSION, NUMBERS_FREE = 2.0, 2**26
 """Of the declared arrays that are no images, which are read whole: factor of the file's size, and bytes beside it."""
 EXPANSION, FREE = 200.0, 2**28
 """Of all arrays."""
-CHUNK = 2**26  # bytes of a chunk, such as one image
+CHUNK = 2**26
+"""Bytes of a chunk, such as one image, beside the factor of numbers."""
 DTYPE = re.compile(r"[<>|][biufcS][0-9]{1,5}")
 
 
@@ -110,8 +111,13 @@ class Description:
         whole = one.chunk_rows * dtype.itemsize * math.prod(shape[1:])
         if not shape or one.chunk_rows < 1 or whole < 1 or one.chunks != -(-shape[0] // one.chunk_rows):
             raise self._refused(one.path, "is described wrongly")
-        if whole > CHUNK:
-            raise self._refused(one.path, f"has chunks of {whole} bytes; possible are {CHUNK}")
+        factor = expansion()
+        allowed = int(CHUNK + (NUMBERS_EXPANSION if factor is None else factor) * size)
+        if whole > allowed:
+            raise self._refused(
+                one.path,
+                f"has chunks of {whole} bytes, {allowed} are allowed for a file of {size}; {_way_on(whole, size)}",
+            )
         offset, length, applied = table.T
         plain = np.full(one.chunks, whole)
         if not applied[-1]:
@@ -136,8 +142,7 @@ class Description:
                 largest = max(counts, key=lambda path: counts[path])
                 raise FormatError(
                     f"{self._extent}: its {what} would take {sum(counts.values())} bytes of memory (most of them "
-                    f"{largest}), {allowed} are allowed for a file of {size}; if you trust it, set {VARIABLE} to "
-                    f"{math.ceil(sum(counts.values()) / max(1, size))}"
+                    f"{largest}), {allowed} are allowed for a file of {size}; {_way_on(sum(counts.values()), size)}"
                 )
 
     def _refused(self, path: str, why: str) -> FormatError:
@@ -148,6 +153,10 @@ def _bytes(placement: Placement) -> int:
     """Memory that an array takes, with what its last chunk has beyond the last row."""
     rows = len(placement.chunks) * placement.chunk_rows if len(placement.chunks) else math.prod(placement.shape[:1])
     return rows * placement.row_bytes
+
+
+def _way_on(needed: int, size: int) -> str:
+    return f"if you trust it, set {VARIABLE} to {math.ceil(needed / max(1, size))}"
 
 
 def expansion() -> float | None:

@@ -16,7 +16,9 @@ Size = int | str
 CAMERA = "{camera}"
 """Stands in a path for the name of a camera, of which an episode may have any number."""
 EXTRA = "extra/"
-"""Arrays below this group are the user's own: any name, shape and dtype, kept by every tool."""
+"""Arrays below this group are the user's own: any name and shape, kept by every tool."""
+PLAIN_KINDS = "biufcS"
+"""NumPy's kinds of types that they may have: others have no bytes of their own, or none that all software reads."""
 
 
 @dataclass(frozen=True)
@@ -209,10 +211,14 @@ def check_arrays(arrays: Mapping[str, np.ndarray], where: str) -> None:
         FieldError: If a field is missing or unknown, has a wrong dtype or shape, disagrees with another field about
             a size, or holds NaN or infinity.
     """
-    for path in arrays:
+    for path, array in arrays.items():
         if field_at(path) is None and not path.startswith(EXTRA):
             known = ", ".join(field.path for field in FIELDS)
             raise FieldError(f"{where}: unknown field {path!r}; an episode has {known} and anything below {EXTRA}")
+        if path.startswith(EXTRA) and array.dtype.kind not in PLAIN_KINDS:
+            raise FieldError(
+                f"{where}: {path} has dtype {array.dtype}; possible are numbers, booleans and byte strings"
+            )
     sizes = _check_group({field.path: field for field in OF_EPISODE.values()}, arrays, where)
     rows, actions = sizes["N+1"][0], sizes["N"][0]
     if rows != actions + 1:

@@ -10,6 +10,7 @@ import functools
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from svfl_data.chunks import Extent, pread
 from svfl_data.damage import damaged_arrays
@@ -185,7 +186,9 @@ def _named(file: Path) -> Extent:
 
 def _loaded(extent: Extent, found: Header, images: bool) -> Episode:
     stored = {path: StoredArray(path, extent, placement) for path, placement in found.placements.items()}
-    arrays = {path: array if not images and _may_be_large(path) else array[()] for path, array in stored.items()}
+    arrays: dict[str, Any] = {  # a `StoredArray` gives rows as an array does
+        path: array if not images and _may_be_large(path) else array[()] for path, array in stored.items()
+    }
     return Episode(parse_meta(found.attributes, extent), arrays, name=str(extent))
 
 

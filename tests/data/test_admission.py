@@ -20,7 +20,8 @@ from svfl_data import examination, header_cache
 from svfl_data.admission import VARIABLE
 from svfl_data.chunks import Extent
 from svfl_data.dataset import Dataset
-from svfl_data.errors import FormatError, SvflError, UsageError
+from svfl_data.episode import Episode
+from svfl_data.errors import FieldError, FormatError, SvflError, UsageError
 from svfl_data.header import forget, header, know_own
 from svfl_data.reader import EpisodeReader, read_episode, read_unsealed
 from svfl_data.seal import SEAL_SIZE, seal
@@ -608,6 +609,12 @@ def test_the_cache_drops_its_oldest(tmp_path, monkeypatch):
         write_episode(make_episode(number), tmp_path / f"{number}.hdf5")
         header(Extent.of_file(tmp_path / f"{number}.hdf5"))
     assert len(list((tmp_path / "cache" / "headers").iterdir())) <= 4
+
+
+@pytest.mark.parametrize("array", [np.zeros(2, "f4,i4"), np.array(["a", None]), np.array(["text"])])
+def test_nothing_is_written_that_could_not_be_read(array):
+    with pytest.raises(FieldError, match=r"extra/own has dtype .*numbers, booleans and byte strings"):
+        Episode(make_episode().meta, make_episode().arrays | {"extra/own": array})
 
 
 def test_an_own_file_needs_no_examiner(file, monkeypatch):
