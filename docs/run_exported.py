@@ -37,7 +37,7 @@ def load_program(path: Path) -> tuple[Network, dict[str, Any]]:
 
 
 def load_onnx(path: Path) -> tuple[Network, dict[str, Any]]:
-    """An ``.onnx`` file, with nothing but onnxruntime."""
+    """An ``.onnx`` file, with nothing but onnxruntime, which reads no data from outside the file's folder."""
     import onnxruntime
 
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
@@ -66,7 +66,10 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True, help="dataset folder")
     parser.add_argument("--episode", type=int, default=0, help="its number")
     options = parser.parse_args()
-    network, facts = (load_onnx if options.network.suffix == ".onnx" else load_program)(options.network)
+    try:
+        network, facts = (load_onnx if options.network.suffix == ".onnx" else load_program)(options.network)
+    except Exception as error:  # whatever the libraries raise for a file that is none
+        parser.error(f"{options.network}: {' '.join(str(error).split())}")
 
     # The samples come in the units and axes that the facts name: vectors in image-aligned axes, depth in metres.
     shapes = {name: one["shape"] for name, one in facts["inputs"].items()}

@@ -215,6 +215,36 @@ def test_ctrl_c_keeps_finished_runs(datasets, quick, monkeypatch, tmp_path, caps
     assert first.items() <= written(tmp_path / "out").items()
 
 
+@pytest.mark.parametrize("kind", ["nothing", "empty", "unlabelled"])
+def test_wrong_fresh_samples_are_told_before_a_folder_is_claimed(kind, datasets, quick, tmp_path, capsys):
+    wrong = tmp_path / "wrong"
+    if kind != "nothing":
+        Dataset.create_or_resume(wrong, "picking", 0, {})
+    if kind == "unlabelled":
+        episode = make_episode(0, steps=3, size=76)
+        labels = [name for name in episode.arrays if name.startswith("labels/")]
+        arrays = {name: values for name, values in episode.arrays.items() if name not in labels}
+        write_episode(replace(episode, arrays=arrays), wrong / Dataset.file_name(0))
+    few = (*datasets[:2], "--seeds", 1, "--train-samples", 8, "--out", tmp_path / "out")
+    assert run("table", *few, "--fresh", wrong) == 1
+    said = capsys.readouterr().err
+    assert str(wrong) in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+    assert run("table", *few, *datasets[2:]) == 0
+
+
+def test_a_folder_in_which_nothing_came_of_it_can_be_taken_again(datasets, quick, tmp_path, capsys):
+    quick(pretend.train_in_vain)
+    few = (*datasets, "--seeds", 1, "--train-samples", 8, "--out", tmp_path / "out")
+    assert run("table", *few, "--learning-rate", 9) == 1
+    quick(pretend.train)
+    assert run("table", *few) == 0
+    capsys.readouterr()
+    assert run("table", *few, "--learning-rate", 9) == 1
+    assert "holds runs with learning_rate = 0.001, now 9.0" in capsys.readouterr().err
+
+
 def test_too_few_samples_are_told_before_anything_begins(datasets, tmp_path, capsys):
     assert run("table", *datasets, "--out", tmp_path / "out") == 1
     assert "has 24 samples; 8 for testing and 100 for training are 108" in capsys.readouterr().err

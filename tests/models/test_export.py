@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import onnx
 import onnxruntime
 import pytest
 import torch
@@ -200,6 +201,31 @@ def test_the_command_says_how_exact_the_file_is(samples, tmp_path, capsys):
     checkpoint = write(untrained(samples, encoder="f")[0], tmp_path / "checkpoint.ckpt")
     assert cli.main(["export", str(checkpoint), "--out", str(tmp_path / "network.pt2")]) == 0
     assert f"{tmp_path / 'network.pt2'}: outputs differ from the network's by" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("place", ["../secret", "/etc/passwd", "link", "absolute"])
+def test_an_onnx_file_reads_nothing_outside_its_folder(place, dataset, tmp_path):
+    """Weights can be kept in other files; of those that lie elsewhere, nothing is read."""
+    folder, secret = tmp_path / "folder", tmp_path / "secret"
+    folder.mkdir()
+    secret.write_bytes(b"SECRET" * 100)
+    (folder / "link").symlink_to(secret)
+    outside = onnx.TensorProto(name="w", data_type=onnx.TensorProto.UINT8, dims=[16])
+    outside.data_location = onnx.TensorProto.EXTERNAL
+    location = str(secret) if place == "absolute" else place
+    outside.external_data.append(onnx.StringStringEntryProto(key="location", value=location))
+    given = onnx.helper.make_tensor_value_info("scores", onnx.TensorProto.UINT8, [16])
+    graph = onnx.helper.make_graph([onnx.helper.make_node("Identity", ["w"], ["scores"])], "g", [], [given], [outside])
+    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 18)], ir_version=9)
+    (folder / "model.onnx").write_bytes(model.SerializeToString())
+    with pytest.raises(onnx.checker.ValidationError):
+        onnx.load(folder / "model.onnx")
+    arguments = [sys.executable, str(SCRIPT), str(folder / "model.onnx"), "--data", str(dataset)]
+    done = subprocess.run(arguments, capture_output=True, text=True, cwd=SCRIPT.parents[1])
+    assert done.returncode == 2
+    assert "External data path validation failed" in done.stderr.splitlines()[-1]
+    assert "SECRET" not in done.stdout + done.stderr
+    assert "root:" not in done.stdout + done.stderr
 
 
 def test_the_example_runs_without_the_networks(dataset, exported, tmp_path):
