@@ -21,11 +21,14 @@ from svfl_data.errors import DatasetError, FieldError, StorageError, UsageError
 from svfl_data.fields import EXTRA, field_at
 from svfl_data.growth import Growth, check_constants
 from svfl_data.held_folder import HeldFolder
-from svfl_data.journal import JournalWriter, read_journal
+from svfl_data.journal import LABEL_BYTES, JournalWriter, read_journal
 from svfl_data.own_process import OwnProcess
 from svfl_data.recording_log import RecordingLog
 from svfl_data.store import Rows
 from svfl_data.write_behind import WhenFull, WriteBehind
+
+META_BYTES = LABEL_BYTES // 2
+"""Metadata of an episode at most, as JSON; room is left for what its end adds."""
 
 
 class EpisodeWriter(OwnProcess):
@@ -397,6 +400,10 @@ class EpisodeWriter(OwnProcess):
             stored = json.loads(canonical_json(asdict(meta)))
         except (TypeError, ValueError) as error:
             raise FieldError(f"metadata of episode {meta.index} cannot be stored as JSON ({error})") from error
+        if (size := len(canonical_json(stored).encode())) > META_BYTES:
+            raise FieldError(
+                f"metadata of episode {meta.index} take {size} bytes of JSON, at most {META_BYTES} are stored"
+            )
         if type(stored["index"]) is not int or type(stored["seed"]) is not int or type(stored["success"]) is not bool:
             raise FieldError("metadata: index and seed must be integers, success must be true or false")
 
