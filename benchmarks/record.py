@@ -92,7 +92,8 @@ def record(folder: Path, minutes: float, size: tuple[int, int], noise: bool) -> 
     print(
         f"| {minutes:g} | {'noise' if noise else 'smooth'} | {times.mean():.3f} | {1000 * cpu / steps:.3f} "
         f"| {np.percentile(times, 99):.2f} | {times.max():.0f} | {recorded - before:.0f} | {memory_mb() - before:.0f} "
-        f"| {journal / 2**20:.0f} | {path.stat().st_size / 2**20:.0f} | {sealing:.1f} | {sealing / (60 * minutes):.3f} |",
+        f"| {journal / 2**20:.0f} | {path.stat().st_size / 2**20:.0f} | {sealing:.1f} "
+        f"| {sealing / (60 * minutes):.3f} |",
         flush=True,
     )
 
