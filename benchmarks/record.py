@@ -1,6 +1,7 @@
 """What recording costs: time per step, and memory for an hour-long episode.
 
     .venv/bin/python benchmarks/record.py --minutes 1 60
+    .venv/bin/python benchmarks/record.py --minutes 0.25 --size 480 640
 
 A step at 20 Hz: 25 wrench readings at 500 Hz, joints, one observation, one action and one RGB-D frame. It is appended
 as fast as it goes, so an hour of readings arrives in minutes: a harder load for memory than the real hour, since the
@@ -44,18 +45,18 @@ def constants() -> dict[str, np.ndarray]:
     }
 
 
-def frames(rng: np.random.Generator, size: int, noise: bool) -> tuple[np.ndarray, np.ndarray]:
+def frames(rng: np.random.Generator, size: tuple[int, int], noise: bool) -> tuple[np.ndarray, np.ndarray]:
     """Ten RGB-D images: pure noise, or smooth with the noise of a real camera in the lowest bits."""
     if noise:
-        return rng.integers(0, 256, (10, size, size, 3), np.uint8), rng.integers(0, 2**16, (10, size, size), np.uint16)
-    y, x = np.mgrid[0:size, 0:size] / size
+        return rng.integers(0, 256, (10, *size, 3), np.uint8), rng.integers(0, 2**16, (10, *size), np.uint16)
+    y, x = np.mgrid[0 : size[0], 0 : size[1]] / size[0]
     shade = 120 + 80 * np.sin(5 * x) * np.cos(4 * y)
-    color = shade[None, :, :, None] + rng.normal(0, 1.5, (10, size, size, 3))
-    depth = 8000 + 2000 * y + rng.normal(0, 4, (10, size, size))
+    color = shade[None, :, :, None] + rng.normal(0, 1.5, (10, *size, 3))
+    depth = 8000 + 2000 * y + rng.normal(0, 4, (10, *size))
     return color.astype(np.uint8), depth.astype(np.uint16)
 
 
-def record(folder: Path, minutes: float, size: int, noise: bool) -> None:
+def record(folder: Path, minutes: float, size: tuple[int, int], noise: bool) -> None:
     """Record one episode and print a row of the table."""
     rng = np.random.default_rng(0)
     color, depth = frames(rng, size, noise)
@@ -91,7 +92,8 @@ def record(folder: Path, minutes: float, size: int, noise: bool) -> None:
     print(
         f"| {minutes:g} | {'noise' if noise else 'smooth'} | {times.mean():.3f} | {1000 * cpu / steps:.3f} "
         f"| {np.percentile(times, 99):.2f} | {times.max():.0f} | {recorded - before:.0f} | {memory_mb() - before:.0f} "
-        f"| {journal / 2**20:.0f} | {path.stat().st_size / 2**20:.0f} | {sealing:.1f} |",
+        f"| {journal / 2**20:.0f} | {path.stat().st_size / 2**20:.0f} | {sealing:.1f} "
+        f"| {sealing / (60 * minutes):.3f} |",
         flush=True,
     )
 
@@ -105,20 +107,20 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, nargs="+", default=[1, 10, 60])
-    parser.add_argument("--size", type=int, default=76, help="pixels along an image's edge")
+    parser.add_argument("--size", type=int, nargs=2, default=[76, 76], help="rows and columns of an image")
     parser.add_argument("--noise", action="store_true", help="images that cannot be compressed")
     parser.add_argument("--row", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.row:
         with tempfile.TemporaryDirectory() as folder:
-            record(Path(folder) / "recorded", arguments.minutes[0], arguments.size, arguments.noise)
+            record(Path(folder) / "recorded", arguments.minutes[0], tuple(arguments.size), arguments.noise)
         return
-    print(f"{platform.processor() or platform.machine()}, RGB-D {arguments.size} x {arguments.size}\n")
+    print(f"{platform.processor() or platform.machine()}, RGB-D {' x '.join(map(str, arguments.size))}\n")
     print("| minutes | images | ms per step | ms CPU per step | 99 %, ms | longest, ms | memory recording, MiB "
-          "| memory sealing, MiB | journal, MiB | file, MiB | sealing, s CPU |")  # fmt: skip
-    print("|" + " --- |" * 11, flush=True)
+          "| memory sealing, MiB | journal, MiB | file, MiB | sealing, s CPU | of a recorded second, s |")  # fmt: skip
+    print("|" + " --- |" * 12, flush=True)
     for minutes in arguments.minutes:
-        command = [sys.executable, __file__, "--row", "--minutes", str(minutes), "--size", str(arguments.size)]
+        command = [sys.executable, __file__, "--row", "--minutes", str(minutes), "--size", *map(str, arguments.size)]
         subprocess.run(command + ["--noise"] * arguments.noise, check=True)
 
 

@@ -20,7 +20,7 @@ COVERED = 0.9
 """Share of an episode that a stream must have readings of, apart from declared gaps."""
 STOPPED_NS = 1_000_000_000
 """Before the end of the episode that a stream may stop at most, [ns]."""
-SILENCE_PERIODS, SILENCE_NS = 10, 200_000_000
+SILENCE_PERIODS, SILENCE_NS = 10, 500_000_000
 """Time without a reading from which it counts as silence: so many periods, and no less than so many ns."""
 
 

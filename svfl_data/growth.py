@@ -1,8 +1,8 @@
 """What may be appended to an episode while it grows, and when it is whole.
 
 Everything is refused before a byte of it is stored: unknown or missing streams, wrong dtypes and shapes, streams of one
-clock that disagree about the number of rows, images that change their size, NaN. Timestamps are kept as they come:
-those that stand still or run backwards are the truth about a sensor, and ``svfl-data validate`` names them.
+clock that disagree about the number of rows, images that change their size, NaN. What time stamps may be is said in
+`svfl_data.clocks`.
 """
 
 from collections.abc import Mapping
@@ -11,9 +11,12 @@ import numpy as np
 
 from svfl_data.errors import FieldError
 from svfl_data.fields import CAMERA, EXTRA, FIELDS, Field, camera_names, check_array, check_arrays, field_at
+from svfl_data.printable import printable
 
 OWN_KINDS = "biufcS"
 """Kinds of NumPy dtypes that arrays below `EXTRA` may have: numbers, booleans, byte strings."""
+PATH_LENGTH, PATH_PARTS = 1000, 16
+"""Characters and parts of a dataset path at most."""
 
 
 def grows(field: Field) -> bool:
@@ -137,7 +140,16 @@ def _check_rows(path: str, array: np.ndarray, sizes: dict[str, tuple[int, str]])
         raise FieldError(f"{path}: {'is a constant' if field else 'unknown stream'}; {_known(path)}")
 
 
+def harmless(path: str) -> bool:
+    """Whether a dataset path can be the name of an array: no way up, nothing empty, nothing that cannot be printed."""
+    parts = path.split("/")
+    whole = all(part not in ("", ".", "..") for part in parts)
+    return whole and len(path) <= PATH_LENGTH and len(parts) <= PATH_PARTS and path.isprintable()
+
+
 def _check_own(path: str, array: np.ndarray) -> None:
+    if not harmless(path):
+        raise FieldError(f"{printable(path)}: not a name for an array; parts are printable, not empty and not . or ..")
     if array.dtype.kind not in OWN_KINDS:
         raise FieldError(f"{path} has dtype {array.dtype}; numbers, booleans and byte strings can be recorded")
 

@@ -30,7 +30,7 @@ import numpy as np
 from svfl_data.episode import Meta, canonical_json
 from svfl_data.errors import StorageError
 from svfl_data.fields import EXTRA, field_at
-from svfl_data.growth import OWN_KINDS, grows
+from svfl_data.growth import OWN_KINDS, grows, harmless
 from svfl_data.own_process import OwnProcess
 from svfl_data.sink import write_all
 
@@ -45,7 +45,8 @@ ARRAYS, WORDS = 1000, 10_000
 """Arrays of an episode, and declared gaps or faults, at most."""
 ROW_BYTES = 2**32
 """Size of a row at most."""
-DIMENSIONS, PATH_LENGTH = 16, 1000
+DIMENSIONS = 16
+"""Of an array at most."""
 SEARCHED, SEARCH_BLOCK = 8, 2**16
 """How often the size of the file is read at most while looking for intact records after damage; bytes read at once."""
 
@@ -389,17 +390,6 @@ def _fits(label: Label, content_size: int) -> bool:
         return False
     row = label.shape if label.constant else label.shape[1:]
     return prod(row) * dtype.itemsize <= ROW_BYTES and prod(label.shape) * dtype.itemsize == content_size
-
-
-def harmless(path: str) -> bool:
-    """Whether a dataset path can be the name of an array: no way up, nothing empty, nothing that cannot be printed."""
-    parts = path.split("/")
-    return (
-        len(path) <= PATH_LENGTH
-        and len(parts) <= DIMENSIONS
-        and path.isprintable()
-        and all(part not in ("", ".", "..") for part in parts)
-    )
 
 
 def _next_magic(descriptor: int, offset: int, size: int) -> int:

@@ -15,17 +15,20 @@ from svfl_data.agreement import Agreement
 from svfl_data.claims import build, claim, publish
 from svfl_data.clocks import Gap, Late, is_clock
 from svfl_data.dataset import Dataset
-from svfl_data.episode import Meta
+from svfl_data.episode import Meta, canonical_json
 from svfl_data.errors import DatasetError, FieldError, StorageError, UsageError
 from svfl_data.fields import EXTRA, field_at
 from svfl_data.growth import Growth, check_constants
 from svfl_data.held_folder import HeldFolder
-from svfl_data.journal import JournalWriter, read_journal
+from svfl_data.journal import LABEL_BYTES, JournalWriter, read_journal
 from svfl_data.metadata import checked_meta
 from svfl_data.own_process import OwnProcess
 from svfl_data.recording_log import RecordingLog
 from svfl_data.store import Rows
 from svfl_data.write_behind import WhenFull, WriteBehind
+
+META_BYTES = LABEL_BYTES // 2
+"""Metadata of an episode at most, as JSON; room is left for what its end adds."""
 
 
 class EpisodeWriter(OwnProcess):
@@ -382,7 +385,12 @@ class EpisodeWriter(OwnProcess):
     def _checked(self, meta: Meta) -> Meta:
         if meta.task not in str(self._dataset.info["task"]).split("+"):
             raise DatasetError(f"{self._dataset.path} is of task {self._dataset.info['task']!r}, not {meta.task!r}")
-        return checked_meta(meta)
+        meta = checked_meta(meta)
+        if (size := len(canonical_json(asdict(meta)).encode())) > META_BYTES:
+            raise FieldError(
+                f"metadata of episode {meta.index} take {size} bytes of JSON, at most {META_BYTES} are stored"
+            )
+        return meta
 
     def _check_open(self) -> None:
         self.check_process()

@@ -8,7 +8,9 @@ import h5py
 import numpy as np
 import pytest
 
+from svfl_data.__main__ import main
 from svfl_data.checks import check_episode
+from svfl_data.dataset import Dataset
 from svfl_data.fields import markdown_table
 from svfl_data.store import read_episode, write_episode
 from tests.builders import make_episode
@@ -58,7 +60,7 @@ def test_the_python_of_the_page_on_symmetry_runs(capsys):
     assert max(printed) < 1e-5
 
 
-def test_the_program_of_the_page_on_recording_writes_a_valid_episode(tmp_path, monkeypatch, capsys):
+def test_the_page_on_recording_can_be_followed_to_the_letter(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names: dict = {}
     for block in re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "recording.md").read_text(), re.M | re.S):
@@ -68,6 +70,13 @@ def test_the_program_of_the_page_on_recording_writes_a_valid_episode(tmp_path, m
     assert [one for one in check_episode(episode) if one.severity == "error"] == []
     assert len(episode.wrench) > 200
     assert names["in_base"](np.diag([1.0, -1.0, -1.0]), np.arange(6.0)).tolist() == [0, -1, -2, 3, -4, -5]
+    commands = re.findall(r"^    (svfl-.*)$", (ROOT / "docs" / "recording.md").read_text(), re.M)
+    assert len(commands) >= 5
+    for command in commands:  # one after the other, as they stand
+        monkeypatch.setattr("sys.argv", shlex.split(command, comments=True))
+        assert main() == 0, command
+    assert Dataset.open("data/good").indices == [0]
+    assert not Dataset.open("data/mine").read(0).meta.success
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page.suffix == ".md"], ids=lambda page: page.name)

@@ -169,6 +169,9 @@ def camera(rows=2, **changes):
         (("cameras/wrist", camera()[1]), "cameras/wrist: constant cameras/wrist/intrinsics is missing"),
         (("streams/joints", {"position": np.zeros((1, 9), np.float32)}), "streams/joints/t_ns is missing"),
         (("extra/own", {"a": np.zeros(2), "b": np.zeros(3)}), "expected 2 rows as extra/own/a"),
+        (("extra/../own", {"a": np.zeros(2)}), "not a name for an array"),
+        (("extra//own", {"a": np.zeros(2)}), "not a name for an array"),
+        (("extra/own", {"\x1b[2J": np.zeros(2)}), r"not a name for an array"),
         (("extra/own", {"a": np.array(["text"])}), "numbers, booleans and byte strings"),
         (("nowhere", {"a": np.zeros(2)}), "unknown stream"),
         (("actions", {}), "no rows were given"),
@@ -249,6 +252,8 @@ def test_a_recording_that_cannot_be_right_never_starts(dataset, tmp_path):
         EpisodeWriter(dataset, replace(episode.meta, task="pushing"), constants)
     with pytest.raises(FieldError, match="cannot be stored as JSON"):
         EpisodeWriter(dataset, replace(episode.meta, config={"gain": float("nan")}), constants)
+    with pytest.raises(FieldError, match=r"take \d+ bytes of JSON, at most \d+ are stored"):
+        EpisodeWriter(dataset, replace(episode.meta, config={"note": "x" * 2**22}), constants)
     with pytest.raises(FieldError, match="constant streams/wrench/tare is missing"):
         EpisodeWriter(dataset, episode.meta, {k: v for k, v in constants.items() if not k.endswith("tare")})
     with pytest.raises(FieldError, match="has rows, append it"):
