@@ -15,12 +15,13 @@ import numpy as np
 
 from svfl_data.atomically import write_atomically
 from svfl_data.claims import INFLIGHT, PART, build, claim, inflight, locked, publish, take_over
-from svfl_data.dataset import Dataset
+from svfl_data.dataset import Dataset, inner_folder
 from svfl_data.episode import Meta
 from svfl_data.errors import FormatError, SvflError
 from svfl_data.fields import CAMERA, FIELDS, camera_names, check_arrays
 from svfl_data.growth import grows
 from svfl_data.journal import SUFFIX, Journal, read_journal
+from svfl_data.regular_file import refuse_link
 from svfl_data.seal import check_seal, has_seal
 from svfl_data.store import Rows, read_unsealed, resealed_bytes
 
@@ -67,6 +68,7 @@ def repair_dataset(path: Path | str, reseal: bool = False) -> list[RepairAction]
     """
     dataset = Dataset.open(path)
     actions: list[RepairAction] = []
+    refuse_link(dataset.path / INFLIGHT)
     if (dataset.path / INFLIGHT).is_dir():
         for journal in sorted((dataset.path / INFLIGHT).glob(f"*{SUFFIX}")):
             actions += _finish(dataset, journal)
@@ -201,9 +203,8 @@ def _read(path: Path) -> None:
 
 def _set_aside(dataset: Dataset, path: Path, why: str) -> RepairAction:
     """Move a file to ``damaged/``, never over another one."""
-    folder = dataset.path / DAMAGED
+    folder = inner_folder(dataset.path, DAMAGED)
     with locked(inflight(dataset.path)):
-        folder.mkdir(exist_ok=True)
         copies = [path.name, *(f"{path.stem}.{number}{path.suffix}" for number in range(1, 10_000))]
         target = next(folder / name for name in copies if not (folder / name).exists())
         os.rename(path, target)
