@@ -22,6 +22,7 @@ from svfl_data.fields import FIELDS
 from svfl_data.index import Summary, entries, summary
 from svfl_data.printable import markdown
 from svfl_data.progress import progress
+from svfl_data.regular_file import refuse_link
 from svfl_data.split import FOLDER as SPLITS
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.transforms import processed_wrench
@@ -75,6 +76,8 @@ def write_card(dataset: Dataset, out: Path) -> list[Path]:
         raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
     facts = [episode_facts(dataset.read(entry.index)) for entry in progress(found, "reading episodes")]
     folder = out.parent / PICTURES.format(stem=out.stem)
+    refuse_link(folder)
+    refuse_link(out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

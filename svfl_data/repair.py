@@ -13,7 +13,7 @@ from pathlib import Path
 from svfl_data.atomically import write_atomically
 from svfl_data.claims import INFLIGHT, PART, build, claim, inflight, locked, publish, take_over
 from svfl_data.clocks import GAP
-from svfl_data.dataset import Dataset
+from svfl_data.dataset import Dataset, inner_folder
 from svfl_data.episode import Meta
 from svfl_data.errors import DatasetError, FieldError, FormatError, StorageError, SvflError
 from svfl_data.journal import SUFFIX, read_journal
@@ -194,10 +194,8 @@ def _read(path: Path) -> None:
 
 def _set_aside(dataset: Dataset, path: Path, why: str) -> RepairAction:
     """Move a file to ``damaged/``, never over another one."""
-    folder = dataset.path / DAMAGED
-    refuse_link(folder)
+    folder = inner_folder(dataset.path, DAMAGED)
     with locked(inflight(dataset.path)):
-        folder.mkdir(exist_ok=True)
         copies = [path.name, *(f"{path.stem}.{number}{path.suffix}" for number in range(1, 10_000))]
         target = next(folder / name for name in copies if not os.path.lexists(folder / name))
         os.rename(path, target)
