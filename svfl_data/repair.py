@@ -5,7 +5,6 @@ and running it twice changes nothing more.
 """
 
 import filecmp
-import multiprocessing
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,11 +20,9 @@ from svfl_data.printable import printable
 from svfl_data.regular_file import refuse_link
 from svfl_data.salvage import TOOL, Salvaged, salvage
 from svfl_data.seal import check_seal, has_seal
-from svfl_data.store import read_unsealed, resealed_bytes
+from svfl_data.store import resealed_bytes
 
 DAMAGED = "damaged"
-READ_SECONDS = 60.0
-"""Time to read a file whose seal is gone, in a process of its own: HDF5 may keep trying a damaged one for ever."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +106,7 @@ def _finish_journal(dataset: Dataset, path: Path, descriptor: int) -> RepairActi
         saved = salvage(journal, str(path))
     except FieldError as error:
         raise FieldError(f"too little was recorded for an episode, or what no episode may hold ({error})") from error
-    if saved.meta.task != dataset.info["task"]:
+    if saved.meta.task not in str(dataset.info["task"]).split("+"):
         raise DatasetError(f"is of task {saved.meta.task!r}, not of {dataset.info['task']!r} as the dataset")
     if path.name != f"episode_{saved.meta.index:06d}{SUFFIX}":
         raise DatasetError(f"says that it is of episode {saved.meta.index}")
@@ -167,29 +164,13 @@ def _check_file(dataset: Dataset, index: int, path: Path, reseal: bool) -> list[
         why = str(error).removeprefix(f"{path}: ")
     if not reseal or has_seal(path):
         return [_set_aside(dataset, path, why)]
-    if _in_time(path):
-        write_atomically(path, resealed_bytes(path, {"tool": "repair", "resealed": True}))
-        check_seal(path)
-        return [RepairAction(path, "resealed", f"holds a valid episode {index}", saved=True)]
-    return [_set_aside(dataset, path, f"{why}; what it holds is not a valid episode")]
-
-
-def _in_time(path: Path) -> bool:
-    """Whether an unsealed file holds a valid episode; HDF5 may crash or hang on it, so another process looks."""
-    process = multiprocessing.get_context("fork").Process(target=_read, args=(path,), daemon=True)
-    process.start()
-    process.join(READ_SECONDS)
-    if process.is_alive():
-        process.kill()
-        process.join()
-    return process.exitcode == 0
-
-
-def _read(path: Path) -> None:
     try:
-        read_unsealed(path)
-    except SvflError as error:
-        raise SystemExit(1) from error
+        content = resealed_bytes(path, {"tool": "repair", "resealed": True})
+    except SvflError:
+        return [_set_aside(dataset, path, f"{why}; what it holds is not a valid episode")]
+    write_atomically(path, content)
+    check_seal(path)
+    return [RepairAction(path, "resealed", f"holds a valid episode {index}", saved=True)]
 
 
 def _set_aside(dataset: Dataset, path: Path, why: str) -> RepairAction:
