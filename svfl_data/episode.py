@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from svfl_data.fields import CAMERA, OF_CAMERA, OF_EPISODE, camera_names, check_arrays
+from svfl_data.fields import CAMERA, OF_CAMERA, OF_EPISODE, camera_names
+from svfl_data.validity import check_arrays
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,9 @@ class Episode:
 
 def _array(owner: Episode | Camera, fields: dict[str, Any], name: str, where: str) -> np.ndarray:
     """Look an array up for ``__getattr__``, with an error that says what there is."""
+    failed = getattr(type(owner), name, None)
+    if isinstance(failed, property):  # Python asks here when a property lacks what it is made from; that is the error
+        return np.asarray(failed.__get__(owner))
     arrays = owner.__dict__.get("arrays", {})
     if name not in fields:
         raise AttributeError(f"{type(owner).__name__} has no {name!r}; it has {', '.join(fields)}")

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from svfl_data.errors import FieldError
-from svfl_data.fields import CAMERA, EXTRA, FIELDS, Field, camera_names, check_array, check_arrays, field_at
+from svfl_data.fields import CAMERA, EXTRA, FIELDS, Field, camera_names, field_at
+from svfl_data.validity import check_array, check_arrays
 
 OWN_KINDS = "biufcS"
 """Kinds of NumPy dtypes that arrays below `EXTRA` may have: numbers, booleans, byte strings."""
@@ -110,7 +111,7 @@ class Growth:
             for path, (dtype, row_shape) in columns.items()
             if path in rows
         }
-        check_arrays({**self._constants, **late, **streams}, where)
+        check_arrays({**self._constants, **late, **streams}, where, values=False)  # they were judged when they came
 
     def _check_group(self, group: str, columns: Mapping[str, object]) -> None:
         camera = group.partition("/")[2]

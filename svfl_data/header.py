@@ -15,9 +15,10 @@ import numpy as np
 from svfl_data.chunks import Extent, Placement, placement, pread
 from svfl_data.episode import Meta
 from svfl_data.errors import FormatError, SvflError
-from svfl_data.fields import EXTRA, check_arrays, field_at
+from svfl_data.fields import EXTRA, field_at
 from svfl_data.seal import HDF5_MAGIC, SEAL_MARK, SEAL_SIZE, broken
 from svfl_data.store import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, check_format, check_meaning
+from svfl_data.validity import check_arrays
 
 HEADERS_KEPT = 512
 
@@ -52,6 +53,7 @@ def header(extent: Extent) -> Header:
             attributes = dict(file.attrs)
             check_format(attributes, extent)
             placements = dict(_placements(h5py.h5g.open(file.id, b"/"), "", extent))
+        check_arrays({path: _Array(extent, descriptor, found) for path, found in placements.items()}, str(extent))
     except SvflError:
         raise
     except Exception as error:  # whole, but not as we write it: h5py raises nearly anything
@@ -59,8 +61,6 @@ def header(extent: Extent) -> Header:
         raise FormatError(f"{extent}: sealed, but not a readable episode ({reason})") from error
     finally:
         os.close(descriptor)
-    hollow = {path: np.broadcast_to(np.zeros((), found.dtype), found.shape) for path, found in placements.items()}
-    check_arrays(hollow, str(extent))
     return Header(digest, attributes, placements)
 
 
@@ -96,6 +96,30 @@ def read_meta(extent: Extent) -> Meta:
         return Meta(**values)
     except (KeyError, TypeError, ValueError) as error:
         raise FormatError(f"{extent}: sealed, but not a readable episode ({error})") from error
+
+
+@dataclass(frozen=True, eq=False)
+class _Array:
+    """An array of an episode that is being opened, for `validity`."""
+
+    extent: Extent
+    descriptor: int
+    placement: Placement
+
+    @property
+    def dtype(self) -> np.dtype:
+        return self.placement.dtype
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.placement.shape
+
+    def __getitem__(self, rows: slice) -> np.ndarray:
+        start, stop, _ = rows.indices(self.shape[0])
+        return self.placement.rows(self.extent, self.descriptor, start, stop)
+
+    def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> np.ndarray:
+        return np.asarray(self.placement.value, dtype=dtype)
 
 
 class _ExtentFile(io.RawIOBase):

@@ -18,11 +18,12 @@ from svfl_data.claims import INFLIGHT, PART, build, claim, inflight, locked, pub
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Meta
 from svfl_data.errors import FormatError, SvflError
-from svfl_data.fields import CAMERA, FIELDS, camera_names, check_arrays
+from svfl_data.fields import CAMERA, FIELDS, camera_names
 from svfl_data.growth import grows
 from svfl_data.journal import SUFFIX, Journal, read_journal
 from svfl_data.seal import check_seal, has_seal
 from svfl_data.store import Rows, read_unsealed, resealed_bytes
+from svfl_data.validity import check_arrays
 
 DAMAGED = "damaged"
 READ_SECONDS = 60.0
@@ -93,7 +94,7 @@ def _finish(dataset: Dataset, path: Path) -> list[RepairAction]:
             return [_set_aside(dataset, path, "not even its first record is intact")]
         arrays = _salvage(journal)
         try:
-            check_arrays({name: _shaped(array) for name, array in arrays.items()}, str(path))
+            check_arrays(arrays, str(path))
         except SvflError as error:
             return [_set_aside(dataset, path, f"too little was recorded for an episode ({error})")]
         action = _publish(dataset, _meta(journal, arrays), arrays)
@@ -208,8 +209,3 @@ def _set_aside(dataset: Dataset, path: Path, why: str) -> RepairAction:
         target = next(folder / name for name in copies if not (folder / name).exists())
         os.rename(path, target)
     return RepairAction(target, "quarantined", f"{path.name}: {why}", lost=True)
-
-
-def _shaped(array: Rows) -> np.ndarray:
-    """Stands for an array where only dtype and shape matter."""
-    return array if isinstance(array, np.ndarray) else np.broadcast_to(np.zeros((), array.dtype), array.shape)
