@@ -87,7 +87,8 @@ class Episode:
         """
         check_arrays(self.arrays, self.name)
         for array in self.arrays.values():
-            array.setflags(write=False)
+            if isinstance(array, np.ndarray):  # images may still lie on disk (`EpisodeReader.load`)
+                array.setflags(write=False)
 
     def __getattr__(self, name: str) -> np.ndarray:
         return _array(self, OF_EPISODE, name, self.__dict__.get("name", "episode"))

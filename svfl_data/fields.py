@@ -17,7 +17,7 @@ EXTRA = "extra/"
 LARGEST = 1e6
 """Bound of every declared number, in its unit. No arm, sensor or camera comes near it (the largest six-axis sensors
 measure 4e4 N), and the sum of a thousand million squares of it is still finite in float32."""
-FARTHEST_NS = 2**62
+FARTHEST_NS = 2**62 - 1
 """Bound of every time stamp, 146 years: the difference of two fits into int64, and Unix time does until 2116."""
 
 
@@ -206,6 +206,12 @@ def field_at(path: str) -> Field | None:
         _, _, leaf = rest.partition("/")
         path = f"cameras/{CAMERA}/{leaf}"
     return _BY_PATH.get(path)
+
+
+def is_image(path: str) -> bool:
+    """Whether a dataset holds pictures."""
+    field = field_at(path)
+    return field is not None and field.image
 
 
 def camera_names(paths: Iterable[str]) -> list[str]:

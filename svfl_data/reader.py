@@ -9,13 +9,14 @@ import functools
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from svfl_data.chunks import Extent, Placement, pread
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FieldError, FormatError
-from svfl_data.fields import EXTRA, camera_names, field_at
+from svfl_data.fields import EXTRA, camera_names, field_at, is_image
 from svfl_data.header import header, read_meta
 from svfl_data.seal import SEAL_MARK, SEAL_SIZE
 
@@ -163,14 +164,21 @@ class EpisodeReader:
                 rates[path] = (len(t_ns) - 1) * 1e9 / max(1, int(t_ns[-1] - t_ns[0]))
         return rates
 
-    def load(self) -> Episode:
-        """The whole episode in memory.
+    def load(self, images: bool = True) -> Episode:
+        """The episode in memory.
+
+        Args:
+            images: Whether to read the images now; otherwise each is read whenever it is asked for, by its row
+                (``camera.arrays["color"][3]``) or all at once (``camera.color``).
 
         Raises:
             FieldError: If a field does not fit its declaration.
             FormatError: If the file has changed or cannot be read.
         """
-        return Episode(self.meta, {path: np.array(self[path][()]) for path in self.paths}, name=str(self.extent))
+        arrays: dict[str, Any] = {
+            path: self[path] if not images and is_image(path) else np.array(self[path][()]) for path in self.paths
+        }
+        return Episode(self.meta, arrays, name=str(self.extent))
 
     def __getitem__(self, path: str) -> StoredArray:
         placements = header(self.extent).placements

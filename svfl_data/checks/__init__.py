@@ -1,45 +1,34 @@
 """What can be wrong with recorded data, as small functions that say so in words.
 
-A check takes an episode whose arrays fit their declaration and yields findings. That they fit, and that the file is
-whole, is checked when it is read; `check_file` turns what reading says into findings too.
+A check takes a valid episode (`svfl_data.validity`) and yields findings. That it is valid, and that the file is whole,
+is checked when it is read; `check_file` turns what reading says into findings too.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from svfl_data.checks.finding import Finding, Severity
-from svfl_data.checks.images import check_color, check_depth
-from svfl_data.checks.motion import check_action, check_label, check_poses, check_proprio, check_records
-from svfl_data.checks.timestamps import check_coverage, check_gaps, check_jitter, check_order
-from svfl_data.checks.wrench import check_saturation, check_stuck, check_tare
+from svfl_data.checks.judging import check_episode
+from svfl_data.checks.placing import check_alike, check_place
+from svfl_data.checks.usable import check_usable
 from svfl_data.claims import INFLIGHT
 from svfl_data.damage import damaged_arrays
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode
 from svfl_data.errors import FormatError, SvflError
 from svfl_data.journal import SUFFIX
-from svfl_data.store import read_episode
+from svfl_data.reader import EpisodeReader
 
-__all__ = ["CHECKS", "Finding", "Severity", "check_dataset", "check_episode", "check_file"]
-
-CHECKS: tuple[Callable[[Episode], Iterator[Finding]], ...] = (
-    check_order, check_gaps, check_jitter, check_coverage,
-    check_saturation, check_stuck, check_tare,
-    check_color, check_depth,
-    check_action, check_proprio, check_poses, check_label, check_records,
-)  # fmt: skip
-
-
-def check_episode(episode: Episode) -> list[Finding]:
-    """Everything the checks find in one episode."""
-    return [finding for check in CHECKS for finding in check(episode)]
+__all__ = ["Finding", "Severity", "check_dataset", "check_episode", "check_file", "check_usable"]
 
 
 def check_file(path: Path) -> list[Finding]:
     """Everything that is wrong with one episode file, from its seal to its content."""
     try:
-        return check_episode(read_episode(path))
+        if not path.is_file():
+            raise FormatError(f"{path}: {'is a folder, not an episode file' if path.is_dir() else 'no such file'}")
+        return check_episode(EpisodeReader.of_file(path).load(images=False))
     except SvflError as problem:
         return unreadable(str(path), problem)
 
@@ -52,12 +41,12 @@ def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
         name = str(dataset.episode_path(index))
         try:
             name = str(dataset.extent(index))
-            episode = dataset.read(index)
+            episode = dataset.episode(index).load(images=False)
         except SvflError as problem:
             yield unreadable(name, problem)
             continue
         first = first or episode
-        shared += [*_placed(dataset, index, episode), *_unlike(first, episode)]
+        shared += [*check_place(dataset, index), *check_alike(first, episode)]
         yield check_episode(episode)
     unfinished = sorted((dataset.path / INFLIGHT).glob(f"*{SUFFIX}"))
     if unfinished:
@@ -65,28 +54,6 @@ def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
         words = f"being written, or left by a writer that was stopped: {names}; if so, run svfl-data repair"
         shared.append(Finding(str(dataset.path), "", None, "note", words))
     yield shared
-
-
-def _placed(dataset: Dataset, index: int, episode: Episode) -> Iterator[Finding]:
-    """An episode is what its file's name and its dataset say."""
-    if episode.meta.index != index:
-        words = f"the file's number is {index}, the attribute says {episode.meta.index}"
-        yield Finding(episode.name, "index", None, "error", words)
-    if episode.meta.task not in str(dataset.info.get("task")).split("+"):
-        words = f"task {episode.meta.task!r} in a dataset of {dataset.info.get('task')!r}"
-        yield Finding(episode.name, "task", None, "warning", words)
-
-
-def _unlike(first: Episode, episode: Episode) -> Iterator[Finding]:
-    """Episodes of a dataset have the same streams and the same image sizes."""
-    for path in sorted(first.arrays.keys() ^ episode.arrays.keys()):
-        words = f"{'missing' if path in first.arrays else 'extra'}, compared with {Path(first.name).name}"
-        yield Finding(episode.name, path, None, "warning", words)
-    for path in first.arrays.keys() & episode.arrays.keys():
-        here, there = episode.arrays[path].shape[1:], first.arrays[path].shape[1:]
-        if path.startswith("cameras/") and here != there:
-            words = f"size {here}, but {there} in {Path(first.name).name}"
-            yield Finding(episode.name, path, None, "warning", words)
 
 
 def unreadable(name: str, problem: SvflError) -> list[Finding]:

@@ -11,10 +11,10 @@ from torch.utils.data import Dataset as TorchDataset
 
 from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError
-from svfl_data.samples import ACTION, PROPRIO, WRENCH, Samples
+from svfl_data.samples import ACTION, PROPRIO, WRENCH, Samples, apart
 from svfl_data.split import split_episodes
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
-from svfl_data.torch_samples import EpochSampler, as_it_is
+from svfl_data.torch_samples import EpochSampler, whole_batches
 from svfl_models.augmentation import MARGIN, recoloured
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.hand_view import JITTER, corners
@@ -65,9 +65,13 @@ class Demonstrations(TorchDataset[Batch]):
         """One step, without the batch dimension."""
         if key < 0:
             raise IndexError(f"no step {key}; there are {len(self)}, and again in every epoch")
-        return {name: values[0] for name, values in self.__getitems__([key]).items()}
+        return self.__getitems__([key])[0]
 
-    def __getitems__(self, keys: Sequence[int]) -> Batch:
+    def __getitems__(self, keys: Sequence[int]) -> list[Batch]:
+        """Many steps, one by one, as PyTorch's loaders ask for them."""
+        return apart(self.batch(keys), len(keys))
+
+    def batch(self, keys: Sequence[int]) -> Batch:
         """Many steps as one batch."""
         recorded = self.samples.batch(np.asarray(keys) % len(self))
         proprio = recorded[PROPRIO]
@@ -88,11 +92,11 @@ class Demonstrations(TorchDataset[Batch]):
     def loader(self, batch_size: int) -> DataLoader[Batch]:
         """Batches of all steps: in a new order in every epoch if the crops are random, else in their own."""
         order = EpochSampler(len(self), self.random, self.config.seed)
-        return DataLoader(self, batch_size, sampler=order, collate_fn=as_it_is)
+        return whole_batches(self, batch_size, order)
 
     def typical(self) -> Batch:
         """Steps from all over the episodes, at most `STATISTICS`, to take the scales of the inputs from."""
-        return self.__getitems__(np.linspace(0, len(self) - 1, min(len(self), STATISTICS)).astype(int).tolist())
+        return self.batch(np.linspace(0, len(self) - 1, min(len(self), STATISTICS)).astype(int).tolist())
 
     def _image(self, image: Tensor, proprio: Tensor) -> Tensor:
         size = self.config.image_size

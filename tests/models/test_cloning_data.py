@@ -34,7 +34,7 @@ def data_of(folder, **choices):
 
 def test_a_batch_is_what_was_known_and_what_was_done_then(folder):
     part = data_of(folder).valid_set
-    batch, row = part.__getitems__(list(range(len(part)))), 0
+    batch, row = part.batch(list(range(len(part)))), 0
     for index in part.samples.episodes:
         episode = Dataset.open(folder).read(index)
         for step in range(len(episode)):
@@ -61,7 +61,7 @@ def test_acting_sees_what_was_learned_from(folder, view):
     """What collectors give, in base axes, becomes what the network learned from, and its actions come back."""
     data = data_of(folder, view=view)
     part, policy = data.valid_set, Policy("vfp", "none", "wide", 8).eval()
-    batch, row = part.__getitems__(list(range(len(part)))), 0
+    batch, row = part.batch(list(range(len(part)))), 0
     free = ActingPolicy(policy, replace(data.workplace, switch=False), view).eval()
     with torch.no_grad():
         expected = act(IMAGE_AXES.T, policy(batch).mode.numpy(), ACTION_PARTS)
@@ -91,7 +91,7 @@ def test_the_hand_is_in_the_middle(tmp_path):
     folder = write(tmp_path / "marked", [changed(episode, proprio=proprio, color=color, **camera)] * 4)
     data = data_of(folder, view="hand", episodes=4)
     for part, off in ((data.valid_set, 0), (data.train_set, JITTER)):
-        image = part.__getitems__(list(range(len(part))))["image"][:, :3].mean(dim=1).flatten(1)
+        image = part.batch(list(range(len(part))))["image"][:, :3].mean(dim=1).flatten(1)
         places = image.argmax(dim=1)
         assert (image.amax(dim=1) > image.median(dim=1).values).all()
         assert (torch.stack([places // 8, places % 8]) - 3.5).abs().max() <= 0.5 + off
@@ -117,11 +117,11 @@ def test_what_is_random_depends_on_seed_epoch_and_step_only(folder):
     keys, count = [3, 4, 5], len(first)
     torch.rand(1)
     state = torch.get_rng_state()
-    image = first.__getitems__(keys)["image"]
+    image = first.batch(keys)["image"]
     assert torch.equal(torch.get_rng_state(), state)
-    assert torch.equal(image, again.__getitems__(keys)["image"])
-    assert not torch.equal(image, first.__getitems__([key + count for key in keys])["image"])
-    assert not torch.equal(image, data_of(folder, seed=1).train_set.__getitems__(keys)["image"])
+    assert torch.equal(image, again.batch(keys)["image"])
+    assert not torch.equal(image, first.batch([key + count for key in keys])["image"])
+    assert not torch.equal(image, data_of(folder, seed=1).train_set.batch(keys)["image"])
     epochs = [[batch["action"] for batch in loader] for loader in (again.loader(4), first.loader(4)) for _ in range(2)]
     assert all(torch.equal(a, b) for a, b in zip(epochs[0], epochs[2], strict=True))
     assert not torch.equal(torch.cat(epochs[0]), torch.cat(epochs[1]))
@@ -131,14 +131,14 @@ def test_the_switch_leaves_the_papers_crops(folder):
     """Without augmentation every image is a part of the recorded one."""
     part, keys = data_of(folder, augment=False).train_set, list(range(8))
     recorded = part.samples.batch(keys)["cameras/front/color"][:, 0] / np.float32(255)
-    image = part.__getitems__(keys)["image"].numpy()
+    image = part.batch(keys)["image"].numpy()
     places = []
     for one, whole in zip(image, recorded.transpose(0, 3, 1, 2), strict=True):
         fits = [(r, c) for r in range(3) for c in range(3) if np.allclose(one[:3], whole[:, r : r + 8, c : c + 8])]
         assert len(fits) == 1
         places += fits
     assert len(set(places)) > 1
-    assert not np.allclose(data_of(folder).train_set.__getitems__(keys)["image"], image)
+    assert not np.allclose(data_of(folder).train_set.batch(keys)["image"], image)
 
 
 def test_a_policy_without_eyes_reads_no_images(folder):

@@ -1,0 +1,157 @@
+"""What is known about the clock of a stream beside its time stamps: its declared rate, its declared gaps, its unit.
+
+A rate is declared when recording, ``EpisodeWriter(..., rates_hz={"streams/wrench": 500})``, and stands in the episode's
+configuration. A gap is declared where a sensor dropped out, as an annotation ``{"name": "gap", "stream":
+"streams/wrench", "start_ns": ..., "end_ns": ..., "reason": ...}``: nothing is invented for the time between.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from svfl_data.episode import Meta
+from svfl_data.fields import FARTHEST_NS
+
+GAP = "gap"
+"""Name of the annotation of a time in which a stream has no readings."""
+STALE_PERIODS = 10.0
+"""A reading that lies farther back than this, in periods of its stream, belongs to another moment."""
+FEWEST = 5
+"""Readings from which a rate can be told."""
+OFF, FAR_OFF = 1.1, 2.0
+"""Factor between declared and found rate that is worth a warning, and an error."""
+SHORTEST_STEP_NS, SHORTEST_READING_NS = 250_000, 20_000
+"""Mean intervals below these are no nanoseconds: no arm takes 4000 commands a second, nor a camera so many pictures;
+no sensor at a wrist gives 50,000 readings."""
+
+
+def declared_hz(config: Mapping[str, Any], group: str) -> float | None:
+    """The declared rate of a stream, [Hz]; None if there is none.
+
+    Args:
+        config: Of the episode.
+        group: Such as ``streams/wrench``.
+    """
+    rates = config.get("rates_hz")
+    rate = rates.get(group) if isinstance(rates, Mapping) else None
+    sound = isinstance(rate, int | float) and not isinstance(rate, bool) and 0 < rate < math.inf
+    return float(rate) if sound else None  # type: ignore[arg-type] # a number
+
+
+def mean_hz(t_ns: np.ndarray) -> float:
+    """Rate by the mean interval, [Hz]; 0 for fewer than two readings or no time between them."""
+    span = float(t_ns[-1]) - float(t_ns[0]) if len(t_ns) > 1 else 0.0
+    return (len(t_ns) - 1) / span * 1e9 if span > 0 else 0.0
+
+
+def declared_gaps(annotations: Sequence[Any], group: str) -> list[tuple[int, int]]:
+    """Times in which a stream is said to have no readings, start and end, [ns], ascending."""
+    return sorted(
+        (one["start_ns"], one["end_ns"])
+        for one in annotations
+        if isinstance(one, Mapping) and one.get("name") == GAP and one.get("stream") == group
+        if all(type(one.get(key)) is int and abs(one[key]) <= FARTHEST_NS for key in ("start_ns", "end_ns"))
+    )
+
+
+def rate_fault(
+    t_ns: np.ndarray, declared: float | None, gaps: Sequence[tuple[int, int]] = ()
+) -> tuple[Literal["error", "warning"], str] | None:
+    """Whether a stream has another rate than declared.
+
+    Args:
+        t_ns: Its time stamps so far, shape (M,), [ns].
+        declared: Its declared rate, [Hz]; None if there is none.
+        gaps: Its declared gaps, whose time does not count.
+
+    Returns:
+        How bad it is, and what is wrong; None if the rates agree or nothing can be said yet.
+    """
+    if declared is None or len(t_ns) < FEWEST:
+        return None
+    missing = sum(max(0, min(end, int(t_ns[-1])) - max(start, int(t_ns[0]))) for start, end in gaps)
+    span = float(t_ns[-1]) - float(t_ns[0]) - missing
+    found = (len(t_ns) - 1) / span * 1e9 if span > 0 else math.inf
+    factor = max(found / declared, declared / found)
+    if factor <= OFF:
+        return None
+    words = f"declared {declared:g} Hz, found {found:.4g} Hz on average"
+    unit = f"; {_unit_words(found / declared)}" if factor > FAR_OFF else ""
+    return ("error" if factor > FAR_OFF else "warning"), words + unit
+
+
+def unit_fault(group: str, t_ns: np.ndarray) -> str | None:
+    """Whether time stamps can be nanoseconds.
+
+    Args:
+        group: Such as ``observations``, ``cameras/front`` or ``streams/wrench``.
+        t_ns: Its time stamps so far, shape (M,), [ns].
+
+    Returns:
+        What is wrong, None if they can be, or nothing can be said yet.
+    """
+    shortest = SHORTEST_READING_NS if group.startswith("streams/") else SHORTEST_STEP_NS
+    span = float(t_ns[-1]) - float(t_ns[0]) if len(t_ns) >= FEWEST else 0.0
+    if not 0 < span < shortest * (len(t_ns) - 1):
+        return None
+    return f"{len(t_ns)} time stamps within {span / 1e6:.3g} ms: are they microseconds or milliseconds? needed: ns"
+
+
+def _unit_words(ratio: float) -> str:
+    """What a wrong rate probably comes from."""
+    for factor, unit in ((1e3, "microseconds"), (1e6, "milliseconds"), (1e9, "seconds")):
+        if factor / FAR_OFF < ratio < factor * FAR_OFF:
+            return f"are the time stamps {unit}? needed: ns"
+    return "the sensor or its driver has another rate"
+
+
+@dataclass(frozen=True)
+class Clock:
+    """What is declared about the clock of a stream in one episode.
+
+    Attributes:
+        rate_hz: Its rate, [Hz]; None if none was declared.
+        gaps: Times in which it has no readings, start and end, [ns], ascending.
+    """
+
+    rate_hz: float | None = None
+    gaps: tuple[tuple[int, int], ...] = ()
+
+    @classmethod
+    def of(cls, meta: Meta, group: str) -> "Clock":
+        """That of a stream such as ``streams/wrench``."""
+        return cls(declared_hz(meta.config, group), tuple(declared_gaps(meta.annotations, group)))
+
+    def first_fresh(self, t_ns: np.ndarray, now_ns: np.ndarray) -> np.ndarray:
+        """From which row on a stream belongs to a moment: after the last break before it.
+
+        A stream breaks off where it has no reading for more than `STALE_PERIODS` periods, or where a gap was declared;
+        readings from before a break say nothing about what comes after it.
+
+        Args:
+            t_ns: Ascending time stamps, shape (M,), [ns].
+            now_ns: Moments, shape (S,), same clock, [ns].
+
+        Returns:
+            Row of the first reading that belongs to each moment, shape (S,), int64; the number of readings at or before
+            the moment if there is none, because the latest one lies too far back.
+        """
+        ends = np.searchsorted(t_ns, now_ns, side="right")
+        if not len(t_ns):
+            return ends.astype(np.int64)
+        longest = self._longest_ns(t_ns)
+        latest = np.maximum(ends - 1, 0)
+        broken, stale = np.diff(t_ns) > longest, (ends == 0) | (now_ns - t_ns[latest] > longest)
+        for start, end in self.gaps:
+            broken |= (t_ns[:-1] <= start) & (start < t_ns[1:]) & (start < end)
+            stale |= (t_ns[latest] <= start) & (start < now_ns) & (start < end)
+        run = np.maximum.accumulate(np.where(np.concatenate([[False], broken]), np.arange(len(t_ns)), 0))
+        return np.where(stale, ends, run[latest]).astype(np.int64)
+
+    def _longest_ns(self, t_ns: np.ndarray) -> float:
+        """The longest time that is no break, [ns]; infinite where no rate can be told."""
+        rate = self.rate_hz or (mean_hz(t_ns) if len(t_ns) >= FEWEST else 0.0)
+        return STALE_PERIODS / rate * 1e9 if rate else math.inf
