@@ -15,6 +15,7 @@ MAX_MOVE_M, MAX_TURN_RAD = 0.025, math.pi / 16
 """Of the paper (Kohler et al., CoRL 2023, section 5)."""
 ROUNDING = 1e-3
 """Share by which float32 actions may exceed their bounds."""
+DECLARED = "config"
 COMPONENTS = (("the gripper opening", ""), ("dx", " m"), ("dy", " m"), ("dz", " m"), ("dtheta", " rad"))
 
 
@@ -37,7 +38,12 @@ class ActionBounds:
         """Those of an episode's configuration."""
         found = config.get("world", config)
         move, turn = (found.get(name) for name in ("max_move", "max_turn")) if isinstance(found, dict) else (None, None)
-        return cls(float(move), float(turn), "config") if _positive(move) and _positive(turn) else cls()  # type: ignore[arg-type] # _positive: a number
+        return cls(float(move), float(turn), DECLARED) if _positive(move) and _positive(turn) else cls()  # type: ignore[arg-type] # _positive: a number
+
+    @property
+    def declared(self) -> bool:
+        """Whether an episode's configuration says so."""
+        return self.origin == DECLARED
 
     @property
     def low(self) -> np.ndarray:
@@ -51,7 +57,7 @@ class ActionBounds:
 
     def outside(self, actions: np.ndarray) -> np.ndarray:
         """Which numbers of actions (..., 5) are beyond the bounds, same shape, bool."""
-        room = ROUNDING * (self.high - self.low)
+        room = ROUNDING * (self.high - self.low) / 2
         return (actions < self.low - room) | (actions > self.high + room)
 
     def fault(self, actions: np.ndarray) -> tuple[int, str] | None:

@@ -176,7 +176,7 @@ class Samples:
                 of_episode[ACTION] = reader[INTENDED if INTENDED in reader else ACTION]
         self._check(stored, readers)
         if validated:
-            uses = ["streams/wrench", *(f"cameras/{camera}" for camera in self.cameras)]
+            uses = ["streams/wrench", *self.labels, *(f"cameras/{camera}" for camera in self.cameras)]
             check_usable(self.dataset, self.episodes, uses)
 
         arrays = {path: [of_episode[path] for of_episode in stored] for path in needed}

@@ -10,7 +10,7 @@ from svfl_data.checks.finding import Finding, error, warning
 from svfl_data.episode import Episode
 from svfl_data.errors import FormatError
 from svfl_data.fields import FARTHEST_NS
-from svfl_data.symmetry import DIRECTIONS, OFFSET_PARTS, act
+from svfl_data.symmetry import DIRECTIONS, OFFSET_PARTS, act, points_towards
 from svfl_data.transforms import recorded_transforms
 
 OUTSIDE_M = 0.03  # an admittance controller lets contact push the hand out of the workspace by up to this
@@ -19,9 +19,10 @@ OPENING = 0.05  # fingers stop a little before or after their nominal range
 
 def check_action(episode: Episode) -> Iterator[Finding]:
     """Actions are within the bounds of the configuration, or else of the paper."""
-    if fault := ActionBounds.of(episode.meta.config).fault(episode.action):
-        row, words = fault
-        yield error(episode, "actions/action", row, words)
+    bounds = ActionBounds.of(episode.meta.config)
+    for name in ("action", "intended"):
+        if episode.has(name) and (fault := bounds.fault(getattr(episode, name))):
+            yield error(episode, f"actions/{name}", *fault)
 
 
 def check_proprio(episode: Episode) -> Iterator[Finding]:
@@ -45,11 +46,8 @@ def check_label(episode: Episode) -> Iterator[Finding]:
             yield warning(episode, "labels", None, f"label missing: {' and '.join(missing)}")
         return
     direction = int(episode.label_direction)
-    angle = direction * np.pi / 2
-    towards = np.array([np.cos(angle), np.sin(angle)])
     offsets = [act(camera.image_axes, episode.label_offset, OFFSET_PARTS) for camera in episode.cameras.values()]
-    # Nearest: no other direction has a larger component of the offset; either of two is right on their border.
-    if offsets and not any(offset @ towards >= np.abs(offset).max() - 1e-9 for offset in offsets):
+    if offsets and not any(points_towards(direction, offset) for offset in offsets):
         x, y = offsets[0] * 1e3
         words = (
             f"label inconsistent: direction {DIRECTIONS[direction]}, but labels/offset points to "

@@ -24,8 +24,8 @@ def check_usable(dataset: Dataset, episodes: Sequence[int], uses: Collection[str
     Args:
         dataset: Where they lie.
         episodes: Which.
-        uses: Groups that will be read beside observations, actions and constants, such as ``streams/wrench`` or
-            ``cameras/front``: what is wrong with others does not matter. Everything by default.
+        uses: What will be read beside observations, actions and constants, such as ``streams/wrench``,
+            ``cameras/front`` or ``labels/offset``: what is wrong with the rest does not matter. Everything by default.
 
     Raises:
         DatasetError: If one is unfit for training.
@@ -73,4 +73,4 @@ def _verdict(reader: EpisodeReader, uses: Collection[str] | None, verdicts: Verd
 
 def _concerns(finding: Finding, uses: Collection[str]) -> bool:
     kind, _, rest = finding.field.partition("/")
-    return kind not in ("streams", "cameras") or f"{kind}/{rest.partition('/')[0]}" in uses
+    return kind not in ("streams", "cameras", "labels") or f"{kind}/{rest.partition('/')[0]}" in uses

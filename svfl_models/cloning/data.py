@@ -9,6 +9,7 @@ from torch import Tensor
 from torch.utils.data import DataLoader
 from torch.utils.data import Dataset as TorchDataset
 
+from svfl_data.checks import check_usable
 from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.samples import ACTION, PROPRIO, WRENCH, Samples, apart
@@ -29,6 +30,8 @@ STATISTICS = 1024
 
 class Demonstrations(TorchDataset[Batch]):
     """Every step of some episodes, as `policy.Policy` takes them, with the ``action`` (B, 5); image-aligned axes.
+
+    Actions are scaled to the bounds that a policy has, the paper's (`Workplace.unit`).
 
     Its keys run beyond the number of steps: key k is step k % len in epoch k // len, as those of
     `svfl_data.torch_samples.TorchSamples`. What is random about a batch depends on the seed and its first key only, so
@@ -52,7 +55,7 @@ class Demonstrations(TorchDataset[Batch]):
     ) -> None:
         self.sees = "v" in config.encoder
         cameras = [workplace.camera] if self.sees else []
-        self.samples = Samples(dataset, episodes, cameras=cameras, intended=True, cache=True)
+        self.samples = Samples(dataset, episodes, cameras=cameras, intended=True, cache=True, validated=False)
         self.workplace, self.config, self.random = workplace, config, random
         self.axes = np.array(workplace.image_axes)
         self.projection = torch.tensor(workplace.projection, dtype=torch.float32)
@@ -80,7 +83,7 @@ class Demonstrations(TorchDataset[Batch]):
         batch = {
             "wrench": torch.from_numpy(act(self.axes, recorded[WRENCH], WRENCH_PARTS)),
             "proprio": torch.from_numpy(act(self.axes, proprio, PROPRIO_PARTS)),
-            "action": torch.from_numpy(act(self.axes, recorded[ACTION][:, 0], ACTION_PARTS)),
+            "action": torch.from_numpy(act(self.axes, recorded[ACTION][:, 0] / self.workplace.unit, ACTION_PARTS)),
         }
         if self.sees:
             color, depth = (recorded[f"cameras/{self.workplace.camera}/{name}"][:, 0] for name in ("color", "depth"))
@@ -138,7 +141,9 @@ class CloningData(pl.LightningDataModule):
         super().__init__()
         dataset = Dataset.open(config.data)
         chosen = successful(dataset, config.episodes)
-        self.workplace = workplace_of(dataset, chosen, config.camera)
+        uses = ["streams/wrench"] if "f" in config.encoder else []
+        self.workplace = workplace_of(dataset, chosen, config.camera, config.encoder)
+        check_usable(dataset, chosen, [*uses, *([f"cameras/{self.workplace.camera}"] if "v" in config.encoder else [])])
         split = split_episodes(chosen, {"train": 1 - config.valid, "valid": config.valid}, config.seed)
         self.train_set = Demonstrations(dataset, split["train"], self.workplace, config, random=True)
         self.valid_set = Demonstrations(dataset, split["valid"], self.workplace, config, random=False)
