@@ -9,6 +9,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from svfl_data.checks import sound
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError, StorageError
@@ -39,7 +40,9 @@ def merge(sources: Sequence[Dataset], destination: Path) -> int:
     return copy(chosen, destination, "merge", {})
 
 
-def choose(source: Dataset, destination: Path, keep: Callable[[Episode], bool], conditions: list[str]) -> int:
+def choose(
+    source: Dataset, destination: Path, keep: Callable[[Episode], bool], conditions: list[str], valid: bool = False
+) -> int:
     """Put the episodes that meet conditions into a new dataset, numbered from 0.
 
     Args:
@@ -47,6 +50,7 @@ def choose(source: Dataset, destination: Path, keep: Callable[[Episode], bool], 
         destination: A folder that does not exist yet, or is empty.
         keep: Whether to keep an episode.
         conditions: The same in words, for the record.
+        valid: Leave out what ``svfl-data validate`` calls an error, episodes that cannot be read among them.
 
     Returns:
         Number of episodes.
@@ -55,8 +59,8 @@ def choose(source: Dataset, destination: Path, keep: Callable[[Episode], bool], 
         DatasetError: If the destination is taken, an episode is damaged, or none meets the conditions.
         StorageError: If the disk refuses; no part of the destination remains.
     """
-    found = progress(readable(source), "choosing episodes")
-    chosen = [(source, entry.index) for entry in found if keep(source.read(entry.index))]
+    indices = sound(source) if valid else [entry.index for entry in readable(source)]
+    chosen = [(source, index) for index in progress(indices, "choosing episodes") if keep(source.read(index))]
     if not chosen:
         raise DatasetError(f"{source.path}: no episode meets {', '.join(conditions)}")
     return copy(chosen, destination, "filter", {"conditions": conditions})

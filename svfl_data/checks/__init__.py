@@ -11,7 +11,7 @@ from pathlib import Path
 from svfl_data.checks.finding import Finding, Severity
 from svfl_data.checks.judging import check_episode
 from svfl_data.checks.placing import check_alike, check_place
-from svfl_data.checks.usable import check_usable
+from svfl_data.checks.usable import check_usable, sound
 from svfl_data.claims import INFLIGHT
 from svfl_data.damage import damaged_arrays
 from svfl_data.dataset import Dataset
@@ -20,7 +20,7 @@ from svfl_data.errors import FormatError, SvflError
 from svfl_data.journal import SUFFIX
 from svfl_data.reader import EpisodeReader
 
-__all__ = ["Finding", "Severity", "check_dataset", "check_episode", "check_file", "check_usable"]
+__all__ = ["Finding", "Severity", "check_dataset", "check_episode", "check_file", "check_usable", "sound"]
 
 
 def check_file(path: Path) -> list[Finding]:

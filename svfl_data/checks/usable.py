@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from svfl_data.checks.judging import check_images, check_streams
 from svfl_data.checks.placing import check_place
 from svfl_data.checks.verdicts import Verdicts
 from svfl_data.dataset import Dataset
-from svfl_data.errors import DatasetError
+from svfl_data.errors import DatasetError, SvflError
 from svfl_data.progress import progress
 from svfl_data.reader import EpisodeReader
 
@@ -50,6 +51,17 @@ def check_usable(dataset: Dataset, episodes: Sequence[int], uses: Collection[str
             f"names; {_first(doubtful)}",
             file=sys.stderr,
         )
+
+
+def sound(dataset: Dataset) -> list[int]:
+    """The episodes of a dataset in which ``svfl-data validate`` finds no error, by index; others may be unreadable."""
+    found: list[int] = []
+    with Verdicts() as verdicts:
+        for index in progress(dataset.indices, "checking episodes"):
+            with suppress(SvflError):
+                if all(finding.severity != "error" for finding in _verdict(dataset.episode(index), None, verdicts)):
+                    found.append(index)
+    return found
 
 
 def _first(findings: Sequence[Finding]) -> str:

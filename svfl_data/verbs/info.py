@@ -5,6 +5,7 @@ import dataclasses
 from typing import Any
 
 from svfl_data.cli import Commands
+from svfl_data.clocks import declared_hz
 from svfl_data.dataset import Dataset
 from svfl_data.fields import FIELDS
 from svfl_data.index import Summary, summary
@@ -125,6 +126,8 @@ def episode_words(episode: EpisodeReader) -> str:
         f"  software  {', '.join(f'{name} {version}' for name, version in meta.software.items()) or 'unknown'}",
         f"  file      format {episode.format_version}, {size_words(episode.extent.size)}, sha256 {episode.seal[:12]}",
     ]
+    declared = {path: declared_hz(meta.config, path.rpartition("/")[0]) for path in episode.rates}
+    lines += [f"  declared  {path.rpartition('/')[0]} {rate:g} Hz" for path, rate in declared.items() if rate]
     lines += [f"  transform {record}" for record in meta.transforms]
     lines += [f"  mark      {_mark_words(one)}" for one in meta.annotations]
     lines += [f"  history   {entry.get('time', '')} {entry.get('tool', entry)}" for entry in meta.history]
