@@ -76,7 +76,7 @@ class Samples:
             at: One sample at each observation that an action follows, or one at each episode's last observation.
             cameras: Which cameras; those of the first episode by default.
             frames: Frames per camera and sample, K.
-            wrench_window: Readings per sample, T.
+            wrench_window: Readings per sample, T; 0 leaves the wrench out.
             action_chunk: Actions per sample, A.
             intended: Give as actions what an expert meant rather than what was done, where an episode tells them
                 apart.
@@ -95,9 +95,13 @@ class Samples:
             FieldError: If an episode lacks a field.
             FormatError: If an episode is damaged.
         """
-        for name, value in (("frames", frames), ("wrench_window", wrench_window), ("action_chunk", action_chunk)):
-            if value < 1:
-                raise UsageError(f"{name} is {value}; it must be at least 1")
+        for name, value, least in (
+            ("frames", frames, 1),
+            ("wrench_window", wrench_window, 0),
+            ("action_chunk", action_chunk, 1),
+        ):
+            if value < least:
+                raise UsageError(f"{name} is {value}; it must be at least {least}")
         self.dataset, self.episodes = dataset, list(dataset.indices if episodes is None else episodes)
         self.at, self.cameras, self.labels = at, None if cameras is None else list(cameras), list(labels)
         self.frames, self.wrench_window, self.action_chunk = frames, wrench_window, action_chunk
@@ -137,9 +141,10 @@ class Samples:
         for path, values in self._constants.items():
             out[path] = values[episode]
         out[PROPRIO] = self._proprio[self._observation[chosen]]
-        rows, out["streams/wrench/padding"] = self._wrench_rows.last(chosen, self.wrench_window)
-        out["streams/wrench/age"] = self._wrench_rows.age[chosen]
-        out[WRENCH] = self._wrench[rows]
+        if self.wrench_window:
+            rows, out["streams/wrench/padding"] = self._wrench_rows.last(chosen, self.wrench_window)
+            out["streams/wrench/age"] = self._wrench_rows.age[chosen]
+            out[WRENCH] = self._wrench[rows]
         rows, out["actions/padding"] = self._action_rows(chosen)
         out[ACTION] = self._action[rows]
         fraction = draws(self.seed, epoch, chosen) if self.crop_at == "random" else None
@@ -166,7 +171,7 @@ class Samples:
             raise DatasetError(f"{self.dataset.path}: no episodes to take samples from")
         if self.cameras is None:
             self.cameras = readers[0].cameras
-        needed = [TIMES, PROPRIO, ACTION, WRENCH, WRENCH_TIMES, TARE, *self.labels]
+        needed = [TIMES, PROPRIO, ACTION, *([WRENCH, WRENCH_TIMES, TARE] if self.wrench_window else ()), *self.labels]
         needed += [f"cameras/{camera}/{name}" for camera in self.cameras for name in ("t_ns", "color")]
         has_depth = [camera for camera in self.cameras if f"cameras/{camera}/depth" in readers[0]]
         needed += [f"cameras/{camera}/{name}" for camera in has_depth for name in ("depth", "depth_scale")]
@@ -176,7 +181,11 @@ class Samples:
                 of_episode[ACTION] = reader[INTENDED if INTENDED in reader else ACTION]
         self._check(stored, readers)
         if validated:
-            uses = ["streams/wrench", *self.labels, *(f"cameras/{camera}" for camera in self.cameras)]
+            uses = [
+                *(["streams/wrench"] if self.wrench_window else ()),
+                *self.labels,
+                *(f"cameras/{camera}" for camera in self.cameras),
+            ]
             check_usable(self.dataset, self.episodes, uses)
 
         arrays = {path: [of_episode[path] for of_episode in stored] for path in needed}
@@ -197,13 +206,13 @@ class Samples:
         self._proprio, self._action = join(values[PROPRIO]), join(values[ACTION])
         first = starts(action_counts)
         self._actions = first, first + action_counts
-        self._wrench = join(
-            [(raw - tare).astype(np.float32) for raw, tare in zip(values[WRENCH], values[TARE], strict=True)]
-        )
         metas = [reader.meta for reader in readers]
-        self._wrench_rows = rows_until(
-            values[WRENCH_TIMES], now_ns, [Clock.of(meta, "streams/wrench") for meta in metas]
-        )
+        self._wrench = np.empty((0, 6), np.float32)
+        if self.wrench_window:
+            raw = zip(values[WRENCH], values[TARE], strict=True)
+            self._wrench = join([(wrench - tare).astype(np.float32) for wrench, tare in raw])
+            clocks = [Clock.of(meta, "streams/wrench") for meta in metas]
+            self._wrench_rows = rows_until(values[WRENCH_TIMES], now_ns, clocks)
         self._frame_rows = {
             camera: rows_until(
                 values[f"cameras/{camera}/t_ns"], now_ns, [Clock.of(meta, f"cameras/{camera}") for meta in metas]

@@ -16,6 +16,7 @@ from svfl_data.samples import ACTION, PROPRIO, WRENCH, Samples, apart
 from svfl_data.split import split_episodes
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.torch_samples import EpochSampler, whole_batches
+from svfl_data.windows import WINDOW
 from svfl_models.augmentation import MARGIN, recoloured
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.hand_view import JITTER, corners
@@ -55,7 +56,11 @@ class Demonstrations(TorchDataset[Batch]):
     ) -> None:
         self.sees = "v" in config.encoder
         cameras = [workplace.camera] if self.sees else []
-        self.samples = Samples(dataset, episodes, cameras=cameras, intended=True, cache=True, validated=False)
+        self.feels = "f" in config.encoder
+        window = WINDOW if self.feels else 0
+        self.samples = Samples(
+            dataset, episodes, cameras=cameras, wrench_window=window, intended=True, cache=True, validated=False
+        )
         self.workplace, self.config, self.random = workplace, config, random
         self.axes = np.array(workplace.image_axes)
         self.projection = torch.tensor(workplace.projection, dtype=torch.float32)
@@ -81,10 +86,11 @@ class Demonstrations(TorchDataset[Batch]):
         known = torch.from_numpy(proprio.copy())
         proprio[:, 1:3] -= np.array(self.workplace.centre, np.float32)
         batch = {
-            "wrench": torch.from_numpy(act(self.axes, recorded[WRENCH], WRENCH_PARTS)),
             "proprio": torch.from_numpy(act(self.axes, proprio, PROPRIO_PARTS)),
             "action": torch.from_numpy(act(self.axes, recorded[ACTION][:, 0] / self.workplace.unit, ACTION_PARTS)),
         }
+        if self.feels:
+            batch["wrench"] = torch.from_numpy(act(self.axes, recorded[WRENCH], WRENCH_PARTS))
         if self.sees:
             color, depth = (recorded[f"cameras/{self.workplace.camera}/{name}"][:, 0] for name in ("color", "depth"))
             with torch.random.fork_rng(devices=[]):
@@ -142,8 +148,10 @@ class CloningData(pl.LightningDataModule):
         dataset = Dataset.open(config.data)
         chosen = successful(dataset, config.episodes)
         uses = ["streams/wrench"] if "f" in config.encoder else []
+        if "v" in config.encoder:
+            uses += [f"cameras/{camera}" for camera in [config.camera or (*dataset.episode(chosen[0]).cameras, "")[0]]]
+        check_usable(dataset, chosen, uses)
         self.workplace = workplace_of(dataset, chosen, config.camera, config.encoder)
-        check_usable(dataset, chosen, [*uses, *([f"cameras/{self.workplace.camera}"] if "v" in config.encoder else [])])
         split = split_episodes(chosen, {"train": 1 - config.valid, "valid": config.valid}, config.seed)
         self.train_set = Demonstrations(dataset, split["train"], self.workplace, config, random=True)
         self.valid_set = Demonstrations(dataset, split["valid"], self.workplace, config, random=False)

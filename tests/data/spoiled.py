@@ -244,7 +244,7 @@ INVALID = {
     "depth without unit": (
         without(f"{CAMERA}/depth_scale"),
         f"{CAMERA}/depth_scale",
-        "is missing, so the depth has no",
+        "is missing, so the depth",
     ),
     "intrinsics zero": (put(f"{CAMERA}/intrinsics", 0.0), f"{CAMERA}/intrinsics", "has focal lengths [0.0, 0.0] px"),
     "intrinsics one": (put(f"{CAMERA}/intrinsics", 1.0), f"{CAMERA}/intrinsics", "is not a pinhole matrix"),
@@ -263,7 +263,7 @@ INVALID = {
     "wrench 3e38": (put(WRENCH, 7, 2, 3e38), WRENCH, "holds 3e+38 at index (7, 2); possible are -1e+06 to 1e+06"),
     "wrench NaN": (put(WRENCH, 7, 2, np.nan), WRENCH, "holds nan at index (7, 2); only finite numbers"),
     "offset infinite": (put("labels/offset", 1, np.inf), "labels/offset", "holds inf at index (1,)"),
-    "time at the end of int64": (put(WRENCH_T, -1, 2**63 - 1), WRENCH_T, "holds 9.22337e+18 at index (579,)"),
+    "time at the end of int64": (put(WRENCH_T, -1, 2**63 - 1), WRENCH_T, "holds 9.22337e+18 at index (599,)"),
     "time at its beginning": (put("observations/t_ns", 0, -(2**63)), "observations/t_ns", "holds -9.22337e+18 at"),
     "no pixels": (without_pixels, COLOR, "H in (F, H, W, 3) must be at least 1"),
     "no times": (without("streams/joints/t_ns"), "streams/joints/t_ns", "is missing, so streams/joints/position has"),
