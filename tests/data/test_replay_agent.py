@@ -150,6 +150,23 @@ def test_missing_depth_is_named(tmp_path):
         ReplayBuffer.from_demos(store(tmp_path / "d", demo), 1, config=small())
 
 
+def test_an_action_beyond_the_bounds_is_refused_and_nothing_kept(tmp_path):
+    demo = make_demo(0)
+    buffer = ReplayBuffer(10, layout_of(demo), small())
+    buffer.begin_episode(observation(demo, 0))
+    for column, value, name in (
+        (0, -1.0, "the gripper opening is -1"),
+        (2, 0.03, "dy is 0.03 m"),
+        (4, -0.3, "dtheta is -0.3"),
+    ):
+        action = demo.action[0].copy()
+        action[column] = value
+        with pytest.raises(FieldError, match=f"action: {name}.*outside"):
+            buffer.add(action, observation(demo, 1), 0.0, False, False)
+    buffer.add(demo.action[0], observation(demo, 1), 0.0, True, False)
+    assert len(buffer) == 1
+
+
 def test_clocks_that_cannot_be_trusted_are_named(tmp_path):
     times = make_demo(0).wrench_t_ns.copy()
     times[7] = 0

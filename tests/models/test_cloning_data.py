@@ -195,6 +195,43 @@ def test_demonstrations_of_different_things_are_refused(odd, message, tmp_path):
         data_of(folder)
 
 
+def at_rate(episode, factor):
+    """The same with a clock that runs slower."""
+    found = dict(episode.arrays)
+    found |= {path: (factor * values).astype(np.int64) for path, values in found.items() if path.endswith("t_ns")}
+    return Episode(episode.meta, found)
+
+
+def test_uneven_control_periods_are_said_and_change_nothing(tmp_path, capsys):
+    """A loaded machine: steps of 50 to 65 ms. A policy is told no times, so it learns the same."""
+    even = [demonstration(index) for index in range(6)]
+    uneven = [at_rate(one, 1 + 0.06 * index) for index, one in enumerate(even)]
+    data = [data_of(write(tmp_path / name, some)) for name, some in (("even", even), ("uneven", uneven))]
+    assert "steps last 50.0 to 65.0 ms in different episodes" in capsys.readouterr().err
+    batches = [one.train_set.batch(range(len(one.train_set))) for one in data]
+    assert all(torch.equal(values, batches[1][name]) for name, values in batches[0].items())
+    assert data[1].workplace.step_ms == pytest.approx(57.5)
+
+
+def test_the_bounds_of_actions_are_those_of_the_configuration(tmp_path):
+    """An own robot that moves 100 mm a step: the network's bounds, the paper's, stand for its own."""
+    own = {"max_move": 0.1, "max_turn": 0.5}
+    factor = np.array([1, 4, 4, 4, 0.5 / (np.pi / 16)], np.float32)
+    episodes = [demonstration(index) for index in range(6)]
+    wide = [changed(one, action=one.action * factor, intended=one.action * factor) for one in episodes]
+    wide = [Episode(replace(one.meta, config=own), one.arrays) for one in wide]
+    data = [data_of(write(tmp_path / name, some)) for name, some in (("paper", episodes), ("own", wide))]
+    batches = [one.valid_set.batch(range(len(one.valid_set))) for one in data]
+    torch.testing.assert_close(batches[0]["action"], batches[1]["action"])
+    policy = Policy("vfp", "none", "wide", 8).eval()
+    inputs = torch.rand(3, 4, 10, 10), torch.randn(3, 64, 6), torch.rand(3, 5)
+    with torch.no_grad():
+        said = [ActingPolicy(policy, replace(one.workplace, switch=False), "camera").eval()(*inputs) for one in data]
+    torch.testing.assert_close(said[0] * torch.from_numpy(factor), said[1])
+    with pytest.raises(DatasetError, match=r"episode 5 has max_move 0\.1, episode 0 has 0\.025"):
+        data_of(write(tmp_path / "mixed", [*episodes[:5], wide[5]]))
+
+
 def test_missing_fields_are_named(tmp_path):
     folder = write(tmp_path / "flat", [changed(demonstration(index), depth=None) for index in range(6)])
     with pytest.raises(FieldError, match="recorded without cameras/front/depth;"):
