@@ -101,7 +101,7 @@ def episode_facts(episode: Episode) -> Facts:
         float(episode.t_ns[-1] - episode.t_ns[0]) / 1e9,
         float(force.max()) if len(force) else 0.0,
         int(episode.label_direction) if episode.has("label_direction") else -1,
-        tuple(str(one.get("name")) for one in episode.meta.annotations),
+        tuple(str(one.get("name")) for one in episode.meta.annotations if isinstance(one, dict)),
         tuple(finding.severity for finding in check_episode(episode)),
     )
 

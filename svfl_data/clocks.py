@@ -1,213 +1,99 @@
-"""The clocks of an episode while it is recorded: they ascend, gaps are declared, and what is missing is named.
+"""What is known about the clock of a stream beside its time stamps: its declared rate, its declared gaps, its unit.
 
-Everything that reads an episode needs ascending time stamps, and a sensor that fell silent leaves a file that looks
-whole. Both are told while the robot still stands there, not found in the data set weeks later.
+A rate is declared when recording, ``EpisodeWriter(..., rates_hz={"streams/wrench": 500})``, and stands in the episode's
+configuration. A gap is declared where a sensor dropped out, as an annotation ``{"name": "gap", "stream":
+"streams/wrench", "start_ns": ..., "end_ns": ..., "reason": ...}``: nothing is invented for the time between.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from svfl_data.errors import FieldError, UsageError
-from svfl_data.rates import FEW, Found, rate_words
+from svfl_data.episode import Meta
+from svfl_data.fields import FARTHEST_NS
+from svfl_data.rates import FEW, Found, declared_hz
 
 GAP = "gap"
-"""Name of the annotations that say where a stream has no readings."""
-Late = Literal["refuse", "drop"]
-COVERED = 0.9
-"""Share of an episode that a stream must have readings of, apart from declared gaps."""
-STOPPED_NS = 1_000_000_000
-"""Before the end of the episode that a stream may stop at most, [ns]."""
-SILENCE_PERIODS, SILENCE_NS = 10, 500_000_000
-"""Time without a reading from which it counts as silence: so many periods, and no less than so many ns."""
+"""Name of the annotation of a time in which a stream has no readings."""
+STALE_PERIODS = 10.0
+"""A reading that lies farther back than this, in periods of its stream, belongs to another moment."""
 
 
-def is_clock(t_ns: np.ndarray) -> bool:
-    """Whether an array of this name is one of time stamps; below ``extra/`` it may be anything."""
-    return t_ns.dtype == np.int64 and t_ns.ndim == 1
+def mean_hz(t_ns: np.ndarray) -> float:
+    """Rate by the mean interval, [Hz]; 0 for fewer than two readings or no time between them."""
+    span = float(t_ns[-1]) - float(t_ns[0]) if len(t_ns) > 1 else 0.0
+    return (len(t_ns) - 1) / span * 1e9 if span > 0 else 0.0
 
 
-@dataclass
-class Clock:
-    """The time stamps of one group so far.
+def declared_gaps(annotations: Sequence[Any], group: str) -> list[tuple[int, int]]:
+    """Times in which a stream is said to have no readings, start and end, [ns], ascending."""
+    return sorted(
+        (one["start_ns"], one["end_ns"])
+        for one in annotations
+        if isinstance(one, Mapping) and one.get("name") == GAP and one.get("stream") == group
+        if all(type(one.get(key)) is int and abs(one[key]) <= FARTHEST_NS for key in ("start_ns", "end_ns"))
+    )
 
-    Attributes:
-        count: How many.
-        first_ns: The first, [ns].
-        last_ns: The last, [ns].
-        silences: Times of more than `SILENCE_NS` between two readings, start and end, [ns].
-        dropped: Readings that came too late and were left out.
+
+def without_gaps(t_ns: np.ndarray, gaps: Sequence[tuple[int, int]]) -> Found:
+    """The time stamps of a stream in short, as if declared gaps took no time.
+
+    Args:
+        t_ns: Its time stamps, shape (M,), [ns].
+        gaps: Its declared gaps, start and end, [ns].
     """
-
-    count: int = 0
-    first_ns: int = 0
-    last_ns: int = 0
-    silences: list[tuple[int, int]] = field(default_factory=list)
-    dropped: int = 0
-
-    def newer(self, group: str, t_ns: np.ndarray, late: Late) -> np.ndarray | None:
-        """Which rows may be appended.
-
-        Args:
-            group: For the message.
-            t_ns: Their time stamps, shape (M,), [ns].
-            late: What to do with rows that are not newer than all before them.
-
-        Returns:
-            Boolean, shape (M,); None, which is most often and soon told, for all.
-
-        Raises:
-            FieldError: If one is not newer and none may be dropped.
-        """
-        if not len(t_ns) or ((not self.count or int(t_ns[0]) > self.last_ns) and bool((t_ns[1:] > t_ns[:-1]).all())):
-            return None
-        least = self.last_ns if self.count else int(t_ns[0]) - 1
-        before = np.maximum(least, np.maximum.accumulate(np.concatenate([[least], t_ns[:-1]])))
-        newer = t_ns > before
-        if late == "refuse":
-            row = int(np.argmin(newer))
-            raise FieldError(
-                f"{group}: row {self.count + row} has t_ns {t_ns[row]}, which is not after the {before[row]} of the "
-                "row before; the time stamps of a stream ascend (late='drop' leaves such readings out)"
-            )
-        return newer
-
-    def take(self, t_ns: np.ndarray) -> None:
-        """Count rows that were appended."""
-        if not len(t_ns):
-            return
-        first, last = int(t_ns[0]), int(t_ns[-1])
-        if self.count and first - self.last_ns > SILENCE_NS:
-            self.silences.append((self.last_ns, first))
-        if last - first > SILENCE_NS:
-            rows = np.flatnonzero(np.diff(t_ns) > SILENCE_NS)
-            self.silences += zip(t_ns[rows].tolist(), t_ns[rows + 1].tolist(), strict=True)
-        self.first_ns = self.first_ns if self.count else first
-        self.last_ns = last
-        self.count += len(t_ns)
-
-    @property
-    def found(self) -> Found:
-        """The time stamps in short."""
-        return Found(self.count, self.first_ns, self.last_ns)
-
-    @property
-    def period_ns(self) -> float:
-        """Mean interval, silences left aside, [ns]; 0 for fewer than two readings."""
-        found, silent = self.found, sum(end - start for start, end in self.silences)
-        if found.count - 1 > len(self.silences):
-            return (found.last_ns - found.first_ns - silent) / (found.count - 1 - len(self.silences))
-        return (found.last_ns - found.first_ns) / max(1, found.count - 1)
+    found = Found.of(t_ns)
+    missing = sum(max(0, min(end, found.last_ns) - max(start, found.first_ns)) for start, end in gaps)
+    return replace(found, last_ns=found.last_ns - missing)
 
 
 @dataclass(frozen=True)
-class Gap:
-    """A time in which a stream has no readings, as its recorder says.
+class Clock:
+    """What is declared about the clock of a stream in one episode.
 
     Attributes:
-        stream: The group.
-        start_ns: From when, [ns].
-        end_ns: Until when, [ns]; None while nobody knows.
-        reason: In words.
+        rate_hz: Its rate, [Hz]; None if none was declared.
+        gaps: Times in which it has no readings, start and end, [ns], ascending.
     """
 
-    stream: str
-    start_ns: int
-    end_ns: int | None
-    reason: str
+    rate_hz: float | None = None
+    gaps: tuple[tuple[int, int], ...] = ()
 
-    def __post_init__(self) -> None:
-        """Refuse what is none.
+    @classmethod
+    def of(cls, meta: Meta, group: str) -> "Clock":
+        """That of a stream such as ``streams/wrench``."""
+        return cls(declared_hz(meta.config, group), tuple(declared_gaps(meta.annotations, group)))
 
-        Raises:
-            UsageError: If it ends before it starts, or has no reason.
-        """
-        times = [self.start_ns] if self.end_ns is None else [self.start_ns, self.end_ns]
-        if any(type(time) is not int for time in times) or times != sorted(times):
-            raise UsageError(f"{self.stream}: a gap needs integer times in order, got {self.start_ns}, {self.end_ns}")
-        if not isinstance(self.reason, str) or not self.reason:
-            raise UsageError(f"{self.stream}: a gap needs a reason")
+    def first_fresh(self, t_ns: np.ndarray, now_ns: np.ndarray) -> np.ndarray:
+        """From which row on a stream belongs to a moment: after the last break before it.
 
-    def annotation(self, start_ns: int, end_ns: int, tool: str) -> dict[str, Any] | None:
-        """The gap as an annotation, cut to an episode; None if it lies outside.
+        A stream breaks off where it has no reading for more than `STALE_PERIODS` periods, or where a gap was declared;
+        readings from before a break say nothing about what comes after it.
 
         Args:
-            start_ns: Beginning of the episode, [ns].
-            end_ns: Its end, [ns].
-            tool: Who says so.
+            t_ns: Ascending time stamps, shape (M,), [ns].
+            now_ns: Moments, shape (S,), same clock, [ns].
+
+        Returns:
+            Row of the first reading that belongs to each moment, shape (S,), int64; the number of readings at or before
+            the moment if there is none, because the latest one lies too far back.
         """
-        start = max(self.start_ns, start_ns)
-        end = end_ns if self.end_ns is None else min(self.end_ns, end_ns)
-        if end < start:
-            return None
-        return {
-            "name": GAP, "stream": self.stream, "start_ns": start, "end_ns": end, "reason": self.reason,
-            "by": {"tool": tool},
-        }  # fmt: skip
+        ends = np.searchsorted(t_ns, now_ns, side="right")
+        if not len(t_ns):
+            return ends.astype(np.int64)
+        longest = self._longest_ns(t_ns)
+        latest = np.maximum(ends - 1, 0)
+        broken, stale = np.diff(t_ns) > longest, (ends == 0) | (now_ns - t_ns[latest] > longest)
+        for start, end in self.gaps:
+            broken |= (t_ns[:-1] <= start) & (start < t_ns[1:]) & (start < end)
+            stale |= (t_ns[latest] <= start) & (start < now_ns) & (start < end)
+        run = np.maximum.accumulate(np.where(np.concatenate([[False], broken]), np.arange(len(t_ns)), 0))
+        return np.where(stale, ends, run[latest]).astype(np.int64)
 
-
-def clock_faults(
-    clocks: Mapping[str, Clock], span_ns: tuple[int, int], gaps: Sequence[Gap], rates_hz: Mapping[str, float]
-) -> Iterator[str]:
-    """What is wrong with the clocks of an episode that is about to be sealed, in words.
-
-    Args:
-        clocks: By group.
-        span_ns: First and last observation, [ns].
-        gaps: What was declared.
-        rates_hz: Declared rates by group, [Hz].
-    """
-    for group in rates_hz.keys() - clocks.keys() - {gap.stream for gap in gaps} - {"actions"}:
-        yield f"{group}: {rates_hz[group]:g} Hz was declared, but nothing was appended"
-    for group, clock in clocks.items():
-        own, declared = [gap for gap in gaps if gap.stream == group], rates_hz.get(group)
-        found = _without(clock.found, own)
-        rate, cover = rate_words(group, found, declared), _coverage_words(group, clock, span_ns, own, declared)
-        slow = declared is not None and found.rate_hz < declared  # perhaps only because of a silence
-        if words := (cover or rate) if slow else (rate or cover):
-            yield f"{group} {words}"
-
-
-def _coverage_words(
-    group: str, clock: Clock, span_ns: tuple[int, int], gaps: Sequence[Gap], declared_hz: float | None
-) -> str | None:
-    """Whether a stream was silent for too much of an episode.
-
-    Watched are the streams that an episode must have and those with a declared rate, from the first observation on;
-    other ``streams/`` from their own first reading on; none below ``extra/``, which may hold rare events.
-    """
-    (start, end), found = span_ns, clock.found
-    needed = declared_hz is not None or group == "streams/wrench" or group.startswith("cameras/")
-    watched = group != "observations" and (needed or group.startswith("streams/"))
-    if not watched or not found.count or (found.count < FEW and declared_hz is None):
-        return None
-    start = start if needed else max(start, found.first_ns)
-    allowed = max(SILENCE_PERIODS * (1e9 / declared_hz if declared_hz else clock.period_ns), SILENCE_NS)
-    times = [(start, found.first_ns), *clock.silences, (found.last_ns, end)]
-    inside = ((max(a, start), min(b, end)) for a, b in times)
-    silent = [(a, b) for a, b in inside if b - a > allowed]
-    missing = sum(_outside(one, gaps) for one in silent)
-    if silent and silent[-1][1] == end and (late := _outside(silent[-1], gaps)) > STOPPED_NS:
-        return f"stopped {late / 1e9:.2f} s before the end of the episode, and no gap was declared"
-    if end > start and missing > (1 - COVERED) * (end - start):
-        share = 1 - missing / (end - start)
-        return f"has readings of {share:.0%} of the episode ({(end - start) / 1e9:.2f} s), and no gap was declared"
-    return None
-
-
-def _outside(span_ns: tuple[int, int], gaps: Sequence[Gap]) -> int:
-    """Length of a time outside some gaps, [ns]."""
-    start, end = span_ns
-    left, at = 0, start
-    for gap in sorted(gaps, key=lambda gap: gap.start_ns):
-        left += max(0, min(gap.start_ns, end) - at)
-        at = max(at, min(end if gap.end_ns is None else gap.end_ns, end))
-    return left + max(0, end - at)
-
-
-def _without(found: Found, gaps: Sequence[Gap]) -> Found:
-    """Time stamps as if declared gaps took no time."""
-    length = _outside((found.first_ns, found.last_ns), gaps)
-    return Found(found.count, found.first_ns, found.first_ns + length) if gaps else found
+    def _longest_ns(self, t_ns: np.ndarray) -> float:
+        """The longest time that is no break, [ns]; infinite where no rate can be told."""
+        rate = self.rate_hz or (mean_hz(t_ns) if len(t_ns) >= FEW else 0.0)
+        return STALE_PERIODS / rate * 1e9 if rate else math.inf

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from svfl_data.fields import CAMERA, OF_CAMERA, OF_EPISODE, camera_names, check_arrays
+from svfl_data.fields import CAMERA, OF_CAMERA, OF_EPISODE, camera_names
 from svfl_data.printable import printable
 from svfl_data.side_files import plain
+from svfl_data.validity import check_arrays
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class Episode:
         """
         check_arrays(self.arrays, self.name)
         for array in self.arrays.values():
-            if isinstance(array, np.ndarray):  # else it lies on disk
+            if isinstance(array, np.ndarray):  # images may still lie on disk (`EpisodeReader.load`)
                 array.setflags(write=False)
 
     def __getattr__(self, name: str) -> np.ndarray:
@@ -135,6 +136,9 @@ class Episode:
 
 def _array(owner: Episode | Camera, fields: dict[str, Any], name: str, where: str) -> np.ndarray:
     """Look an array up for ``__getattr__``, with an error that says what there is."""
+    failed = getattr(type(owner), name, None)
+    if isinstance(failed, property):  # Python asks here when a property lacks what it is made from; that is the error
+        return np.asarray(failed.__get__(owner))
     arrays = owner.__dict__.get("arrays", {})
     if name not in fields:
         raise AttributeError(f"{type(owner).__name__} has no {name!r}; it has {', '.join(fields)}")

@@ -4,13 +4,10 @@ Writing, checking, the tables of ``data/README.md``, normalisation, augmentation
 derive from `FIELDS`. Adding a stream to the format means adding one entry here.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
-from svfl_data.errors import FieldError
-from svfl_data.symmetry import ACTION_PARTS, OFFSET_PARTS, PROPRIO_PARTS, WRENCH_PARTS, Part, parts_named
+from svfl_data.symmetry import ACTION_PARTS, DIRECTIONS, OFFSET_PARTS, PROPRIO_PARTS, WRENCH_PARTS, Part, parts_named
 
 Size = int | str
 CAMERA = "{camera}"
@@ -19,6 +16,11 @@ EXTRA = "extra/"
 """Arrays below this group are the user's own: any name and shape, kept by every tool."""
 PLAIN_KINDS = "biufcS"
 """NumPy's kinds of types that they may have: others have no bytes of their own, or none that all software reads."""
+LARGEST = 1e6
+"""Bound of every declared number, in its unit. No arm, sensor or camera comes near it (the largest six-axis sensors
+measure 4e4 N), and the sum of a thousand million squares of it is still finite in float32."""
+FARTHEST_NS = 2**62 - 1
+"""Bound of every time stamp, 146 years: the difference of two fits into int64, and Unix time does until 2116."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ class Field:
         parts: How the last axis transforms under planar rotations and reflections; empty if it does not.
         image: Whether rows and columns are pixels, which move under rotations.
         optional: Whether an episode (or camera) may lack it.
+        bounds: Smallest and largest number that is possible at all; what a robot can do is far within.
     """
 
     path: str
@@ -52,6 +55,7 @@ class Field:
     parts: tuple[Part, ...] = ()
     image: bool = False
     optional: bool = False
+    bounds: tuple[float, float] = (-LARGEST, LARGEST)
 
     @property
     def rotates(self) -> str:
@@ -61,8 +65,15 @@ class Field:
         return parts_named(self.parts, self.components) if self.parts else "-"
 
 
+TIME = (-FARTHEST_NS, FARTHEST_NS)
+POSITIVE = (0.0, LARGEST)
+DEPTH_SCALE = (1e-6, 1.0)
+"""From a micrometre to a metre per unit: uint16 then reaches from 65 mm to 65 km."""
+
 FIELDS = (
-    Field("observations/t_ns", "t_ns", "int64", ("N+1",), "ns", "Time of each observation, episode clock."),
+    Field(
+        "observations/t_ns", "t_ns", "int64", ("N+1",), "ns", "Time of each observation, episode clock.", bounds=TIME,
+    ),
     Field(
         "observations/proprio", "proprio", "float32", ("N+1", 5), "-, m, m, m, rad",
         "Gripper opening (0 closed, 1 open), TCP position, yaw of the hand about base z "
@@ -81,6 +92,7 @@ FIELDS = (
     ),
     Field(
         "streams/wrench/t_ns", "wrench_t_ns", "int64", ("M",), "ns", "Time of each wrench reading, episode clock.",
+        bounds=TIME,
     ),
     Field(
         "streams/wrench/wrench", "wrench", "float32", ("M", 6), "N, N, N, N m, N m, N m",
@@ -94,7 +106,7 @@ FIELDS = (
     ),
     Field(
         "streams/joints/t_ns", "joints_t_ns", "int64", ("L",), "ns", "Time of each joint reading, episode clock.",
-        optional=True,
+        optional=True, bounds=TIME,
     ),
     Field(
         "streams/joints/position", "joints", "float32", ("L", "J"), "rad, m",
@@ -102,7 +114,7 @@ FIELDS = (
     ),
     Field(
         "streams/object/t_ns", "object_t_ns", "int64", ("P",), "ns", "Time of each object pose, episode clock.",
-        optional=True,
+        optional=True, bounds=TIME,
     ),
     Field(
         "streams/object/pose", "object_pose", "float64", ("P", 7), "m, -",
@@ -111,11 +123,11 @@ FIELDS = (
     ),
     Field(
         "streams/object/half_extents", "object_half", "float64", (3,), "m",
-        "Half the edges of the task's object, a box.", axes="object", optional=True,
+        "Half the edges of the task's object, a box.", axes="object", optional=True, bounds=POSITIVE,
     ),
     Field(
         "streams/tags/t_ns", "tags_t_ns", "int64", ("Q",), "ns",
-        "Time of each look of the tag cameras from the first sighting on, episode clock.", optional=True,
+        "Time of each look of the tag cameras from the first sighting on, episode clock.", optional=True, bounds=TIME,
     ),
     Field(
         "streams/tags/pose", "tags_pose", "float64", ("Q", 7), "m, -",
@@ -125,10 +137,11 @@ FIELDS = (
     Field(
         "streams/tags/age", "tags_age", "float64", ("Q",), "s",
         "Time since the object was seen at `pose`; 0 where it was seen now, larger while it is hidden.", optional=True,
+        bounds=POSITIVE,
     ),
     Field(
         "streams/tags/error", "tags_error", "float64", ("Q",), "px",
-        "Root mean square reprojection error of the edges of its tags.", optional=True,
+        "Root mean square reprojection error of the edges of its tags.", optional=True, bounds=POSITIVE,
     ),
     Field(
         "streams/tags/margin", "tags_margin", "float64", ("Q",), "grey levels",
@@ -136,9 +149,10 @@ FIELDS = (
     ),
     Field(
         "streams/tags/count", "tags_count", "int64", ("Q",), "-", "Number of tags that gave it.", optional=True,
+        bounds=POSITIVE,
     ),
     Field(
-        "cameras/{camera}/t_ns", "t_ns", "int64", ("F",), "ns", "Time of each frame, episode clock.",
+        "cameras/{camera}/t_ns", "t_ns", "int64", ("F",), "ns", "Time of each frame, episode clock.", bounds=TIME,
     ),
     Field(
         "cameras/{camera}/color", "color", "uint8", ("F", "H", "W", 3), "-",
@@ -150,7 +164,7 @@ FIELDS = (
     ),
     Field(
         "cameras/{camera}/depth_scale", "depth_scale", "float64", (), "m", "Metres per unit of `depth`.",
-        optional=True,
+        optional=True, bounds=DEPTH_SCALE,
     ),
     Field(
         "cameras/{camera}/intrinsics", "intrinsics", "float64", (3, 3), "px",
@@ -178,6 +192,7 @@ FIELDS = (
     Field(
         "labels/direction", "label_direction", "int64", (), "-",
         "Nearest image-aligned direction to `labels/offset`: 0 right, 1 up, 2 left, 3 down.", optional=True,
+        bounds=(0, len(DIRECTIONS) - 1),
     ),
 )  # fmt: skip
 
@@ -195,76 +210,15 @@ def field_at(path: str) -> Field | None:
     return _BY_PATH.get(path)
 
 
+def is_image(path: str) -> bool:
+    """Whether a dataset holds pictures."""
+    field = field_at(path)
+    return field is not None and field.image
+
+
 def camera_names(paths: Iterable[str]) -> list[str]:
     """Names of the cameras among dataset paths, sorted."""
     return sorted({path.split("/")[1] for path in paths if path.startswith("cameras/")})
-
-
-def check_arrays(arrays: Mapping[str, np.ndarray], where: str) -> None:
-    """Check the arrays of one episode against `FIELDS`.
-
-    Args:
-        arrays: Dataset path to array.
-        where: What to name in the error, such as the file.
-
-    Raises:
-        FieldError: If a field is missing or unknown, has a wrong dtype or shape, disagrees with another field about
-            a size, or holds NaN or infinity.
-    """
-    for path, array in arrays.items():
-        if field_at(path) is None and not path.startswith(EXTRA):
-            known = ", ".join(field.path for field in FIELDS)
-            raise FieldError(f"{where}: unknown field {path!r}; an episode has {known} and anything below {EXTRA}")
-        if path.startswith(EXTRA) and array.dtype.kind not in PLAIN_KINDS:
-            raise FieldError(
-                f"{where}: {path} has dtype {array.dtype}; possible are numbers, booleans and byte strings"
-            )
-    sizes = _check_group({field.path: field for field in OF_EPISODE.values()}, arrays, where)
-    rows, actions = sizes["N+1"][0], sizes["N"][0]
-    if rows != actions + 1:
-        raise FieldError(f"{where}: {rows} observations need {rows - 1} actions, found {actions}")
-    for camera in camera_names(arrays):
-        _check_group({field.path.replace(CAMERA, camera): field for field in OF_CAMERA.values()}, arrays, where)
-
-
-def _check_group(fields: dict[str, Field], arrays: Mapping[str, np.ndarray], where: str) -> dict[str, tuple[int, str]]:
-    """Check fields that share their symbols; returns each symbol's size and the path that set it."""
-    sizes: dict[str, tuple[int, str]] = {}
-    for path, field in fields.items():
-        if path in arrays:
-            check_array(field, arrays[path], sizes, f"{where}: field {path}", path)
-        elif not field.optional:
-            raise FieldError(f"{where}: field {path} is missing")
-    return sizes
-
-
-def check_array(field: Field, array: np.ndarray, sizes: dict[str, tuple[int, str]], here: str, path: str) -> None:
-    """Check one array against its declaration.
-
-    Args:
-        field: The declaration.
-        array: What is to be stored.
-        sizes: Each symbol's size so far and the path that set it; symbols met for the first time are added.
-        here: What to name in the error, such as the file and the path.
-        path: Where the array is stored.
-
-    Raises:
-        FieldError: If dtype or shape are not as declared, a size disagrees, or it holds NaN or infinity.
-    """
-    if array.dtype != np.dtype(field.dtype):
-        raise FieldError(f"{here} has dtype {array.dtype}, expected {field.dtype}")
-    if array.ndim != len(field.shape):
-        raise FieldError(f"{here} has shape {array.shape}, expected {shape_words(field)}")
-    for found, expected in zip(array.shape, field.shape, strict=True):
-        if isinstance(expected, int) and found != expected:
-            raise FieldError(f"{here} has shape {array.shape}, expected {shape_words(field)}")
-        if isinstance(expected, str):
-            known, owner = sizes.setdefault(expected, (found, path))
-            if found != known:
-                raise FieldError(f"{here} has {expected} = {found}, but {owner} has {expected} = {known}")
-    if array.dtype.kind == "f" and not np.isfinite(array).all():
-        first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise FieldError(f"{here} holds {array[first]} at index {first}; only finite numbers are stored")
 
 
 def shape_words(field: Field) -> str:

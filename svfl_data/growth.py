@@ -10,11 +10,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from svfl_data.errors import FieldError
-from svfl_data.fields import CAMERA, EXTRA, FIELDS, Field, camera_names, check_array, check_arrays, field_at
+from svfl_data.fields import CAMERA, EXTRA, FIELDS, PLAIN_KINDS, Field, camera_names, field_at
 from svfl_data.printable import printable
+from svfl_data.validity import check_array, check_arrays
 
-OWN_KINDS = "biufcS"
-"""Kinds of NumPy dtypes that arrays below `EXTRA` may have: numbers, booleans, byte strings."""
 PATH_LENGTH, PATH_PARTS = 1000, 16
 """Characters and parts of a dataset path at most."""
 
@@ -113,7 +112,7 @@ class Growth:
             for path, (dtype, row_shape) in columns.items()
             if path in rows
         }
-        check_arrays({**self._constants, **late, **streams}, where)
+        check_arrays({**self._constants, **late, **streams}, where, values=False)  # they were judged when they came
 
     def _check_group(self, group: str, columns: Mapping[str, object]) -> None:
         camera = group.partition("/")[2]
@@ -150,7 +149,7 @@ def harmless(path: str) -> bool:
 def _check_own(path: str, array: np.ndarray) -> None:
     if not harmless(path):
         raise FieldError(f"{printable(path)}: not a name for an array; parts are printable, not empty and not . or ..")
-    if array.dtype.kind not in OWN_KINDS:
+    if array.dtype.kind not in PLAIN_KINDS:
         raise FieldError(f"{path} has dtype {array.dtype}; numbers, booleans and byte strings can be recorded")
 
 

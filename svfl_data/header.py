@@ -13,18 +13,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from svfl_data import header_cache
 from svfl_data.admission import Description
 from svfl_data.chunks import Extent, Placement
 from svfl_data.errors import FieldError, FormatError, SvflError
 from svfl_data.examination import Unanswered, ask
-from svfl_data.fields import check_arrays, field_at
+from svfl_data.fields import field_at
 from svfl_data.metadata import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, parse_meta
 from svfl_data.printable import printable
 from svfl_data.seal import HDF5_MAGIC, SEAL_MARK, SEAL_SIZE, broken
 from svfl_data.stored_array import StoredArray
+from svfl_data.validity import check_arrays
 
 FORMAT = "svfl-episode"
 FORMAT_VERSION = "1.0"
@@ -219,19 +218,8 @@ def _judged(extent: Extent, size: int, digest: str, answer: bytes) -> Header:
     for path, attributes in description.arrays.items():
         check_meaning(path, attributes, extent)
     parse_meta(description.attributes, extent)
-    check_arrays({path: _hollow(found) for path, found in placements.items()}, str(extent))
-    arrays = {path: StoredArray(path, extent, placement) for path, placement in placements.items()}
-    _check_values(arrays, str(extent))
+    check_arrays({path: StoredArray(path, extent, found) for path, found in placements.items()}, str(extent))
     return Header(digest, description.attributes, placements, hashed=True)
-
-
-def _check_values(arrays: Mapping[str, StoredArray], where: str) -> None:
-    """Refuse numbers that no tool can work with; arrays are read when they are asked for."""
-
-
-def _hollow(found: Placement) -> np.ndarray:
-    """Stands for an array where only type and shape matter."""
-    return np.broadcast_to(np.zeros((), found.dtype), found.shape)
 
 
 def _keep(extent: Extent, found: Header | FormatError | FieldError) -> None:

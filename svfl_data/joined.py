@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from svfl_data.clocks import Clock
+
 
 @dataclass(frozen=True, eq=False)
 class Rows:
@@ -14,11 +16,15 @@ class Rows:
 
     Attributes:
         first: First row of the sample's episode, shape (S,), int64.
+        fresh: First row that belongs to the sample's moment (`svfl_data.clocks.first_fresh`), shape (S,), int64.
         end: Row after the last one that the sample may see, shape (S,), int64; `first` if there is none.
+        age: Time from that last row to the sample, shape (S,), float32, [s]; infinite if there is none.
     """
 
     first: np.ndarray
+    fresh: np.ndarray
     end: np.ndarray
+    age: np.ndarray
 
     def last(self, samples: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
         """The last rows that samples may see.
@@ -29,12 +35,11 @@ class Rows:
 
         Returns:
             Rows, shape (B, T), int64, latest last; and a mask of the same shape, true where the episode had no row
-            yet and its first one is repeated (row 0 if it had none at all).
+            yet and its first one is repeated (row 0 if it had none at all), and where a row is of another moment.
         """
         first, end = self.first[samples, None], self.end[samples, None]
         rows = end + np.arange(-length, 0)  # (B, T)
-        padding = rows < first
-        return np.where(padding, np.where(end > first, first, 0), rows), padding
+        return np.where(rows < first, np.where(end > first, first, 0), rows), rows < self.fresh[samples, None]
 
 
 def join(pieces: Sequence[np.ndarray]) -> np.ndarray:
@@ -47,14 +52,21 @@ def starts(lengths: Sequence[int]) -> np.ndarray:
     return 1 + np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int64)
 
 
-def rows_until(t_ns: Sequence[np.ndarray], now_ns: Sequence[np.ndarray]) -> Rows:
+def rows_until(t_ns: Sequence[np.ndarray], now_ns: Sequence[np.ndarray], known: Sequence[Clock]) -> Rows:
     """Which rows each sample may see of a stream with a clock of its own: none from after the sample's time.
 
     Args:
         t_ns: Ascending timestamps of the stream in each episode, each of shape (M,), [ns].
         now_ns: Times of the samples in each episode, each of shape (s,), same clock, [ns].
+        known: What is declared about the clock in each episode.
     """
     first = starts([len(times) for times in t_ns])
-    seen = [np.searchsorted(times, now, side="right") for times, now in zip(t_ns, now_ns, strict=True)]
+    seen, fresh, age = [], [], []
+    for times, now, clock in zip(t_ns, now_ns, known, strict=True):
+        seen.append(np.searchsorted(times, now, side="right"))
+        fresh.append(clock.first_fresh(times, now))
+        latest = np.maximum(seen[-1] - 1, 0)
+        age.append(np.where(seen[-1] > 0, (now - times[latest]) / 1e9 if len(times) else 0.0, np.inf))
     each = np.repeat(first, [len(now) for now in now_ns])
-    return Rows(each, each + np.concatenate(seen).astype(np.int64))
+    first_fresh, end = (each + np.concatenate(found).astype(np.int64) for found in (fresh, seen))
+    return Rows(each, first_fresh, end, np.concatenate(age).astype(np.float32))

@@ -29,8 +29,8 @@ import numpy as np
 
 from svfl_data.episode import Meta, canonical_json
 from svfl_data.errors import StorageError
-from svfl_data.fields import EXTRA, field_at
-from svfl_data.growth import OWN_KINDS, grows, harmless
+from svfl_data.fields import EXTRA, PLAIN_KINDS, field_at
+from svfl_data.growth import grows, harmless
 from svfl_data.own_process import OwnProcess
 from svfl_data.sink import write_all
 
@@ -380,7 +380,7 @@ def _label(words: bytes, content_size: int) -> Label | None:
 
 def _fits(label: Label, content_size: int) -> bool:
     declared, dtype = field_at(label.path), np.dtype(label.dtype)
-    own = label.path.startswith(EXTRA) and dtype.kind in OWN_KINDS and dtype.itemsize > 0
+    own = label.path.startswith(EXTRA) and dtype.kind in PLAIN_KINDS and dtype.itemsize > 0
     ours = declared is not None and grows(declared) != label.constant and dtype == np.dtype(declared.dtype)
     if not harmless(label.path) or not (own or ours):
         return False

@@ -8,6 +8,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from svfl_data.checks import sound
 from svfl_data.dataset import Dataset
 from svfl_data.duplicates import copies, copies_words
 from svfl_data.episode import Episode
@@ -69,6 +70,7 @@ def choose(
     conditions: list[str],
     varies: Collection[str] = (),
     once: bool = False,
+    valid: bool = False,
 ) -> tuple[int, int]:
     """Put the episodes that meet conditions into a new dataset, numbered from 0.
 
@@ -79,6 +81,7 @@ def choose(
         conditions: The same in words, for the record.
         varies: Paths and groups in which the episodes may differ, beside what the source says.
         once: Whether of copies of one recording only the first is taken.
+        valid: Leave out what ``svfl-data validate`` calls an error, episodes that cannot be read among them.
 
     Returns:
         Number of episodes, and of copies that were left out.
@@ -89,13 +92,19 @@ def choose(
         StorageError: If the disk refuses; no part of the destination remains.
     """
     check_free(destination)
-    found = readable(source)
+    found = _sound(source) if valid else readable(source)
     chosen = [Chosen(source, entry) for entry in progress(found, "choosing episodes") if keep(source.read(entry.index))]
     if not chosen:
         raise DatasetError(
             f"{source.path}: no episode meets {', '.join(conditions)}; of {len(found)} episodes {_have(found)}"
         )
     return copy(chosen, destination, "filter", {"conditions": conditions}, varies, once)
+
+
+def _sound(source: Dataset) -> list[Entry]:
+    """The index of a dataset without the episodes in which ``svfl-data validate`` finds an error."""
+    wanted = set(sound(source))
+    return [entry for entry in entries(source) if entry.index in wanted]
 
 
 def _have(found: Sequence[Entry]) -> str:

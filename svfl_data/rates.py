@@ -1,14 +1,16 @@
 """Whether the time stamps of a stream can be nanoseconds, and whether they come at the rate that was declared."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-RATE_FACTOR = 2.0
-"""Between a declared and a found rate at most; beyond it a unit is wrong or a driver does something else."""
-FASTEST_HZ = {"observations": 1_000.0, "cameras": 1_000.0, "streams": 50_000.0}
+DOUBTFUL, RATE_FACTOR = 1.1, 2.0
+"""Factor between a declared and a found rate that is worth a warning, and beyond which a unit is wrong or a driver does
+something else."""
+FASTEST_HZ = {"observations": 4_000.0, "cameras": 4_000.0, "streams": 50_000.0}
 """Rates that can be believed without a declared one, by the first part of a group; `FASTEST_OTHER_HZ` of all others.
 
 Stamps in microseconds make a stream seem 1,000 times as fast as it is, stamps in milliseconds 10^6 times."""
@@ -53,32 +55,63 @@ def declared_rates(config: Mapping[str, Any]) -> dict[str, float]:
     return {str(group): float(rate) for group, rate in rates.items() if isinstance(rate, int | float) and rate > 0}
 
 
-def rate_words(group: str, found: Found, declared_hz: float | None = None) -> str | None:
-    """What is wrong with a stream's unit of time or rate.
+def declared_hz(config: Mapping[str, Any], group: str) -> float | None:
+    """The declared rate of one group, [Hz]; None if there is none."""
+    return declared_rates(config).get(group)
+
+
+def unit_fault(group: str, found: Found) -> str | None:
+    """Why the time stamps of a stream cannot be nanoseconds of the episode clock; None if they can be.
 
     Args:
         group: Of the stream, such as ``streams/wrench``.
         found: Its time stamps.
-        declared_hz: The rate that the recording declared, if it did.
-
-    Returns:
-        Words for a person, such as ``comes at 50 Hz, but 500 Hz was declared``; None if nothing is wrong, or if there
-        are too few readings to say.
     """
-    if found.count and max(abs(found.first_ns), abs(found.last_ns)) > LONGEST_NS:
-        days = max(abs(found.first_ns), abs(found.last_ns)) / 86_400e9
+    if found.count and (farthest := max(abs(found.first_ns), abs(found.last_ns))) > LONGEST_NS:
         return (
-            f"has time stamps {days:.0f} days from the episode's beginning; they must be nanoseconds since the episode "
-            "began"
+            f"has time stamps {farthest / 86_400e9:.0f} days from the episode's beginning; they must be nanoseconds "
+            "since the episode began"
         )
-    if found.count < FEW:
-        return None
     rate = found.rate_hz
-    if declared_hz is not None and not declared_hz / RATE_FACTOR <= rate <= declared_hz * RATE_FACTOR:
-        return f"comes at {rate:.4g} Hz, but {declared_hz:.4g} Hz was declared{_unit_words(rate / declared_hz)}"
-    if declared_hz is None and rate > FASTEST_HZ.get(group.partition("/")[0], FASTEST_OTHER_HZ):
+    if found.count >= FEW and rate > FASTEST_HZ.get(group.partition("/")[0], FASTEST_OTHER_HZ):
         return f"comes at {rate:.4g} Hz by its time stamps; they must be nanoseconds, not microseconds or milliseconds"
     return None
+
+
+def rate_fault(found: Found, declared: float | None) -> tuple[Literal["error", "warning"], str] | None:
+    """Whether a stream has another rate than declared.
+
+    Args:
+        found: Its time stamps, without the time of declared gaps.
+        declared: Its declared rate, [Hz]; None if there is none.
+
+    Returns:
+        How bad it is, and what is wrong, such as ``comes at 50 Hz, but 500 Hz was declared``; None if the rates agree
+        or there are too few readings to say.
+    """
+    if declared is None or found.count < FEW:
+        return None
+    rate = found.rate_hz or math.inf
+    factor = max(rate / declared, declared / rate)
+    if factor <= DOUBTFUL:
+        return None
+    unit = _unit_words(rate / declared) if factor > RATE_FACTOR else ""
+    words = f"comes at {rate:.4g} Hz, but {declared:.4g} Hz was declared{unit}"
+    return ("error" if factor > RATE_FACTOR else "warning"), words
+
+
+def rate_words(group: str, found: Found, declared: float | None = None) -> str | None:
+    """What makes the unit of time or the rate of a stream an error; None if nothing does.
+
+    Args:
+        group: Of the stream, such as ``streams/wrench``.
+        found: Its time stamps, without the time of declared gaps.
+        declared: The rate that the recording declared, if it did, [Hz].
+    """
+    fault = rate_fault(found, declared)
+    if fault and fault[0] == "error" and max(abs(found.first_ns), abs(found.last_ns)) <= LONGEST_NS:
+        return fault[1]  # names the unit, too
+    return unit_fault(group, found)
 
 
 def _unit_words(ratio: float) -> str:

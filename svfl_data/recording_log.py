@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from svfl_data.clocks import Clock, Gap, Late, clock_faults
 from svfl_data.episode import Meta
 from svfl_data.errors import FieldError
 from svfl_data.rates import declared_rates
+from svfl_data.recording_clocks import Clock, Gap, Late, clock_faults
 
 TOOL = "EpisodeWriter"
 FAULTS = 100
@@ -37,7 +37,7 @@ class RecordingLog:
         return [*self._faults, *([f"and {self._beyond} more"] if self._beyond else [])]
 
     def newer(self, group: str, t_ns: np.ndarray, late: Late) -> np.ndarray | None:
-        """Which rows of a group may be appended; see `svfl_data.clocks.Clock.newer`."""
+        """Which rows of a group may be appended; see `svfl_data.recording_clocks.Clock.newer`."""
         return self._clocks.setdefault(group, Clock()).newer(group, t_ns, late)
 
     def take(self, group: str, t_ns: np.ndarray, dropped: int) -> None:

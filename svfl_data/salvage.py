@@ -7,13 +7,14 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from svfl_data.clocks import Gap
 from svfl_data.episode import Meta
-from svfl_data.errors import FieldError, FormatError, UsageError
-from svfl_data.fields import CAMERA, FIELDS, camera_names, check_arrays
+from svfl_data.errors import FormatError, UsageError
+from svfl_data.fields import CAMERA, FIELDS, camera_names
 from svfl_data.growth import grows
 from svfl_data.journal import Journal, Spans
-from svfl_data.store import BLOCK_BYTES, Rows
+from svfl_data.recording_clocks import Gap
+from svfl_data.store import Rows
+from svfl_data.validity import check_arrays
 
 TOOL = "repair"
 OBSERVATIONS, ACTIONS = "observations", "actions"
@@ -125,23 +126,8 @@ def _with_constants(journal: Journal, streams: dict[str, Rows]) -> dict[str, Row
 
 def _checked(arrays: dict[str, Rows], where: str) -> dict[str, Rows]:
     """The arrays, if they make an episode."""
-    check_arrays({path: _shaped(array) for path, array in arrays.items()}, where)
-    for path, array in arrays.items():
-        if array.dtype.kind == "f" and not all(np.isfinite(block).all() for block in _blocks(array)):
-            raise FieldError(f"{where}: field {path} holds numbers that are not finite")
+    check_arrays(arrays, where)
     return arrays
-
-
-def _blocks(array: Rows) -> Iterable[np.ndarray]:
-    if isinstance(array, np.ndarray):
-        return [array]
-    step = max(1, BLOCK_BYTES // max(1, int(np.prod(array.shape[1:], dtype=np.float64)) * array.dtype.itemsize))
-    return (array[start : start + step] for start in range(0, array.shape[0], step))
-
-
-def _shaped(array: Rows) -> np.ndarray:
-    """Stands for an array where only dtype and shape matter."""
-    return array if isinstance(array, np.ndarray) else np.broadcast_to(np.zeros((), array.dtype), array.shape)
 
 
 def _meta(journal: Journal, kept: Mapping[str, Spans], arrays: Mapping[str, Rows]) -> Meta:

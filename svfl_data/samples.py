@@ -5,16 +5,18 @@ little memory moves until a batch is where it is used. A key of a batch is the p
 """
 
 import os
-from collections.abc import Sequence
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from svfl_data.agreement import check_agreement
+from svfl_data.checks import check_usable
+from svfl_data.clocks import Clock
 from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError, UsageError
 from svfl_data.frames import Frames, corners, draws
-from svfl_data.joined import Rows, join, rows_until, starts
+from svfl_data.joined import join, rows_until, starts
 from svfl_data.progress import progress
 from svfl_data.reader import EpisodeReader, StoredArray
 from svfl_data.windows import WINDOW
@@ -23,6 +25,7 @@ TIMES, PROPRIO = "observations/t_ns", "observations/proprio"
 ACTION, INTENDED = "actions/action", "actions/intended"
 WRENCH, WRENCH_TIMES, TARE = "streams/wrench/wrench", "streams/wrench/t_ns", "streams/wrench/tare"
 Batch = dict[str, np.ndarray]
+Values = TypeVar("Values", bound=Any)
 
 
 class Samples:
@@ -37,8 +40,11 @@ class Samples:
     - ``observations/proprio`` (B, 5) float32, as recorded.
     - ``actions/action`` (B, A, 5) float32: the actions of steps t .. t+A-1.
     - ``.../padding`` of each camera, of the wrench and of the actions, (B, K), (B, T), (B, A) bool: true where there
-      was no frame or reading yet, or no action any more. The nearest one of the episode is repeated there, zeros if it
-      has none so far.
+      was no frame or reading yet, or no action any more; the nearest one of the episode is repeated there, zeros if it
+      has none so far. True also where a frame or reading is left over from before a break: a declared gap, or more than
+      10 periods without any (`svfl_data.clocks.Clock`).
+    - ``.../age`` of each camera and of the wrench, (B,) float32: time from the newest frame or reading to the
+      observation, [s]; infinite if there is none.
     - any fields named as `labels`; ``episode`` and ``step`` (B,) int64: where the sample comes from.
 
     Pickling (for worker processes that are not forked) takes the description only; the copy reads the files again.
@@ -61,6 +67,7 @@ class Samples:
         cache: bool = False,
         budget: int | None = None,
         seed: int = 0,
+        validated: bool = True,
     ) -> None:
         """Find the samples, and read everything but the images.
 
@@ -70,7 +77,7 @@ class Samples:
             at: One sample at each observation that an action follows, or one at each episode's last observation.
             cameras: Which cameras; those of the first episode by default.
             frames: Frames per camera and sample, K.
-            wrench_window: Readings per sample, T.
+            wrench_window: Readings per sample, T; 0 leaves the wrench out.
             action_chunk: Actions per sample, A.
             intended: Give as actions what an expert meant rather than what was done, where an episode tells them
                 apart.
@@ -80,16 +87,22 @@ class Samples:
             cache: Whether to keep the images in memory as well.
             budget: Most memory to take, [bytes]; half of the machine's by default.
             seed: For random crops.
+            validated: Whether to refuse episodes in whose fields ``svfl-data validate`` finds an error.
 
         Raises:
             UsageError: If a size is not positive.
-            DatasetError: If there are no samples, episodes differ in what they hold, or the budget is too small.
+            DatasetError: If there are no samples, an episode is unfit for training, episodes differ in what they hold,
+                or the budget is too small.
             FieldError: If an episode lacks a field.
             FormatError: If an episode is damaged.
         """
-        for name, value in (("frames", frames), ("wrench_window", wrench_window), ("action_chunk", action_chunk)):
-            if value < 1:
-                raise UsageError(f"{name} is {value}; it must be at least 1")
+        for name, value, least in (
+            ("frames", frames, 1),
+            ("wrench_window", wrench_window, 0),
+            ("action_chunk", action_chunk, 1),
+        ):
+            if value < least:
+                raise UsageError(f"{name} is {value}; it must be at least {least}")
         self.dataset, self.episodes = dataset, list(dataset.indices if episodes is None else episodes)
         self.at, self.cameras, self.labels = at, None if cameras is None else list(cameras), list(labels)
         self.frames, self.wrench_window, self.action_chunk = frames, wrench_window, action_chunk
@@ -97,7 +110,7 @@ class Samples:
         self.crop, self.crop_at, self.seed = crop, crop_at, seed
         self.cache = cache
         self.budget = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2 if budget is None else budget
-        self._load()
+        self._load(validated)
 
     def __len__(self) -> int:
         return len(self._step)
@@ -109,9 +122,9 @@ class Samples:
             raise IndexError(f"no sample {index}; there are {len(self)}")
         return {key: values[0] for key, values in self.batch([position]).items()}
 
-    def __getitems__(self, indices: Sequence[int]) -> Batch:
-        """Many samples at once, as PyTorch's loaders ask for them."""
-        return self.batch(indices)
+    def __getitems__(self, indices: Sequence[int]) -> list[Batch]:
+        """Many samples, one by one, as PyTorch's loaders ask for them; `batch` gives them as one."""
+        return apart(self.batch(indices), len(indices))
 
     def batch(self, indices: Sequence[int] | np.ndarray, epoch: int = 0) -> Batch:
         """Many samples at once.
@@ -129,13 +142,16 @@ class Samples:
         for path, values in self._constants.items():
             out[path] = values[episode]
         out[PROPRIO] = self._proprio[self._observation[chosen]]
-        rows, out["streams/wrench/padding"] = self._wrench_rows.last(chosen, self.wrench_window)
-        out[WRENCH] = self._wrench[rows]
+        if self.wrench_window:
+            rows, out["streams/wrench/padding"] = self._wrench_rows.last(chosen, self.wrench_window)
+            out["streams/wrench/age"] = self._wrench_rows.age[chosen]
+            out[WRENCH] = self._wrench[rows]
         rows, out["actions/padding"] = self._action_rows(chosen)
         out[ACTION] = self._action[rows]
         fraction = draws(self.seed, epoch, chosen) if self.crop_at == "random" else None
         for camera, seen in self._frame_rows.items():
             rows, out[f"cameras/{camera}/padding"] = seen.last(chosen, self.frames)
+            out[f"cameras/{camera}/age"] = seen.age[chosen]
             for path in (f"cameras/{camera}/color", f"cameras/{camera}/depth"):
                 if path in self._images:
                     height, width = self._sizes[path]
@@ -145,19 +161,19 @@ class Samples:
 
     def _action_rows(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows of the actions that follow, shape (B, A), and where there are none any more."""
-        begin, end = self._actions.first[self._episode[chosen], None], self._actions.end[self._episode[chosen], None]
+        begin, end = (bound[self._episode[chosen], None] for bound in self._actions)
         rows = begin + self._step[chosen, None] + np.arange(self.action_chunk)
         padding = rows >= end
         return np.where(padding, np.where(end > begin, end - 1, 0), rows), padding
 
-    def _load(self) -> None:
+    def _load(self, validated: bool = False) -> None:
         readers = [self.dataset.episode(index) for index in self.episodes]
         if not readers:
             raise DatasetError(f"{self.dataset.path}: no episodes to take samples from")
         if self.cameras is None:
             self.cameras = readers[0].cameras
         check_agreement(self.dataset, self.episodes, self.cameras)
-        needed = [TIMES, PROPRIO, ACTION, WRENCH, WRENCH_TIMES, TARE, *self.labels]
+        needed = [TIMES, PROPRIO, ACTION, *([WRENCH, WRENCH_TIMES, TARE] if self.wrench_window else ()), *self.labels]
         needed += [f"cameras/{camera}/{name}" for camera in self.cameras for name in ("t_ns", "color")]
         has_depth = [camera for camera in self.cameras if f"cameras/{camera}/depth" in readers[0]]
         needed += [f"cameras/{camera}/{name}" for camera in has_depth for name in ("depth", "depth_scale")]
@@ -166,6 +182,13 @@ class Samples:
             for of_episode, reader in zip(stored, readers, strict=True):
                 of_episode[ACTION] = reader[INTENDED if INTENDED in reader else ACTION]
         self._check(stored, readers)
+        if validated:
+            uses = [
+                *(["streams/wrench"] if self.wrench_window else ()),
+                *self.labels,
+                *(f"cameras/{camera}" for camera in self.cameras),
+            ]
+            check_usable(self.dataset, self.episodes, uses)
 
         arrays = {path: [of_episode[path] for of_episode in stored] for path in needed}
         images = [path for path in needed if path.endswith(("/color", "/depth"))]
@@ -184,12 +207,20 @@ class Samples:
         self._observation = starts([len(times) for times in values[TIMES]])[self._episode] + self._step
         self._proprio, self._action = join(values[PROPRIO]), join(values[ACTION])
         first = starts(action_counts)
-        self._actions = Rows(first, first + action_counts)
-        self._wrench = join(
-            [(raw - tare).astype(np.float32) for raw, tare in zip(values[WRENCH], values[TARE], strict=True)]
-        )
-        self._wrench_rows = rows_until(values[WRENCH_TIMES], now_ns)
-        self._frame_rows = {camera: rows_until(values[f"cameras/{camera}/t_ns"], now_ns) for camera in self.cameras}
+        self._actions = first, first + action_counts
+        metas = [reader.meta for reader in readers]
+        self._wrench = np.empty((0, 6), np.float32)
+        if self.wrench_window:
+            raw = zip(values[WRENCH], values[TARE], strict=True)
+            self._wrench = join([(wrench - tare).astype(np.float32) for wrench, tare in raw])
+            clocks = [Clock.of(meta, "streams/wrench") for meta in metas]
+            self._wrench_rows = rows_until(values[WRENCH_TIMES], now_ns, clocks)
+        self._frame_rows = {
+            camera: rows_until(
+                values[f"cameras/{camera}/t_ns"], now_ns, [Clock.of(meta, f"cameras/{camera}") for meta in metas]
+            )
+            for camera in self.cameras
+        }
         constants = [*self.labels, *(f"cameras/{camera}/depth_scale" for camera in has_depth)]
         self._constants = {path: np.stack(values[path]) for path in constants}
 
@@ -234,11 +265,14 @@ class Samples:
         )
 
 
+def apart(batch: Mapping[str, Values], count: int) -> list[dict[str, Values]]:
+    """The samples of a batch, each without the batch dimension."""
+    return [{key: values[row] for key, values in batch.items()} for row in range(count)]
+
+
 def _sound(array: StoredArray) -> np.ndarray:
-    """All of an array, if a sample may be cut from it: finite, and time running forwards."""
+    """All of an array, if a sample may be cut from it: time runs forwards."""
     values = array[()]
-    if values.dtype.kind == "f" and not np.isfinite(values).all():
-        raise DatasetError(f"{array.extent}: {array.path} holds numbers that are not finite")
     if array.path.endswith("/t_ns") and (np.diff(values) < 0).any():
         row = int(np.flatnonzero(np.diff(values) < 0)[0]) + 1
         raise DatasetError(f"{array.extent}: {array.path} runs backwards at row {row}; nothing can be cut causally")

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 from svfl_data.atomically import write_atomically
+from svfl_data.checks import check_usable
 from svfl_data.dataset import Dataset
 from svfl_data.episode import canonical_json
 from svfl_data.errors import DatasetError, FormatError
@@ -148,11 +149,12 @@ def compute_statistics(dataset: Dataset, episodes: Sequence[int]) -> dict[str, F
         all have.
 
     Raises:
-        DatasetError: If there are no episodes.
+        DatasetError: If there are no episodes, or one is unfit for training.
         FormatError: If one is damaged.
     """
     if not episodes:
         raise DatasetError(f"{dataset.path}: no episodes to take statistics of")
+    check_usable(dataset, episodes)
     moments: dict[str, Moments] = {}
     seen: dict[str, int] = {}
     for index in progress(episodes, "statistics"):

@@ -140,6 +140,12 @@ def nearest_direction(vector: np.ndarray) -> np.ndarray:
     return np.asarray(np.round(quarter).astype(np.int64) % 4)
 
 
+def points_towards(direction: int, vector: np.ndarray) -> bool:
+    """Whether no other direction (`DIRECTIONS`) is nearer to a vector (2,); either of two is right on their border."""
+    angle = direction * np.pi / 2
+    return bool(vector @ [np.cos(angle), np.sin(angle)] >= np.abs(vector).max() - 1e-9)
+
+
 def border_distance(vector: np.ndarray) -> np.ndarray:
     """Angle between a vector and the nearest border of two direction classes, in [rad], shape (..., 2) -> (...)."""
     quarter = np.arctan2(vector[..., 1], vector[..., 0]) / (np.pi / 2)

@@ -21,6 +21,8 @@ from svfl_data.errors import UsageError
 SIZE = 76  # [px], as the paper's pictures
 EYE_M = 1.0  # [m]; above everything that the arm does over a table, and depth is 1 m minus height
 FARTHEST = 2**16 - 1  # of uint16
+MOST_POINTS = 2 * 10**7
+"""Of one picture, 400 MB while they are drawn; a camera of 640 x 480 px above a table gives 3 * 10^5."""
 
 
 class Picture(Protocol):
@@ -184,6 +186,11 @@ class TopView:
         reach = count * self.metres_per_pixel
         seen = depth > 0
         chosen = np.flatnonzero(seen & (np.abs(points[:2]) <= 0.5 * self.extent + reach).all(axis=0))
+        if len(chosen) * count**2 > MOST_POINTS:
+            raise UsageError(
+                f"a view from above of {self.size} px needs {len(chosen) * count**2:.1g} points of a camera as coarse "
+                f"as this, possible are {MOST_POINTS:.1g}; choose a smaller size or a larger extent"
+            )
         colors = color.reshape(-1, 3)[chosen].T
         places = points.reshape(3, -1)[:, chosen]
         if count > 1:

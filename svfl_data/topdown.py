@@ -106,11 +106,11 @@ class _Row:
 
     @property
     def color(self) -> np.ndarray:
-        return self.camera.color[self.row]
+        return self.camera.arrays["color"][self.row]
 
     @property
     def depth(self) -> np.ndarray:
-        return self.camera.depth[self.row]
+        return self.camera.arrays["depth"][self.row]
 
 
 def latest_frame(episode: Episode, camera: Camera, step: int) -> int | None:

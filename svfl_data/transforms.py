@@ -12,6 +12,7 @@ import numpy as np
 
 from svfl_data.episode import Episode
 from svfl_data.errors import FormatError, UsageError
+from svfl_data.fields import LARGEST
 
 GRAVITY = 9.80665  # m/s^2, standard gravity (CGPM 1901)
 
@@ -143,14 +144,18 @@ def from_record(record: dict[str, Any], where: str) -> Transform:
         where: What to name in the error.
 
     Raises:
-        FormatError: If the name or a parameter is unknown; a transform must not be left out silently.
+        FormatError: If the name or a parameter is unknown, or a number impossible; a transform must not be left out
+            silently.
     """
     try:
+        numbers = [value for key, value in record.items() if key != "name"]
+        if any(np.abs(value).max() > LARGEST for value in numbers):
+            raise ValueError(f"numbers up to {LARGEST:g} are possible")
         parameters: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value for key, value in record.items()
         }
         return TRANSFORMS[parameters.pop("name")](**parameters)
-    except (AttributeError, KeyError, TypeError, ValueError, UsageError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError, UsageError) as error:
         known = ", ".join(TRANSFORMS)
         raise FormatError(
             f"{where}: cannot apply the recorded transform {record} ({error!r}); known are {known}"

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from svfl_data.clocks import Clock
 from svfl_data.episode import Episode
 
 WINDOW = 64
@@ -29,11 +30,13 @@ def wrench_window(episode: Episode, step: int = -1, length: int = WINDOW) -> tup
     Returns:
         The window, shape (T, 6), float32, [N] and [N m], base axes, about the sensor origin, latest reading last;
         and a mask of shape (T,), true where there was no reading yet and the first one is repeated (zeros if the
-        stream is still empty).
+        stream is still empty), and where a reading is left over from before a break (`svfl_data.clocks.Clock`).
     """
-    end = latest(episode.wrench_t_ns, episode.t_ns[step]) + 1
+    now = episode.t_ns[step]
+    end = latest(episode.wrench_t_ns, now) + 1
+    (fresh,) = Clock.of(episode.meta, "streams/wrench").first_fresh(episode.wrench_t_ns, np.array([now]))
     readings = episode.tared_wrench[max(0, end - length) : end]
     missing = length - len(readings)
     filler = readings[:1] if len(readings) else np.zeros((1, 6), dtype=np.float32)
     window = np.concatenate([np.repeat(filler, missing, axis=0), readings])
-    return window, np.arange(length) < missing
+    return window, np.arange(end - length, end) < fresh

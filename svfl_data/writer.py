@@ -13,7 +13,6 @@ import numpy as np
 
 from svfl_data.agreement import Agreement
 from svfl_data.claims import build, claim, publish
-from svfl_data.clocks import Gap, Late, is_clock
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Meta, canonical_json
 from svfl_data.errors import DatasetError, FieldError, StorageError, UsageError
@@ -23,6 +22,7 @@ from svfl_data.held_folder import HeldFolder
 from svfl_data.journal import LABEL_BYTES, JournalWriter, read_journal
 from svfl_data.metadata import checked_meta
 from svfl_data.own_process import OwnProcess
+from svfl_data.recording_clocks import Gap, Late, is_clock
 from svfl_data.recording_log import RecordingLog
 from svfl_data.store import Rows
 from svfl_data.write_behind import WhenFull, WriteBehind

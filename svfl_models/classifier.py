@@ -76,7 +76,7 @@ class CenteringClassifier(nn.Module):
         if isinstance(self.trunk, LatentTrunk):
             self.trunk.fit(Crops(samples, INPUTS[LATENT_INPUTS], self.trunk.image_size)[list(range(len(samples)))])
         else:
-            self.trunk.normalization.fit(image=samples.image, wrench=samples.wrench)
+            self.trunk.normalization.fit(image=samples.image if samples.image.size else None, wrench=samples.wrench)
         if isinstance(self.head, OffsetHead):
             self.head.fit(torch.from_numpy(samples.offset))
 

@@ -15,7 +15,7 @@ from svfl_data.split import train_test_split
 from svfl_models import run_folder
 from svfl_models.classifier import parameter_count
 from svfl_models.config import TrainingConfig
-from svfl_models.data import CenteringData, check_samples
+from svfl_models.data import INPUTS, CenteringData, check_samples
 from svfl_models.fitting import run, storage_errors
 from svfl_models.judge import judge, write_predictions
 from svfl_models.module import CenteringModule
@@ -101,14 +101,14 @@ def samples_of(path: Path | str, config: TrainingConfig) -> CenteringSamples:
     Raises:
         SvflError: If they cannot serve.
     """
-    samples = with_noise(_load(str(path), config.window, config.view), config.noise)
+    samples = with_noise(_load(str(path), config.window, config.view, INPUTS[config.encoder]), config.noise)
     check_samples(samples, config)
     return samples
 
 
 @lru_cache(maxsize=4)  # a table of many runs reads its datasets once
-def _load(path: str, window: int, view: View) -> CenteringSamples:
-    return load_centering(path, window, view)
+def _load(path: str, window: int, view: View, inputs: tuple[str, ...]) -> CenteringSamples:
+    return load_centering(path, window, view, inputs)
 
 
 def fit(

@@ -1,40 +1,25 @@
 """What can be wrong with recorded data, as small functions that say so in words.
 
-A check takes an episode whose arrays fit their declaration and yields findings. That they fit, and that the file is
-whole, is checked when it is read; `check_file` turns what reading says into findings too.
+A check takes a valid episode (`svfl_data.validity`) and yields findings. That it is valid, and that the file is whole,
+is checked when it is read; `check_file` turns what reading says into findings too.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from svfl_data.checks.between import Between
 from svfl_data.checks.finding import Finding, Severity
-from svfl_data.checks.images import check_color, check_depth
-from svfl_data.checks.motion import check_action, check_label, check_poses, check_proprio, check_records
-from svfl_data.checks.timestamps import check_coverage, check_gaps, check_jitter, check_order
-from svfl_data.checks.wrench import check_saturation, check_stuck, check_tare
+from svfl_data.checks.judging import check_episode
+from svfl_data.checks.usable import check_usable, sound
 from svfl_data.claims import INFLIGHT
 from svfl_data.damage import damaged_arrays
 from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
 from svfl_data.errors import FormatError, SvflError
 from svfl_data.journal import SUFFIX
-from svfl_data.store import read_episode
+from svfl_data.reader import read_episode
 
-__all__ = ["CHECKS", "Finding", "Severity", "check_dataset", "check_episode", "check_file"]
-
-CHECKS: tuple[Callable[[Episode], Iterator[Finding]], ...] = (
-    check_order, check_gaps, check_jitter, check_coverage,
-    check_saturation, check_stuck, check_tare,
-    check_color, check_depth,
-    check_action, check_proprio, check_poses, check_label, check_records,
-)  # fmt: skip
-
-
-def check_episode(episode: Episode) -> list[Finding]:
-    """Everything the checks find in one episode."""
-    return [finding for check in CHECKS for finding in check(episode)]
+__all__ = ["Finding", "Severity", "check_dataset", "check_episode", "check_file", "check_usable", "sound"]
 
 
 def check_file(path: Path) -> list[Finding]:

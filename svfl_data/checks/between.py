@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from svfl_data.checks.finding import Finding
+from svfl_data.checks.placing import check_place
 from svfl_data.dataset import Dataset
 from svfl_data.duplicates import content_id, copies
 from svfl_data.episode import Episode
@@ -36,20 +37,11 @@ class Between:
         self._setups.append((episode.name, Setup.of(episode.meta, arrays)))
         self._contents.append((episode.name, content_id(reader)))
         self._first = self._first or episode
-        self._found += [*self._placed(index, episode), *self._lacking(self._first, episode)]
+        self._found += [*check_place(self._dataset, index), *self._lacking(self._first, episode)]
 
     def findings(self) -> list[Finding]:
         """Everything that does not fit together."""
         return [*self._found, *self._unlike(), *self._copies(), *self._named()]
-
-    def _placed(self, index: int, episode: Episode) -> Iterator[Finding]:
-        """An episode is what its file's name and its dataset say."""
-        if episode.meta.index != index:
-            words = f"the file's number is {index}, the attribute says {episode.meta.index}"
-            yield Finding(episode.name, "index", None, "error", words)
-        if episode.meta.task not in str(self._dataset.info["task"]).split("+"):
-            words = f"task {episode.meta.task!r} in a dataset of {self._dataset.info['task']!r}"
-            yield Finding(episode.name, "task", None, "warning", words)
 
     def _lacking(self, first: Episode, episode: Episode) -> Iterator[Finding]:
         """Episodes of a dataset have the same arrays; of cameras the setup says so."""

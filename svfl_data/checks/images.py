@@ -1,7 +1,6 @@
-"""Did the cameras see anything?"""
+"""Did the cameras see anything? Images are looked at one by one, so that memory holds two of them."""
 
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 
@@ -12,24 +11,33 @@ HOLES = 0.5  # share of a depth image without measurement that is worth a warnin
 FROZEN_FRAMES, FROZEN_TRAVEL_M = 5, 0.01  # identical images in a row, while the hand moves this far
 
 
-def check_color(episode: Episode) -> Iterator[Finding]:
+def check_color(episode: Episode, camera: Camera) -> Iterator[Finding]:
     """No colour image is black or of one colour, and the picture is not frozen while the hand moves."""
-    for camera in episode.cameras.values():
-        if not camera.color.size:
-            continue
-        path = f"cameras/{camera.name}/color"
-        flat = np.array([frame.min() == frame.max() for frame in camera.color], dtype=bool)
-        if flat.any():
-            rows = np.flatnonzero(flat)
-            black = "all black" if not any(camera.color[row].any() for row in rows) else "of one grey"
-            words = f"{len(rows)} of {len(flat)} images are {black}: {places(rows, camera.t_ns)}"
-            yield error(episode, path, int(rows[0]), words)
-        else:
-            yield from _frozen(episode, camera, path)
+    path = f"cameras/{camera.name}/color"
+    flat, black, repeated = [], True, []
+    previous: np.ndarray | None = None
+    for frame in _images(camera, "color"):
+        flat.append(frame.min() == frame.max())
+        black = black and not (flat[-1] and frame.any())
+        if previous is not None:
+            repeated.append(np.array_equal(frame, previous))
+        previous = frame
+    if any(flat):
+        rows = np.flatnonzero(flat)
+        words = f"{len(rows)} of {len(flat)} images are {'all black' if black else 'of one grey'}"
+        yield error(episode, path, int(rows[0]), f"{words}: {places(rows, camera.t_ns)}")
+    else:
+        yield from _frozen(episode, camera, path, np.array(repeated, dtype=np.bool_))
 
 
-def _frozen(episode: Episode, camera: Camera, path: str) -> Iterator[Finding]:
-    row, repeats = longest_run(np.array([np.array_equal(a, b) for a, b in pairwise(camera.color)], dtype=bool))
+def _images(camera: Camera, kind: str) -> Iterator[np.ndarray]:
+    """The images of a camera, one at a time, also where they still lie on disk."""
+    stored = camera.arrays[kind]
+    return (stored[row] for row in range(stored.shape[0]))
+
+
+def _frozen(episode: Episode, camera: Camera, path: str, repeated: np.ndarray) -> Iterator[Finding]:
+    row, repeats = longest_run(repeated)
     if repeats + 1 < FROZEN_FRAMES:
         return
     start, end = int(camera.t_ns[row]), int(camera.t_ns[row + repeats])
@@ -42,25 +50,23 @@ def _frozen(episode: Episode, camera: Camera, path: str) -> Iterator[Finding]:
         yield warning(episode, path, row, words)
 
 
-def check_depth(episode: Episode) -> Iterator[Finding]:
+def check_depth(episode: Episode, camera: Camera) -> Iterator[Finding]:
     """Depth images have measurements in most pixels, and differ from pixel to pixel."""
-    for camera in episode.cameras.values():
-        if not camera.has("depth") or not camera.depth.size:
-            continue
-        path = f"cameras/{camera.name}/depth"
-        if not any(frame.any() for frame in camera.depth):
-            yield error(episode, path, 0, "no measurement in any depth image")
-            continue
-        holes = np.array([np.mean(frame == 0) for frame in camera.depth])
-        if (holes > HOLES).any():
-            rows, worst = np.flatnonzero(holes > HOLES), int(holes.argmax())
-            words = (
-                f"depth holes: {len(rows)} of {len(holes)} images lack more than {HOLES:.0%} of their pixels, "
-                f"{places(rows, camera.t_ns)}; the worst lacks {holes[worst]:.0%}"
-            )
-            yield warning(episode, path, int(rows[0]), words)
-        flat = np.array([frame.min() == frame.max() and frame.any() for frame in camera.depth], dtype=bool)
-        if flat.any():
-            rows = np.flatnonzero(flat)
-            words = f"{len(rows)} of {len(flat)} depth images are constant: {places(rows, camera.t_ns)}"
-            yield error(episode, path, int(rows[0]), words)
+    if not camera.has("depth") or not camera.arrays["depth"].shape[0]:
+        return
+    path = f"cameras/{camera.name}/depth"
+    looks = [(np.mean(frame == 0), frame.min() == frame.max()) for frame in _images(camera, "depth")]
+    holes, constant = (np.array(column) for column in zip(*looks, strict=True))
+    if (holes == 1).all():
+        yield error(episode, path, 0, "no measurement in any depth image")
+        return
+    if (holes > HOLES).any():
+        rows, worst = np.flatnonzero(holes > HOLES), int(holes.argmax())
+        words = (
+            f"depth holes: {len(rows)} of {len(holes)} images lack more than {HOLES:.0%} of their pixels, "
+            f"{places(rows, camera.t_ns)}; the worst lacks {holes[worst]:.0%}"
+        )
+        yield warning(episode, path, int(rows[0]), words)
+    if len(rows := np.flatnonzero(constant & (holes < 1))):
+        words = f"{len(rows)} of {len(holes)} depth images are constant: {places(rows, camera.t_ns)}"
+        yield error(episode, path, int(rows[0]), words)

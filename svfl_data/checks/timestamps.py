@@ -4,9 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from svfl_data.checks.finding import Finding, error, note, places, seconds, warning
+from svfl_data.checks.finding import SHOWN, Finding, error, note, places, seconds, warning
+from svfl_data.clocks import declared_gaps, mean_hz, without_gaps
 from svfl_data.episode import Episode
 from svfl_data.fields import field_at
+from svfl_data.rates import declared_hz, rate_fault, rate_words
 
 GAP = 1.5  # periods; beyond it a reading is missing
 REGULAR = 0.25  # of a period; 9 of 10 intervals of a regular stream are this near the period
@@ -29,10 +31,26 @@ def period_ns(t_ns: np.ndarray) -> float:
     return float(np.median(forward)) if len(forward) else 0.0
 
 
-def rate_hz(t_ns: np.ndarray) -> float:
-    """Rate by the mean interval, [Hz]; 0 for fewer than two readings or no time between them."""
-    span = float(t_ns[-1]) - float(t_ns[0]) if len(t_ns) > 1 else 0.0
-    return (len(t_ns) - 1) / span * 1e9 if span > 0 else 0.0
+def expected_ns(episode: Episode, path: str) -> float:
+    """The period that a stream should have, [ns]: as declared, otherwise the median; 0 if there is neither."""
+    declared = declared_hz(episode.meta.config, _group(path))
+    return 1e9 / declared if declared else period_ns(episode.arrays[path])
+
+
+def _group(path: str) -> str:
+    return path.rpartition("/")[0]
+
+
+def check_rates(episode: Episode) -> Iterator[Finding]:
+    """Time stamps are nanoseconds, and streams have the rates that were declared for them."""
+    for path, t_ns in clocks(episode).items():
+        group = _group(path)
+        found = without_gaps(t_ns, declared_gaps(episode.meta.annotations, group))
+        declared = declared_hz(episode.meta.config, group)
+        if words := rate_words(group, found, declared):
+            yield error(episode, path, None, words)
+        elif fault := rate_fault(found, declared):
+            yield warning(episode, path, None, fault[1])
 
 
 def check_order(episode: Episode) -> Iterator[Finding]:
@@ -43,8 +61,8 @@ def check_order(episode: Episode) -> Iterator[Finding]:
         if len(repeated):
             yield error(episode, path, int(repeated[0]), f"duplicate timestamps at {places(repeated, t_ns)}")
         back = np.flatnonzero(intervals < 0) + 1
-        set_back = np.array([_behind(t_ns, int(row)) >= BEHIND for row in back], dtype=np.bool_)
-        for row in back[set_back]:
+        set_back = np.array([_set_back(t_ns, int(row)) for row in back], dtype=np.bool_)
+        for row in back[set_back][:SHOWN]:
             jump = (t_ns[row] - t_ns[row - 1] - period_ns(t_ns)) / 1e6
             words = f"stepped clock: set by {jump:+.1f} ms at {places(np.array([row]), t_ns)}"
             yield error(episode, path, int(row), words)
@@ -53,23 +71,23 @@ def check_order(episode: Episode) -> Iterator[Finding]:
             yield error(episode, path, int(backward[0]), words)
 
 
-def _behind(t_ns: np.ndarray, row: int) -> int:
-    """How many readings from `row` on lie at or before the one ahead of it."""
-    later = t_ns[row:] > t_ns[row - 1]
-    return int(later.argmax()) if later.any() else len(later)
+def _set_back(t_ns: np.ndarray, row: int) -> bool:
+    """Whether the readings from `row` on lie at or before the one ahead of it, and not only one or two of them."""
+    after = t_ns[row : row + BEHIND]
+    return len(after) == BEHIND and bool((after <= t_ns[row - 1]).all())
 
 
 def check_gaps(episode: Episode) -> Iterator[Finding]:
     """No reading is missing, and the clock is not set forward: then the stream would end after all the others."""
     every = clocks(episode)
     for path, t_ns in every.items():
-        intervals, period = np.diff(t_ns), period_ns(t_ns)
-        if not period:
+        intervals, period = np.diff(t_ns), expected_ns(episode, path)
+        if not period or not len(intervals):
             continue
         limit = GAP * period if _regular(t_ns) else max(GAP * period, IRREGULAR_GAP * np.percentile(intervals, 90))
-        wide = np.flatnonzero(intervals > limit) + 1
+        wide = np.flatnonzero((intervals > limit) & ~_declared(episode, path)) + 1
         stepped = np.array([_ends_late(path, intervals[row - 1] - period, every) for row in wide], dtype=np.bool_)
-        for row in wide[stepped]:
+        for row in wide[stepped][:SHOWN]:
             jump = (intervals[row - 1] - period) / 1e6
             words = f"stepped clock: set by {jump:+.1f} ms at {places(np.array([row]), t_ns)}"
             yield error(episode, path, int(row), words)
@@ -80,6 +98,15 @@ def check_gaps(episode: Episode) -> Iterator[Finding]:
                 f"{widest / period:.1f} periods of {period / 1e6:.3g} ms"
             )
             yield warning(episode, path, int(gaps[0]), words)
+
+
+def _declared(episode: Episode, path: str) -> np.ndarray:
+    """Which intervals of a stream contain a gap that was declared when recording, shape (M - 1,), bool."""
+    t_ns = episode.arrays[path]
+    known = np.zeros(len(t_ns) - 1, dtype=np.bool_)
+    for start, end in declared_gaps(episode.meta.annotations, _group(path)):
+        known |= (t_ns[:-1] < end) & (start < t_ns[1:])
+    return known
 
 
 def _regular(t_ns: np.ndarray) -> bool:
@@ -115,11 +142,12 @@ def check_jitter(episode: Episode) -> Iterator[Finding]:
             yield warning(episode, path, row, words)
         if not period or spread > REGULAR:
             continue
-        missing = round((float(t_ns[-1]) - float(t_ns[0])) / period) - len(intervals)
+        known = float(intervals[_declared(episode, path)].sum())
+        missing = round((float(t_ns[-1]) - float(t_ns[0]) - known) / period) - len(intervals)
         if missing > max(1, MISSING * len(t_ns)):
             words = (
                 f"drop-outs: about {missing} of {len(t_ns) + missing} readings are missing "
-                f"({rate_hz(t_ns):.1f} Hz by mean interval, {1e9 / period:.1f} Hz by median)"
+                f"({mean_hz(t_ns):.1f} Hz by mean interval, {1e9 / period:.1f} Hz by median)"
             )
             yield warning(episode, path, None, words)
 
@@ -137,7 +165,8 @@ def check_coverage(episode: Episode) -> Iterator[Finding]:
         if t_ns[0] > start:
             words = f"nothing at or before the first observation ({seconds(start)}): starts at {seconds(t_ns[0])}"
             yield warning(episode, path, 0, words)
-        if t_ns[-1] < end - 2 * max(period_ns(t_ns), period_ns(episode.t_ns)):
+        dropped = any(start <= end <= after for start, after in declared_gaps(episode.meta.annotations, _group(path)))
+        if t_ns[-1] < end - 2 * max(expected_ns(episode, path), period_ns(episode.t_ns)) and not dropped:
             words = f"ends at {seconds(t_ns[-1])}, the last observation is at {seconds(end)}"
             yield warning(episode, path, len(t_ns) - 1, words)
     if not len(episode):

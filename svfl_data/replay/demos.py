@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from numbers import Integral
 
 from svfl_data.agreement import check_agreement
+from svfl_data.checks import check_usable
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Camera, Episode
 from svfl_data.errors import DatasetError, FieldError, UsageError
@@ -60,14 +61,16 @@ def read(dataset: Dataset, indices: Sequence[int], camera: str | None) -> Iterat
         camera: Whose images; may be None if there is only one.
 
     Raises:
-        DatasetError: If an episode cannot be cut into transitions, or two cannot be mixed.
+        DatasetError: If an episode is unfit for training, cannot be cut into transitions, or two cannot be mixed.
         FieldError: If an episode lacks a field, or the camera.
         FormatError: If an episode is damaged.
     """
-    check_agreement(dataset, indices, None if camera is None else [camera])
+    cameras = [camera] if camera else dataset.episode(indices[0]).cameras
+    check_usable(dataset, indices, ["streams/wrench", *(f"cameras/{name}" for name in cameras)])
+    check_agreement(dataset, indices, cameras)
     first: Layout | None = None
     for index in progress(indices, "preloading demonstrations"):
-        episode = dataset.read(index)
+        episode = dataset.episode(index).load(images=False)
         seen = _camera(episode, camera)
         layout = Layout.of_episode(episode, seen)
         if first is not None:

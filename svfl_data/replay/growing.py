@@ -46,6 +46,8 @@ class Growing:
             FieldError: If something does not fit; nothing is kept of it then.
         """
         acted = _numbers("action", action, (5,))
+        if fault := self._layout.bounds.fault(acted[None]):
+            raise FieldError(f"action: {fault[1]}")
         gained = float(_numbers("reward", np.asarray(reward), ()))
         self._see(observation)
         self._actions.append(self._layout.action(acted))

@@ -5,13 +5,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from svfl_data.action_bounds import ActionBounds
 from svfl_data.episode import Camera, Episode
 from svfl_data.errors import DatasetError, FieldError
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.top_view import Optics
 
-ACTION_BOUNDS = ("max_move", "max_turn")
-"""Names of the bounds of an action, [m] and [rad], in the configuration of a world."""
 MATRICES = ("image_axes", "intrinsics", "T_base_camera")
 Rows = tuple[tuple[float, ...], ...]
 
@@ -113,11 +112,9 @@ class Layout:
     @classmethod
     def of_episode(cls, episode: Episode, camera: Camera) -> "Layout":
         """The layout of a recorded episode seen by one of its cameras."""
-        world = episode.meta.config.get("world")
-        bounds = None
-        if isinstance(world, dict) and all(name in world for name in ACTION_BOUNDS):
-            bounds = (float(world[ACTION_BOUNDS[0]]), float(world[ACTION_BOUNDS[1]]))
-        height, width = camera.color.shape[1:3]
+        found = ActionBounds.of(episode.meta.config)
+        bounds = (found.move, found.turn) if found.declared else None
+        height, width = camera.arrays["color"].shape[1:3]
         return cls.seen_by(camera, (height, width), episode.workspace, episode.meta.task, bounds)
 
     @classmethod
@@ -154,6 +151,11 @@ class Layout:
                 row = next(row for row, (a, b) in enumerate(zip(mine, its, strict=True)) if a != b)
                 name, mine, its = f"{name}[{row}]", mine[row], its[row]
             raise DatasetError(f"{there}: its {name} is {its}, but {mine} in {where}; one replay buffer holds one kind")
+
+    @property
+    def bounds(self) -> ActionBounds:
+        """Of an action; the paper's if nothing else is known."""
+        return ActionBounds(*self.action_bounds, origin="the replay buffer") if self.action_bounds else ActionBounds()
 
     def proprio(self, values: np.ndarray) -> np.ndarray:
         """Base axes and origin to image-aligned axes about the workspace centre, shape (..., 5), float32."""

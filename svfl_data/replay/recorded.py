@@ -47,18 +47,15 @@ class Recorded:
         recording without success ended because nobody went on acting: it is truncated.
 
         Args:
-            episode: As recorded.
+            episode: As recorded, fit for training (`svfl_data.checks.check_usable`).
             camera: Whose images to keep.
             layout: Of the episode and the camera.
 
         Raises:
-            DatasetError: If it has no actions, a clock runs backwards, or there is an observation before any frame.
+            DatasetError: If it has no actions, or there is an observation before any frame.
         """
         if not len(episode):
             raise DatasetError(f"{episode.name}: has no actions, so no transitions")
-        for path, t_ns in (("wrench", episode.wrench_t_ns), (camera.name, camera.t_ns), ("observations", episode.t_ns)):
-            if (np.diff(t_ns) < 0).any():
-                raise DatasetError(f"{episode.name}: the clock of {path} runs backwards; nothing can be cut causally")
         frames = np.searchsorted(camera.t_ns, episode.t_ns, side="right") - 1
         if (frames < 0).any():
             raise DatasetError(f"{episode.name}: camera {camera.name} had no frame yet at the first observation")

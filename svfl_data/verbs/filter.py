@@ -89,6 +89,11 @@ def add(commands: Commands) -> None:
         help="keep what has this attribute; also !=, <, <=, >, >=; dots lead into config and software; "
         "steps and seconds can be asked for as well",
     )  # fmt: skip
+    verb.add_argument(
+        "--valid",
+        action="store_true",
+        help="leave out what svfl-data validate calls an error, damaged files too",
+    )
     add_allowances(verb)
     verb.set_defaults(command=run)
 
@@ -97,14 +102,15 @@ def run(arguments: argparse.Namespace) -> None:
     """Filter."""
     asked = {key: getattr(arguments, key) for key in ("task", "success", "source")}
     conditions = [Condition(key, "=", value) for key, value in asked.items() if value is not None] + arguments.where
-    if not conditions and not arguments.once:
-        raise UsageError("filter: name a condition: --task, --success, --source, --where or --once")
+    if not conditions and not arguments.once and not arguments.valid:
+        raise UsageError("filter: name a condition: --task, --success, --source, --where, --valid or --once")
     count, left_out = choose(
         Dataset.open(arguments.path),
         arguments.destination,
         lambda episode: all(condition(episode) for condition in conditions),
-        [str(condition) for condition in conditions],
+        [str(condition) for condition in conditions] + ["valid"] * arguments.valid,
         arguments.varies,
         arguments.once,
+        arguments.valid,
     )
     say(f"{arguments.destination}: {count} episodes{left_out_words(left_out)}")

@@ -9,6 +9,7 @@ from svfl_data.dataset import Dataset
 from svfl_data.fields import FIELDS
 from svfl_data.index import Summary, summary
 from svfl_data.printable import printable
+from svfl_data.rates import declared_hz
 from svfl_data.reader import EpisodeReader
 from svfl_data.verbs.source import add_episode, add_json, add_path, is_episode, print_json, reader
 
@@ -142,6 +143,8 @@ def episode_words(episode: EpisodeReader) -> str:
         f"  software  {_versions(meta.software)}",
         f"  file      format {episode.format_version}, {size_words(episode.extent.size)}, sha256 {episode.seal[:12]}",
     ]
+    declared = {path: declared_hz(meta.config, path.rpartition("/")[0]) for path in episode.rates}
+    lines += [f"  declared  {path.rpartition('/')[0]} {rate:g} Hz" for path, rate in declared.items() if rate]
     lines += [f"  transform {printable(record)}" for record in meta.transforms]
     lines += [f"  mark      {_mark_words(one)}" for one in meta.annotations]
     lines += [f"  history   {printable(one.get('time', ''), 40)} {printable(one['tool'])}" for one in meta.history]

@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from svfl_data.clocks import mean_hz
 from svfl_data.printable import markdown
+from svfl_data.rates import declared_hz
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer.opinion import Opinion
 from svfl_data.viewer.scene import METRES_PER_NEWTON, METRES_PER_NEWTON_METRE
@@ -22,7 +24,7 @@ def about(shown: Shown, peak: float, opinion: Opinion | None = None) -> str:
     seconds = (t_ns[-1] - t_ns[0]) / 1e9
     versions = ", ".join(markdown(f"{name} {version}") for name, version in meta.software.items())
     lines = [f"{len(shown)} steps, {seconds:.2f} s; source {markdown(meta.source)}, seed {meta.seed}."]
-    if "labels/offset" in shown:
+    if "labels/offset" in shown and "labels/direction" in shown:
         dx, dy = shown["labels/offset"] * 1e3
         direction = DIRECTIONS[int(shown["labels/direction"])]
         lines.append(
@@ -60,7 +62,8 @@ def _rate(shown: Shown) -> str:
     t_ns = shown[WRENCH_TIMES]
     if len(t_ns) < 2:
         return f"{len(t_ns)} readings."
-    return f"{len(t_ns)} readings at {1e9 / float(np.median(np.diff(t_ns))):.0f} Hz."
+    declared = declared_hz(shown.meta.config, "streams/wrench")
+    return f"{len(t_ns)} readings at {declared or mean_hz(t_ns):.0f} Hz{' as declared' if declared else ' on average'}."
 
 
 def _vector(values: np.ndarray) -> str:

@@ -74,7 +74,7 @@ def log_episode(
     plots.send_proprio(recording, root, t_ns, proprio)
     plots.send_actions(recording, root, t_ns[:-1], shown[ACTION], proprio)
     plots.send_reward(recording, root, t_ns, shown.meta.success)
-    if "labels/offset" in shown:
+    if "labels/offset" in shown and "labels/direction" in shown:
         offset, direction = shown["labels/offset"], int(shown["labels/direction"])
         scene.log_label(recording, root, int(t_ns[-1]), proprio[-1], offset, direction)
     for camera in shown.cameras:

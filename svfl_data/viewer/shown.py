@@ -8,9 +8,9 @@ import numpy as np
 
 from svfl_data.contact import ContactRule, contact_force
 from svfl_data.episode import Episode, Meta
-from svfl_data.fields import camera_names
+from svfl_data.fields import FARTHEST_NS, camera_names
 from svfl_data.reader import EpisodeReader, StoredArray
-from svfl_data.transforms import processed_wrench
+from svfl_data.transforms import LowPass, from_record, processed_wrench
 
 READINGS_AT_ONCE = 2**15
 """Wrench readings in memory at a time: a minute at 500 Hz."""
@@ -91,7 +91,8 @@ class Shown:
         needed = {path: self[path] for path in OF_EVERY_EPISODE}
         for first in range(0, len(t_ns), READINGS_AT_ONCE):
             after = min(first + READINGS_AT_ONCE, len(t_ns))
-            before = int(np.searchsorted(t_ns, t_ns[first] - settling_ns)) if settling_ns else first
+            since = max(int(t_ns[first]) - settling_ns, -FARTHEST_NS)
+            before = int(np.searchsorted(t_ns, since)) if settling_ns else first
             before = min(before, first)
             raw = np.asarray(stored[before:after])
             piece = Episode(self.meta, needed | {WRENCH_TIMES: t_ns[before:after], WRENCH: raw}, name="episode")
@@ -101,6 +102,7 @@ class Shown:
 
     def _settling_ns(self, rule: ContactRule) -> int:
         """How long before a piece its filters must begin."""
-        corners = [record["cutoff_hz"] for record in self.meta.transforms if record.get("name") == "low_pass"]
+        found = [from_record(record, "episode") for record in self.meta.transforms]
+        corners = [one.cutoff_hz for one in found if isinstance(one, LowPass)]
         corners += [rule.cutoff_hz] if rule.cutoff_hz else []
-        return math.ceil(sum(SETTLED / (2 * math.pi * corner) for corner in corners) * 1e9)
+        return math.ceil(min(sum(SETTLED / (2 * math.pi * corner) for corner in corners) * 1e9, FARTHEST_NS))

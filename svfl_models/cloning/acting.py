@@ -53,7 +53,7 @@ class ActingPolicy(nn.Module):
         maps = {
             "wrench_map": act(axes, np.eye(6), WRENCH_PARTS),
             "proprio_map": act(axes, np.eye(5), PROPRIO_PARTS) - turn,
-            "action_map": act(axes.T, np.eye(5), ACTION_PARTS),
+            "action_map": act(axes.T, np.eye(5), ACTION_PARTS) * workplace.unit,
             "centre": np.array([0.0, *workplace.centre, 0.0, 0.0]),
             "turn": turn,
             "projection": np.array(workplace.projection),
@@ -70,7 +70,7 @@ class ActingPolicy(nn.Module):
             proprio: Shape (B, 5): gripper opening 0..1, TCP x, y, z [m], yaw [rad], base.
         """
         batch = {
-            "image": self._cropped(image, proprio),
+            "image": self._cropped(image, proprio) if self.workplace.camera else image,
             "wrench": wrench @ self.wrench_map,
             "proprio": (proprio - self.centre) @ self.proprio_map + self.turn,
         }
@@ -140,11 +140,13 @@ def _difference(module: CloningModule, content: bytes) -> float:
     network = ActingPolicy(module.policy, module.workplace, module.view).eval()
     program, _ = from_bytes(content, exported_policy.FACTS)
     generator = torch.Generator().manual_seed(0)
+    unit = torch.from_numpy(module.workplace.unit)
     worst = torch.zeros(())
     for _ in range(TRIALS):
         inputs = _inputs(module, lambda *shape: torch.rand(shape, generator=generator))
-        (said,) = program(*inputs)
-        worst = torch.maximum(worst, (to_unit(said) - to_unit(network(*inputs))).abs().max())
+        (told,) = program(*inputs)
+        said, expected = (to_unit(answer / unit) for answer in (told, network(*inputs)))
+        worst = torch.maximum(worst, (said - expected).abs().max())
     return float(worst)
 
 

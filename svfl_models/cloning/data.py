@@ -9,12 +9,14 @@ from torch import Tensor
 from torch.utils.data import DataLoader
 from torch.utils.data import Dataset as TorchDataset
 
+from svfl_data.checks import check_usable
 from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError
-from svfl_data.samples import ACTION, PROPRIO, WRENCH, Samples
+from svfl_data.samples import ACTION, PROPRIO, WRENCH, Samples, apart
 from svfl_data.split import split_episodes
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
-from svfl_data.torch_samples import EpochSampler, as_it_is
+from svfl_data.torch_samples import EpochSampler, whole_batches
+from svfl_data.windows import WINDOW
 from svfl_models.augmentation import MARGIN, recoloured
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.hand_view import JITTER, corners
@@ -29,6 +31,8 @@ STATISTICS = 1024
 
 class Demonstrations(TorchDataset[Batch]):
     """Every step of some episodes, as `policy.Policy` takes them, with the ``action`` (B, 5); image-aligned axes.
+
+    Actions are scaled to the bounds that a policy has, the paper's (`Workplace.unit`).
 
     Its keys run beyond the number of steps: key k is step k % len in epoch k // len, as those of
     `svfl_data.torch_samples.TorchSamples`. What is random about a batch depends on the seed and its first key only, so
@@ -52,7 +56,11 @@ class Demonstrations(TorchDataset[Batch]):
     ) -> None:
         self.sees = "v" in config.encoder
         cameras = [workplace.camera] if self.sees else []
-        self.samples = Samples(dataset, episodes, cameras=cameras, intended=True, cache=True)
+        self.feels = "f" in config.encoder
+        window = WINDOW if self.feels else 0
+        self.samples = Samples(
+            dataset, episodes, cameras=cameras, wrench_window=window, intended=True, cache=True, validated=False
+        )
         self.workplace, self.config, self.random = workplace, config, random
         self.axes = np.array(workplace.image_axes)
         self.projection = torch.tensor(workplace.projection, dtype=torch.float32)
@@ -65,19 +73,24 @@ class Demonstrations(TorchDataset[Batch]):
         """One step, without the batch dimension."""
         if key < 0:
             raise IndexError(f"no step {key}; there are {len(self)}, and again in every epoch")
-        return {name: values[0] for name, values in self.__getitems__([key]).items()}
+        return self.__getitems__([key])[0]
 
-    def __getitems__(self, keys: Sequence[int]) -> Batch:
+    def __getitems__(self, keys: Sequence[int]) -> list[Batch]:
+        """Many steps, one by one, as PyTorch's loaders ask for them."""
+        return apart(self.batch(keys), len(keys))
+
+    def batch(self, keys: Sequence[int]) -> Batch:
         """Many steps as one batch."""
         recorded = self.samples.batch(np.asarray(keys) % len(self))
         proprio = recorded[PROPRIO]
         known = torch.from_numpy(proprio.copy())
         proprio[:, 1:3] -= np.array(self.workplace.centre, np.float32)
         batch = {
-            "wrench": torch.from_numpy(act(self.axes, recorded[WRENCH], WRENCH_PARTS)),
             "proprio": torch.from_numpy(act(self.axes, proprio, PROPRIO_PARTS)),
-            "action": torch.from_numpy(act(self.axes, recorded[ACTION][:, 0], ACTION_PARTS)),
+            "action": torch.from_numpy(act(self.axes, recorded[ACTION][:, 0] / self.workplace.unit, ACTION_PARTS)),
         }
+        if self.feels:
+            batch["wrench"] = torch.from_numpy(act(self.axes, recorded[WRENCH], WRENCH_PARTS))
         if self.sees:
             color, depth = (recorded[f"cameras/{self.workplace.camera}/{name}"][:, 0] for name in ("color", "depth"))
             with torch.random.fork_rng(devices=[]):
@@ -88,11 +101,11 @@ class Demonstrations(TorchDataset[Batch]):
     def loader(self, batch_size: int) -> DataLoader[Batch]:
         """Batches of all steps: in a new order in every epoch if the crops are random, else in their own."""
         order = EpochSampler(len(self), self.random, self.config.seed)
-        return DataLoader(self, batch_size, sampler=order, collate_fn=as_it_is)
+        return whole_batches(self, batch_size, order)
 
     def typical(self) -> Batch:
         """Steps from all over the episodes, at most `STATISTICS`, to take the scales of the inputs from."""
-        return self.__getitems__(np.linspace(0, len(self) - 1, min(len(self), STATISTICS)).astype(int).tolist())
+        return self.batch(np.linspace(0, len(self) - 1, min(len(self), STATISTICS)).astype(int).tolist())
 
     def _image(self, image: Tensor, proprio: Tensor) -> Tensor:
         size = self.config.image_size
@@ -134,7 +147,11 @@ class CloningData(pl.LightningDataModule):
         super().__init__()
         dataset = Dataset.open(config.data)
         chosen = successful(dataset, config.episodes)
-        self.workplace = workplace_of(dataset, chosen, config.camera)
+        uses = ["streams/wrench"] if "f" in config.encoder else []
+        if "v" in config.encoder:
+            uses += [f"cameras/{camera}" for camera in [config.camera or (*dataset.episode(chosen[0]).cameras, "")[0]]]
+        check_usable(dataset, chosen, uses)
+        self.workplace = workplace_of(dataset, chosen, config.camera, config.encoder)
         split = split_episodes(chosen, {"train": 1 - config.valid, "valid": config.valid}, config.seed)
         self.train_set = Demonstrations(dataset, split["train"], self.workplace, config, random=True)
         self.valid_set = Demonstrations(dataset, split["valid"], self.workplace, config, random=False)

@@ -22,8 +22,7 @@ from svfl_data.errors import StorageError, TrainingError
 from svfl_data.printable import printable
 from svfl_models.cloning.acting import acting
 from svfl_models.cloning.checkpoint import load_policy
-from svfl_models.cloning.workplace import Workplace
-from svfl_models.squashed_gaussian import CENTRE, SCALE
+from svfl_models.cloning.workplace import OTHER_RATE, Workplace
 
 ATTEMPT = 20
 """Number of the attempt whose scenes policies are tried in; no demonstration is made in them (docs/decisions.md)."""
@@ -163,15 +162,23 @@ class Trial:
         action = self.policy(image, wrench, proprio)[0].numpy()
         if not np.isfinite(action).all():
             raise TrainingError(f"{self.name}: the policy's action is not finite: {action.tolist()}")
-        return np.clip(action, np.subtract(CENTRE, SCALE), np.add(CENTRE, SCALE)).astype(np.float32)
+        bounds = self.policy.workplace.bounds
+        return np.clip(action, bounds.low, bounds.high).astype(np.float32)
 
 
 def _expect_same(environment: Any, workplace: Workplace, name: str) -> None:  # noqa: ANN401 - gymnasium's, wrapped
-    """Refuse an environment whose pictures are others than the demonstrations'.
+    """Refuse an environment whose steps or pictures are others than the demonstrations'.
 
     Raises:
         TrainingError: Saying what differs.
     """
+    step_ms = 1000 / environment.metadata["render_fps"]
+    if workplace.step_ms and not 1 / OTHER_RATE < workplace.step_ms / step_ms < OTHER_RATE:
+        raise TrainingError(
+            f"{name}: learned from steps of {workplace.step_ms:.1f} ms, those of the environment last {step_ms:.1f} ms"
+        )
+    if not workplace.camera:
+        return  # it does not look
     side = environment.observation_space["image"].shape[-1]
     if side != workplace.image_side:
         raise TrainingError(f"{name}: learned from images of {workplace.image_side} px, the environment gives {side}")

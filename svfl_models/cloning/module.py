@@ -83,7 +83,8 @@ class CloningModule(pl.LightningModule):
                 f"the {stage} loss became {loss.item()} in epoch {self.current_epoch}: the training diverged; "
                 f"try a smaller learning rate than {self.learning_rate}"
             )
-        figures = {"loss": loss} | (errors(said.mode, action) if stage == "valid" else {})
+        unit = torch.from_numpy(self.workplace.unit).to(action)
+        figures = {"loss": loss} | (errors(said.mode * unit, action * unit) if stage == "valid" else {})
         of_epoch: dict[str, Any] = {"on_step": False, "on_epoch": True, "batch_size": len(action)}
         self.log_dict({f"{stage}_{name}": value for name, value in figures.items()}, **of_epoch)
         return loss

@@ -90,6 +90,8 @@ def _camera_of(module: CloningModule, episode: Episode) -> Camera:
     """
     wanted, side = module.workplace.camera, module.workplace.image_side
     found = {name: camera for name, camera in episode.cameras.items() if camera.has("depth")}
+    if found and not wanted:  # it does not look
+        return next(iter(found.values()))
     if wanted not in found:
         have = ", ".join(found) or "none"
         raise DatasetError(

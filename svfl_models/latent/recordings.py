@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from svfl_data.action_bounds import ActionBounds
+from svfl_data.checks import check_usable
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Camera, Episode
 from svfl_data.errors import DatasetError
@@ -58,11 +60,13 @@ def load_recordings(dataset: Dataset, contact_n: float, mixed: bool = False) -> 
         mixed: Whether they may be of different tasks or have different limits of actions.
 
     Raises:
-        DatasetError: If there are none, they do not fit together, or something is missing.
+        DatasetError: If there are none, one is unfit for training, they do not fit together, or something is missing.
         FormatError: If one is damaged.
     """
     indices = dataset.indices
-    episodes = [dataset.read(index) for index in progress(indices, "reading episodes")]
+    cameras = {f"cameras/{camera}" for index in indices for camera in dataset.episode(index).cameras}
+    check_usable(dataset, indices, ["streams/wrench", "streams/object", *cameras])
+    episodes = [dataset.episode(index).load(images=False) for index in progress(indices, "reading episodes")]
     if not episodes:
         raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
     if not mixed:
@@ -83,17 +87,13 @@ def _check_alike(episodes: Sequence[Episode], dataset: Dataset) -> None:
     tasks = sorted({episode.meta.task for episode in episodes})
     if len(tasks) > 1:
         raise DatasetError(f"{dataset.path}: holds episodes of {', '.join(tasks)}; --mixed learns from all of them")
-    worlds = [episode.meta.config.get("world") or {} for episode in episodes]
-    limits = sorted({(str(world.get("max_move")), str(world.get("max_turn"))) for world in worlds})
+    limits = sorted({(bounds.move, bounds.turn) for bounds in (ActionBounds.of(one.meta.config) for one in episodes)})
     if len(limits) > 1:
-        found = " and ".join(f"{move} m, {turn} rad" for move, turn in limits)
+        found = " and ".join(f"{move:g} m, {turn:g} rad" for move, turn in limits)
         raise DatasetError(f"{dataset.path}: actions have different limits, {found}; --mixed learns from all of them")
 
 
 def _recording(index: int, episode: Episode, contact_n: float, annotated: bool) -> Recording:
-    for path, array in episode.arrays.items():
-        if path.endswith("/t_ns") and (np.diff(array) < 0).any():
-            raise DatasetError(f"{episode.name}: {path} runs backwards; nothing can be cut causally")
     camera = _camera(episode)
     frames = [latest(camera.t_ns, now) for now in episode.t_ns]
     if min(frames) < 0:

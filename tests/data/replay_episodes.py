@@ -22,6 +22,7 @@ def make_demo(index: int, steps: int = 4, success: bool = True, task: str = "pic
     arrays = episode_arrays(rng, steps, size)
     arrays["observations/proprio"] = rng.uniform(0.0, 1.0, (steps + 1, 5)).astype(np.float32)
     arrays["actions/action"] = rng.uniform(-0.02, 0.02, (steps, 5)).astype(np.float32)
+    arrays["actions/action"][:, 0] = rng.uniform(0, 1, steps)
     arrays |= changes.get("arrays", {})
     arrays = {path: array for path, array in arrays.items() if array is not None}
     config = changes.get("config", WORLD)

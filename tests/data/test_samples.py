@@ -51,12 +51,18 @@ def irregular(rng: np.random.Generator, index: int, sizes: dict[str, tuple[int, 
     return Episode(Meta("centering", index, 0, "expert", True), arrays)
 
 
-def last(t_ns: np.ndarray, values: np.ndarray, now: int, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """The law, written as slowly as possible."""
-    seen = [value for time, value in zip(t_ns, values, strict=True) if time <= now][-length:]
+def last(t_ns: np.ndarray, values: np.ndarray, now: int, length: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """The law, written as slowly as possible: values, padding, age of the newest."""
+    times, seen = [time for time in t_ns if time <= now], [values[row] for row, time in enumerate(t_ns) if time <= now]
+    longest = 10 * (t_ns[-1] - t_ns[0]) / (len(t_ns) - 1) if len(t_ns) >= 5 and t_ns[-1] > t_ns[0] else np.inf
+    after = [*times[1:], now][: len(times)]
+    broken = [row for row, (time, later) in enumerate(zip(times, after, strict=True)) if later - time > longest]
+    first = broken[-1] + 1 if broken else 0
+    padding = [row < first for row in range(len(seen))][-length:]
+    seen, filler = seen[-length:], seen[-length] if len(seen) >= length else seen[0] if seen else values[:0].sum(axis=0)
     missing = length - len(seen)
-    filler = seen[0] if seen else np.zeros(values.shape[1:], values.dtype)
-    return np.stack([filler] * missing + seen), np.arange(length) < missing
+    age = (now - times[-1]) / 1e9 if times else np.inf
+    return np.stack([filler.astype(values.dtype)] * missing + seen), np.array([True] * missing + padding), age
 
 
 @settings(max_examples=30, deadline=None)
@@ -85,6 +91,7 @@ def test_the_law_of_samples(tmp_path_factory, seed, sizes, depth, frames, window
         for step in (range(len(episode)) if at == "each action" else [len(episode)])
     ]
     options = {"frames": frames, "wrench_window": window, "action_chunk": chunk, "at": at, "cache": cache, "crop": crop}
+    options["validated"] = False  # times repeat, which svfl-data validate calls an error
     if not expected:
         with pytest.raises(DatasetError, match="no steps"):
             Samples(dataset, **options)
@@ -97,10 +104,12 @@ def test_the_law_of_samples(tmp_path_factory, seed, sizes, depth, frames, window
         now = episode.t_ns[step]
         np.testing.assert_array_equal(batch["observations/proprio"][row], episode.proprio[step])
         np.testing.assert_array_equal(batch["labels/offset"][row], episode.label_offset)
-        wrench, padding = last(episode.wrench_t_ns, episode.tared_wrench, now, window)
+        wrench, padding, age = last(episode.wrench_t_ns, episode.tared_wrench, now, window)
+        np.testing.assert_allclose(batch["streams/wrench/age"][row], age, rtol=1e-6)
         np.testing.assert_array_equal(batch["streams/wrench/wrench"][row], wrench)
         np.testing.assert_array_equal(batch["streams/wrench/padding"][row], padding)
         np.testing.assert_array_equal(wrench_window(episode, step, window)[0], wrench)
+        np.testing.assert_array_equal(wrench_window(episode, step, window)[1], padding)
         for ahead in range(chunk):
             over = step + ahead >= len(episode)
             assert batch["actions/padding"][row, ahead] == over
@@ -110,7 +119,8 @@ def test_the_law_of_samples(tmp_path_factory, seed, sizes, depth, frames, window
             np.testing.assert_array_equal(batch["actions/action"][row, ahead], action)
         for name, camera in episode.cameras.items():
             for kind in ("color", "depth") if depth else ("color",):
-                images, padding = last(camera.t_ns, getattr(camera, kind), now, frames)
+                images, padding, age = last(camera.t_ns, getattr(camera, kind), now, frames)
+                np.testing.assert_allclose(batch[f"cameras/{name}/age"][row], age, rtol=1e-6)
                 if crop:
                     top, left = (images.shape[1] - crop) // 2, (images.shape[2] - crop) // 2
                     images = images[:, top : top + crop, left : left + crop]
@@ -132,7 +142,7 @@ def test_types_stay_as_recorded(dataset):
 def test_a_batch_is_its_samples_stacked_in_any_order(dataset, cache, crop_at):
     samples = Samples(dataset, frames=2, crop=11, crop_at=crop_at, cache=cache, seed=3)
     order = np.random.default_rng(0).permutation(len(samples))
-    batch = samples.__getitems__(order.tolist())
+    batch = samples.batch(order.tolist())
     for row, index in enumerate(order):
         for key, value in samples[int(index)].items():
             np.testing.assert_array_equal(batch[key][row], value, err_msg=key)
@@ -213,8 +223,10 @@ def test_time_that_runs_backwards_is_refused(dataset):
     episode = make_episode(5)
     object.__setattr__(episode, "arrays", arrays)
     write_episode(episode, dataset.episode_path(5))
-    with pytest.raises(DatasetError, match=r"000005\.hdf5: streams/wrench/t_ns runs backwards at row 50"):
+    with pytest.raises(DatasetError, match=r"1 of 4 episodes are unfit for training; .*t_ns\[50\]: backward"):
         Samples(dataset)
+    with pytest.raises(DatasetError, match=r"000005\.hdf5: streams/wrench/t_ns runs backwards at row 50"):
+        Samples(dataset, validated=False)
 
 
 def test_the_budget_is_checked_before_images_are_read(dataset, monkeypatch):

@@ -34,7 +34,7 @@ def data_of(folder, **choices):
 
 def test_a_batch_is_what_was_known_and_what_was_done_then(folder):
     part = data_of(folder).valid_set
-    batch, row = part.__getitems__(list(range(len(part)))), 0
+    batch, row = part.batch(list(range(len(part)))), 0
     for index in part.samples.episodes:
         episode = Dataset.open(folder).read(index)
         for step in range(len(episode)):
@@ -61,7 +61,7 @@ def test_acting_sees_what_was_learned_from(folder, view):
     """What collectors give, in base axes, becomes what the network learned from, and its actions come back."""
     data = data_of(folder, view=view)
     part, policy = data.valid_set, Policy("vfp", "none", "wide", 8).eval()
-    batch, row = part.__getitems__(list(range(len(part)))), 0
+    batch, row = part.batch(list(range(len(part)))), 0
     free = ActingPolicy(policy, replace(data.workplace, switch=False), view).eval()
     with torch.no_grad():
         expected = act(IMAGE_AXES.T, policy(batch).mode.numpy(), ACTION_PARTS)
@@ -91,7 +91,7 @@ def test_the_hand_is_in_the_middle(tmp_path):
     folder = write(tmp_path / "marked", [changed(episode, proprio=proprio, color=color, **camera)] * 4)
     data = data_of(folder, view="hand", episodes=4)
     for part, off in ((data.valid_set, 0), (data.train_set, JITTER)):
-        image = part.__getitems__(list(range(len(part))))["image"][:, :3].mean(dim=1).flatten(1)
+        image = part.batch(list(range(len(part))))["image"][:, :3].mean(dim=1).flatten(1)
         places = image.argmax(dim=1)
         assert (image.amax(dim=1) > image.median(dim=1).values).all()
         assert (torch.stack([places // 8, places % 8]) - 3.5).abs().max() <= 0.5 + off
@@ -117,11 +117,11 @@ def test_what_is_random_depends_on_seed_epoch_and_step_only(folder):
     keys, count = [3, 4, 5], len(first)
     torch.rand(1)
     state = torch.get_rng_state()
-    image = first.__getitems__(keys)["image"]
+    image = first.batch(keys)["image"]
     assert torch.equal(torch.get_rng_state(), state)
-    assert torch.equal(image, again.__getitems__(keys)["image"])
-    assert not torch.equal(image, first.__getitems__([key + count for key in keys])["image"])
-    assert not torch.equal(image, data_of(folder, seed=1).train_set.__getitems__(keys)["image"])
+    assert torch.equal(image, again.batch(keys)["image"])
+    assert not torch.equal(image, first.batch([key + count for key in keys])["image"])
+    assert not torch.equal(image, data_of(folder, seed=1).train_set.batch(keys)["image"])
     epochs = [[batch["action"] for batch in loader] for loader in (again.loader(4), first.loader(4)) for _ in range(2)]
     assert all(torch.equal(a, b) for a, b in zip(epochs[0], epochs[2], strict=True))
     assert not torch.equal(torch.cat(epochs[0]), torch.cat(epochs[1]))
@@ -131,14 +131,14 @@ def test_the_switch_leaves_the_papers_crops(folder):
     """Without augmentation every image is a part of the recorded one."""
     part, keys = data_of(folder, augment=False).train_set, list(range(8))
     recorded = part.samples.batch(keys)["cameras/front/color"][:, 0] / np.float32(255)
-    image = part.__getitems__(keys)["image"].numpy()
+    image = part.batch(keys)["image"].numpy()
     places = []
     for one, whole in zip(image, recorded.transpose(0, 3, 1, 2), strict=True):
         fits = [(r, c) for r in range(3) for c in range(3) if np.allclose(one[:3], whole[:, r : r + 8, c : c + 8])]
         assert len(fits) == 1
         places += fits
     assert len(set(places)) > 1
-    assert not np.allclose(data_of(folder).train_set.__getitems__(keys)["image"], image)
+    assert not np.allclose(data_of(folder).train_set.batch(keys)["image"], image)
 
 
 def test_a_policy_without_eyes_reads_no_images(folder):
@@ -181,7 +181,10 @@ def slow(episode):
         (lambda one: changed(one, image_axes=np.eye(2)), r"episode 3 has image_axes \[\[1.0, 0.0\], \[0.0, 1.0\]\]"),
         (lambda one: changed(one, workspace=one.workspace + 0.1), r"episode 3 has centre \[0.65, 0.1\]"),
         (slow, "episode 3 has step_ms 100.0, episode 0 has 50.0"),
-        (far, r"the action of step 2 has 0.05 for dz; a policy's bounds are -0.025 and 0.025"),
+        (
+            far,
+            r"1 of 6 episodes are unfit for training; .*actions/action\[2\]: dz is 0.05 m, outside -0.025 to 0.025 m",
+        ),
         (lambda _: demonstration(3, size=12), "episode 3 has image_side 12, episode 0 has 10"),
     ],
 )
@@ -192,11 +195,47 @@ def test_demonstrations_of_different_things_are_refused(odd, message, tmp_path):
         data_of(folder)
 
 
+def at_rate(episode, factor):
+    """The same with a clock that runs slower."""
+    found = dict(episode.arrays)
+    found |= {path: (factor * values).astype(np.int64) for path, values in found.items() if path.endswith("t_ns")}
+    return Episode(episode.meta, found)
+
+
+def test_uneven_control_periods_are_said_and_change_nothing(tmp_path, capsys):
+    """A loaded machine: steps of 50 to 65 ms. A policy is told no times, so it learns the same."""
+    even = [demonstration(index) for index in range(6)]
+    uneven = [at_rate(one, 1 + 0.06 * index) for index, one in enumerate(even)]
+    data = [data_of(write(tmp_path / name, some)) for name, some in (("even", even), ("uneven", uneven))]
+    assert "steps last 50.0 to 65.0 ms in different episodes" in capsys.readouterr().err
+    batches = [one.train_set.batch(range(len(one.train_set))) for one in data]
+    assert all(torch.equal(values, batches[1][name]) for name, values in batches[0].items())
+    assert data[1].workplace.step_ms == pytest.approx(57.5)
+
+
+def test_the_bounds_of_actions_are_those_of_the_configuration(tmp_path):
+    """An own robot that moves 100 mm a step: the network's bounds, the paper's, stand for its own."""
+    own = {"max_move": 0.1, "max_turn": 0.5}
+    factor = np.array([1, 4, 4, 4, 0.5 / (np.pi / 16)], np.float32)
+    episodes = [demonstration(index) for index in range(6)]
+    wide = [changed(one, action=one.action * factor, intended=one.action * factor) for one in episodes]
+    wide = [Episode(replace(one.meta, config=own), one.arrays) for one in wide]
+    data = [data_of(write(tmp_path / name, some)) for name, some in (("paper", episodes), ("own", wide))]
+    batches = [one.valid_set.batch(range(len(one.valid_set))) for one in data]
+    torch.testing.assert_close(batches[0]["action"], batches[1]["action"])
+    policy = Policy("vfp", "none", "wide", 8).eval()
+    inputs = torch.rand(3, 4, 10, 10), torch.randn(3, 64, 6), torch.rand(3, 5)
+    with torch.no_grad():
+        said = [ActingPolicy(policy, replace(one.workplace, switch=False), "camera").eval()(*inputs) for one in data]
+    torch.testing.assert_close(said[0] * torch.from_numpy(factor), said[1])
+    with pytest.raises(DatasetError, match=r"episode 5 has max_move 0\.1, episode 0 has 0\.025"):
+        data_of(write(tmp_path / "mixed", [*episodes[:5], wide[5]]))
+
+
 def test_missing_fields_are_named(tmp_path):
-    for name in ("depth", "depth_scale"):
-        folder = write(tmp_path / name, [changed(demonstration(index), **{name: None}) for index in range(6)])
-        with pytest.raises(FieldError, match=f"recorded without cameras/front/{name};"):
-            data_of(folder)
+    folder = write(tmp_path / "flat", [changed(demonstration(index), depth=None) for index in range(6)])
+    with pytest.raises(FieldError, match="recorded without cameras/front/depth;"):
+        data_of(folder)
     with pytest.raises(FieldError, match="recorded without cameras/top/"):
         data_of(demonstrations(tmp_path / "front"), camera="top")
 

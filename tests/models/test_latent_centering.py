@@ -38,7 +38,7 @@ def checkpoints(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def drawn(monkeypatch, samples):
     """Samples from memory, and no pictures of the training, which take longer than it."""
-    monkeypatch.setattr(train, "_load", lambda path, window, view: samples)
+    monkeypatch.setattr(train, "_load", lambda *_: samples)
     for name in ("plot_history", "plot_confusion"):
         monkeypatch.setattr(report, name, lambda *arguments: None)
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.distributions import AffineTransform, Independent, Normal, TanhTransform, TransformedDistribution
 
-from svfl_data.checks.motion import MAX_MOVE_M, MAX_TURN_RAD
+from svfl_data.action_bounds import MAX_MOVE_M, MAX_TURN_RAD
 from svfl_data.symmetry import ACTION_PARTS
 from svfl_models.actions import act_on_parts
 from svfl_models.groups import GROUPS

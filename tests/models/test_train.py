@@ -66,7 +66,7 @@ def test_a_run_leaves_everything_that_it_promises(config, tmp_path, batch):
 
 def test_force_is_learned_from_ten_samples(monkeypatch, tmp_path):
     samples = centering_samples(110, seed=1)
-    monkeypatch.setattr(train, "_load", lambda path, window, view: samples)
+    monkeypatch.setattr(train, "_load", lambda *_: samples)
     config = TrainingConfig("drawn", encoder="f", train_samples=10, epochs=40)
     assert train_centering(config, tmp_path / "svfl").test_accuracy > 0.9
     assert train_centering(replace(config, torque="polar"), tmp_path / "polar").test_accuracy < 0.8
@@ -74,7 +74,7 @@ def test_force_is_learned_from_ten_samples(monkeypatch, tmp_path):
 
 def test_vision_and_force_learn_together(monkeypatch, tmp_path):
     samples = centering_samples(80, seed=1)
-    monkeypatch.setattr(train, "_load", lambda path, window, view: samples)
+    monkeypatch.setattr(train, "_load", lambda *_: samples)
     config = TrainingConfig("drawn", train_samples=40, test_samples=40, epochs=20)
     result = train_centering(config, tmp_path / "run", fresh="drawn too")
     assert result.test_accuracy > 0.8
@@ -88,7 +88,7 @@ def test_vision_and_force_learn_together(monkeypatch, tmp_path):
 
 def test_offsets_are_learned_in_metres(monkeypatch, tmp_path):
     samples = centering_samples(140, seed=1)
-    monkeypatch.setattr(train, "_load", lambda path, window, view: samples)
+    monkeypatch.setattr(train, "_load", lambda *_: samples)
     config = TrainingConfig("drawn", encoder="f", target="offset", train_samples=40, epochs=60)
     result = train_centering(config, tmp_path / "run")
     assert result.test_accuracy > 0.9

@@ -139,7 +139,7 @@ def test_annotated_contacts_come_before_the_object(tmp_path):
         ([lifting(0), lifting(1, task="block_pushing")], {},
          "holds episodes of block_picking, block_pushing; --mixed learns from all of them"),
         ([lifting(0), lifting(1, config={"world": {"max_move": 0.05, "max_turn": 0.2}})], {},
-         "actions have different limits, 0.05 m, 0.2 rad and None m, None rad; --mixed"),
+         "actions have different limits, 0.025 m, 0.19635 rad and 0.05 m, 0.2 rad; --mixed"),
     ],
 )  # fmt: skip
 def test_what_cannot_serve_is_refused_before_training(tmp_path, episodes, changed, words):

@@ -1,0 +1,88 @@
+"""Training and ``svfl-data validate`` are one judgement: what validate calls an error is not learned from."""
+
+import sys
+from collections.abc import Collection, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from svfl_data.checks.finding import Finding
+from svfl_data.checks.judging import check_images, check_streams
+from svfl_data.checks.placing import check_place
+from svfl_data.checks.verdicts import Verdicts
+from svfl_data.dataset import Dataset
+from svfl_data.errors import DatasetError, SvflError
+from svfl_data.progress import progress
+from svfl_data.reader import EpisodeReader
+
+STREAMS = "streams"
+"""Name of the part of a verdict that looks at no image; the others have the names of the cameras."""
+
+
+def check_usable(dataset: Dataset, episodes: Sequence[int], uses: Collection[str] | None = None) -> None:
+    """Refuse episodes for which ``svfl-data validate`` finds an error; say in one line how many have warnings.
+
+    Args:
+        dataset: Where they lie.
+        episodes: Which.
+        uses: What will be read beside observations, actions and constants, such as ``streams/wrench``,
+            ``cameras/front`` or ``labels/offset``: what is wrong with the rest does not matter. Everything by default.
+
+    Raises:
+        DatasetError: If one is unfit for training.
+        FieldError: If one is invalid (`svfl_data.validity`).
+        FormatError: If one is damaged.
+    """
+    unfit: list[Finding] = []
+    doubtful: list[Finding] = []
+    with Verdicts() as verdicts:
+        for index in progress(episodes, "checking episodes"):
+            found = [*check_place(dataset, index), *_verdict(dataset.episode(index), uses, verdicts)]
+            for severity, first in (("error", unfit), ("warning", doubtful)):
+                first += [finding for finding in found if finding.severity == severity][:1]
+    if unfit:
+        raise DatasetError(
+            f"{dataset.path}: {len(unfit)} of {len(episodes)} episodes are unfit for training; {_first(unfit)}; "
+            "svfl-data validate names them all, svfl-data filter DATASET NEW --valid leaves them out"
+        )
+    if doubtful:
+        print(
+            f"{dataset.path}: {len(doubtful)} of {len(episodes)} episodes have warnings, which svfl-data validate "
+            f"names; {_first(doubtful)}",
+            file=sys.stderr,
+        )
+
+
+def sound(dataset: Dataset) -> list[int]:
+    """The episodes of a dataset in which ``svfl-data validate`` finds no error, by index; others may be unreadable."""
+    found: list[int] = []
+    with Verdicts() as verdicts:
+        for index in progress(dataset.indices, "checking episodes"):
+            with suppress(SvflError):
+                if all(finding.severity != "error" for finding in _verdict(dataset.episode(index), None, verdicts)):
+                    found.append(index)
+    return found
+
+
+def _first(findings: Sequence[Finding]) -> str:
+    """The first of several findings, with its file's name only: the folder stands before it."""
+    return f"the first: {replace(findings[0], episode=Path(findings[0].episode).name)}"
+
+
+def _verdict(reader: EpisodeReader, uses: Collection[str] | None, verdicts: Verdicts) -> list[Finding]:
+    """What concerns the groups that are used; images of others are not looked at."""
+    cameras = [camera for camera in reader.cameras if uses is None or f"cameras/{camera}" in uses]
+    findings: list[Finding] = []
+    for part in (STREAMS, *cameras):
+        found = verdicts.known(reader.seal, part, str(reader.extent))
+        if found is None:
+            episode = reader.load(images=False)
+            found = check_streams(episode) if part == STREAMS else check_images(episode, part)
+            verdicts.keep(reader.seal, part, found)
+        findings += found
+    return [finding for finding in findings if uses is None or _concerns(finding, uses)]
+
+
+def _concerns(finding: Finding, uses: Collection[str]) -> bool:
+    kind, _, rest = finding.field.partition("/")
+    return kind not in ("streams", "cameras", "labels") or f"{kind}/{rest.partition('/')[0]}" in uses
