@@ -9,7 +9,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -56,24 +56,28 @@ def folder_aside(path: Path) -> Iterator[Path]:
         os.close(descriptor)
 
 
-def clear_leftovers(folder: Path) -> None:
-    """Remove what killed writers have left in a folder; what cannot be removed stays."""
+def clear_files(folder: Path) -> None:
+    """Remove files that killed writers have left in a dataset's folder; what cannot be removed stays."""
     with suppress(OSError), os.scandir(folder) as listing:
         for item in listing:
-            is_folder = item.is_dir(follow_symlinks=False)
-            if (_FOLDER if is_folder else _FILE).fullmatch(item.name):
-                _clear(Path(item.path), is_folder)
+            if _FILE.fullmatch(item.name) and not item.is_dir(follow_symlinks=False):
+                _clear(Path(item.path), Path.unlink)
 
 
-def _clear(path: Path, is_folder: bool) -> None:
+def clear_folders(parent: Path) -> None:
+    """Remove folders that killed writers have left beside the one that they were making; what cannot be stays."""
+    with suppress(OSError), os.scandir(parent) as listing:
+        for item in listing:
+            if _FOLDER.fullmatch(item.name) and item.is_dir(follow_symlinks=False):
+                _clear(Path(item.path), shutil.rmtree)
+
+
+def _clear(path: Path, remove: Callable[[Path], object]) -> None:
     with suppress(OSError):
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # refused while the writer lives
-            if is_folder:
-                shutil.rmtree(path)
-            else:
-                path.unlink()
+            remove(path)
         finally:
             os.close(descriptor)
 

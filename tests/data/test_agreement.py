@@ -160,7 +160,7 @@ def test_merge_lets_differ_what_it_is_told(tmp_path, command):
         record(Dataset.create_or_resume(tmp_path / day, "centering", 0, {}), arrays)
     code, _, err = command("merge", tmp_path / "monday", tmp_path / "tuesday", tmp_path / "week")
     assert code == 1
-    assert "1.0001 m at [0, 3]" in err
+    assert "1.0001 at [0, 3]" in err
     assert f"--varies {POSE}" in err
     words = ("--varies", POSE)
     assert command("merge", tmp_path / "monday", tmp_path / "tuesday", tmp_path / "week", *words)[0] == 0
