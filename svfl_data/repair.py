@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from svfl_data.atomically import write_atomically
-from svfl_data.claims import INFLIGHT, PART, build, claim, inflight, locked, publish, take_over
+from svfl_data.claims import INFLIGHT, PART, SETUP, build, claim, inflight, locked, publish, take_over
 from svfl_data.dataset import Dataset, inner_folder
 from svfl_data.episode import Meta
 from svfl_data.errors import FormatError, SvflError
@@ -103,6 +103,7 @@ def _finish(dataset: Dataset, path: Path) -> list[RepairAction]:
         path.with_suffix(PART).unlink(missing_ok=True)
         return [action]
     finally:
+        path.with_suffix(SETUP).unlink(missing_ok=True)
         os.close(descriptor)
 
 

@@ -196,14 +196,15 @@ class EpisodeWriter:
     def discard(self) -> None:
         """End the episode and throw away what was recorded; does nothing after `seal`."""
         if not self._closed:
-            self._journal.path.unlink(missing_ok=True)
-            self._end()
+            self._end(self._journal.path)
 
-    def _end(self) -> None:
-        self._journal.close()
-        self._closed = True
+    def _end(self, unwanted: Path | None = None) -> None:
         if self._agreement:
             self._agreement.leave()
+        if unwanted:
+            unwanted.unlink(missing_ok=True)  # while it is locked
+        self._journal.close()
+        self._closed = True
 
     def __enter__(self) -> Self:
         return self
