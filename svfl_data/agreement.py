@@ -13,16 +13,15 @@ from pathlib import Path
 
 import msgspec
 
-from svfl_data.claims import inflight, locked, take_over
+from svfl_data.claims import SETUP, inflight, locked, take_over
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Meta
 from svfl_data.errors import DatasetError, FormatError, StorageError
 from svfl_data.index import entries, known_entries
+from svfl_data.journal import SUFFIX as JOURNAL
 from svfl_data.recording_setup import RATES, Array, Common, Setup, first_difference, refuse_difference
 from svfl_data.regular_file import open_regular
 from svfl_data.side_files import parse_as, read_side_file
-
-SUFFIX = ".setup"
 
 
 class Agreement:
@@ -41,7 +40,7 @@ class Agreement:
     """
 
     def __init__(self, dataset: Dataset, journal: Path, meta: Meta, constants: Mapping[str, Array]) -> None:
-        self._dataset, self._file = dataset, journal.with_suffix(SUFFIX)
+        self._dataset, self._file = dataset, journal.with_suffix(SETUP)
         self._setup = Setup.of(meta, constants)
         self._sealed: list[tuple[str, Setup]] = []
         self._lock = threading.Lock()  # several threads append to an episode
@@ -87,14 +86,14 @@ class Agreement:
 
     def _living(self) -> Iterator[tuple[str, Setup]]:
         """What other writers record with that live; what dead ones have left is removed."""
-        for file in sorted(self._file.parent.glob(f"*{SUFFIX}")):
+        for file in sorted(self._file.parent.glob(f"*{SETUP}")):
             if file == self._file:
                 continue
-            journal = next((path for path in file.parent.glob(f"{file.stem}.*") if path.suffix != SUFFIX), None)
-            descriptor = take_over(journal) if journal else None
+            journal = file.with_suffix(JOURNAL)
+            descriptor = take_over(journal)
             if descriptor is not None:
                 os.close(descriptor)
-            if descriptor is not None or journal is None or not journal.exists():
+            if descriptor is not None or not journal.exists():
                 file.unlink(missing_ok=True)
                 continue
             yield f"{file.stem}, which is being recorded", parse_as(read_side_file(file), Setup, file)

@@ -26,6 +26,8 @@ NEXT = -1
 INFLIGHT = ".inflight"
 JOURNAL = re.compile(rf"episode_(\d{{6,18}}){re.escape(SUFFIX)}", re.ASCII)
 PART = ".part"
+SETUP = ".setup"
+"""Suffix of the file beside a journal that says with what its writer records (`svfl_data.agreement`)."""
 
 
 def inflight(folder: Path) -> Path:

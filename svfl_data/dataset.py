@@ -16,7 +16,7 @@ from svfl_data.chunks import Extent
 from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
 from svfl_data.held_folder import HeldFolder
-from svfl_data.leftovers import clear_leftovers
+from svfl_data.leftovers import clear_files
 from svfl_data.printable import printable
 from svfl_data.reader import EpisodeReader
 from svfl_data.regular_file import refuse_link
@@ -236,9 +236,9 @@ class Dataset:
 
     def clear(self) -> None:
         """Remove what killed processes were writing; files whose writers live are left alone."""
-        clear_leftovers(self.path)
+        clear_files(self.path)
         if not (self.path / SPLITS).is_symlink():
-            clear_leftovers(self.path / SPLITS)
+            clear_files(self.path / SPLITS)
 
 
 def inner_folder(folder: Path, name: str) -> Path:

@@ -59,26 +59,36 @@ def folder_aside(path: Path) -> Iterator[Path]:
         os.close(descriptor)
 
 
-def clear_leftovers(folder: Path) -> list[Path]:
-    """Remove what killed writers have left in a folder; what cannot be removed stays.
+def clear_files(folder: Path) -> list[Path]:
+    """Remove files that killed writers have left in a dataset's folder; what cannot be removed stays.
 
     Returns:
         What was removed.
     """
+    return [path for path in _listed(folder) if _FILE.fullmatch(path.name) and not path.is_dir() and _cleared(path)]
+
+
+def clear_folders(parent: Path) -> list[Path]:
+    """Remove folders that killed writers have left beside the one that they were making; what cannot be stays.
+
+    Returns:
+        What was removed.
+    """
+    return [path for path in _listed(parent) if _FOLDER.fullmatch(path.name) and path.is_dir() and _cleared(path)]
+
+
+def _listed(folder: Path) -> list[Path]:
     try:
-        found = sorted(folder.iterdir())
+        return sorted(folder.iterdir())
     except OSError:
         return []
-    return [path for path in found if _cleared(path)]
 
 
 def _cleared(path: Path) -> bool:
-    whole = path.is_dir() and not path.is_symlink()
-    if not (_FOLDER if whole else _FILE).fullmatch(path.name):
-        return False
+    whole = path.is_dir()
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW) if whole else open_regular(path)
-    except (OSError, FormatError):  # gone meanwhile, another user's, or nothing that was written aside
+    except (OSError, FormatError):  # a link, gone meanwhile, another user's, or nothing that was written aside
         return False
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # refused while the writer lives

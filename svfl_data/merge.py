@@ -14,7 +14,7 @@ from svfl_data.duplicates import copies, copies_words
 from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError, StorageError
 from svfl_data.index import Entry, entries
-from svfl_data.leftovers import clear_leftovers, folder_aside
+from svfl_data.leftovers import clear_folders, folder_aside
 from svfl_data.progress import progress
 from svfl_data.recording_setup import Common, first_difference, refuse_difference
 from svfl_data.relabel import history_entry
@@ -135,7 +135,7 @@ def copy(
     check_streams(sources, may_vary)
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
-        clear_leftovers(destination.parent)
+        clear_folders(destination.parent)
         with folder_aside(destination) as aside:
             aside.chmod(0o755)
             tasks = sorted({task for source in sources for task in str(source.info["task"]).split("+")})

@@ -213,7 +213,6 @@ def _words(name: str, here: Any, there: Any) -> tuple[str, str]:  # noqa: ANN401
     if not isinstance(here, list):
         return _row_words(here), _row_words(there)
     field = field_at(name)
-    unit = "Hz" if name.startswith(RATES) else (field.unit if field and field.unit != "-" else "")
     if len(here) != len(there):
         return f"{len(here)} numbers", f"{len(there)}"
     position = int(np.argmax(np.abs(np.subtract(here, there))))
@@ -221,7 +220,7 @@ def _words(name: str, here: Any, there: Any) -> tuple[str, str]:  # noqa: ANN401
     place = ""
     if int(np.prod(sizes)) == len(here) > 1:
         place = f" at {[int(index) for index in np.unravel_index(position, sizes)]}"
-    return f"{here[position]!r} {unit}".rstrip() + place, f"{there[position]!r} {unit}".rstrip()
+    return f"{here[position]!r}{place}", f"{there[position]!r}"
 
 
 def _row_words(row: tuple[str, Sequence[int]]) -> str:

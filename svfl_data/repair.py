@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from svfl_data.atomically import write_atomically
-from svfl_data.claims import INFLIGHT, PART, build, claim, inflight, locked, publish, take_over
+from svfl_data.claims import INFLIGHT, PART, SETUP, build, claim, inflight, locked, publish, take_over
 from svfl_data.clocks import GAP
 from svfl_data.dataset import Dataset, inner_folder
 from svfl_data.episode import Meta
@@ -97,6 +97,7 @@ def _finish(dataset: Dataset, path: Path) -> list[RepairAction]:
         path.with_suffix(PART).unlink(missing_ok=True)
         return [_set_aside(dataset, path, _words(error, path))]
     finally:
+        path.with_suffix(SETUP).unlink(missing_ok=True)
         os.close(descriptor)
 
 

@@ -358,12 +358,12 @@ class EpisodeWriter(OwnProcess):
             self._close()
 
     def _close(self) -> None:
+        if self._agreement:
+            self._agreement.leave()
         self._behind.close()
         self._journal.close()
         self._folder.close()
         self._ended = self._closed = True
-        if self._agreement:
-            self._agreement.leave()
 
     def _recorded(self) -> dict[str, Rows]:
         try:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from svfl_data.errors import StorageError, TrainingError
-from svfl_data.leftovers import clear_leftovers
+from svfl_data.leftovers import clear_files
 from svfl_models.writing import write_json
 
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
@@ -47,7 +47,7 @@ def held(out: Path) -> Iterator[None]:
         raise StorageError(f"{out}: {error.strerror or error}") from error
     try:
         _lock(descriptor, out)
-        clear_leftovers(out)
+        clear_files(out)
         yield
     finally:
         os.close(descriptor)

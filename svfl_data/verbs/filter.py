@@ -47,7 +47,7 @@ class Condition:
         key, sign, value = match.groups()
         try:
             return cls(key, sign, json.loads(value))
-        except ValueError:
+        except (ValueError, RecursionError):
             return cls(key, sign, value)
 
     def __call__(self, episode: Episode) -> bool:

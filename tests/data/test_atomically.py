@@ -12,7 +12,7 @@ import pytest
 from svfl_data import leftovers
 from svfl_data.atomically import named_aside, write_atomically, written_aside
 from svfl_data.errors import StorageError
-from svfl_data.leftovers import clear_leftovers, folder_aside
+from svfl_data.leftovers import clear_files, clear_folders, folder_aside
 
 REFUSALS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.ESTALE, errno.EIO)
 STEPS = ((tempfile, "mkstemp"), (os, "fsync"), (os, "fchmod"), (os, "replace"), (os, "write"))
@@ -87,7 +87,7 @@ def test_a_file_written_by_its_name_is_replaced_whole(tmp_path):
 
 
 def test_what_a_living_process_writes_stays_and_arrives(tmp_path, writer):
-    assert clear_leftovers(tmp_path) == []
+    assert clear_files(tmp_path) == []
     writer.communicate("go on")
     assert (tmp_path / "file").read_bytes() == b"half"
 
@@ -97,7 +97,7 @@ def test_what_a_killed_process_was_writing_is_removed(tmp_path, writer):
     writer.wait()
     (part,) = tmp_path.iterdir()
     (tmp_path / "other").touch()
-    assert clear_leftovers(tmp_path) == [part]
+    assert clear_files(tmp_path) == [part]
     assert os.listdir(tmp_path) == ["other"]
 
 
@@ -107,7 +107,7 @@ def test_folders_are_told_apart_by_the_same_lock(tmp_path):
         (tmp_path / name / "episode").touch()
     with folder_aside(tmp_path / "alive") as alive:
         (alive / "episode").touch()
-        assert clear_leftovers(tmp_path) == [tmp_path / ".dead.svfl-x.part"]
+        assert clear_folders(tmp_path) == [tmp_path / ".dead.svfl-x.part"]
         assert (alive / "episode").exists()
     assert os.listdir(tmp_path) == [".not_ours.part"]
 
@@ -116,7 +116,7 @@ def test_no_link_is_followed_and_no_pipe_waited_for(tmp_path):
     (tmp_path / "precious").touch()
     (tmp_path / ".link.x.part").symlink_to(tmp_path / "precious")
     os.mkfifo(tmp_path / ".pipe.x.part")
-    assert clear_leftovers(tmp_path) == []
+    assert clear_files(tmp_path) == []
     assert len(os.listdir(tmp_path)) == 3
 
 
@@ -127,7 +127,7 @@ def test_without_locks_files_are_written_and_nothing_is_cleared(tmp_path, monkey
     monkeypatch.setattr(leftovers.fcntl, "flock", flock)
     write_atomically(tmp_path / "file", b"content")
     (tmp_path / ".file.x.part").touch()
-    assert clear_leftovers(tmp_path) == []
+    assert clear_files(tmp_path) == []
     assert (tmp_path / "file").read_bytes() == b"content"
 
 
@@ -136,7 +136,7 @@ def test_a_file_cleared_between_its_creation_and_its_lock_is_made_again(tmp_path
 
     def late(descriptor):
         if not taken:
-            taken.extend(clear_leftovers(tmp_path))
+            taken.extend(clear_files(tmp_path))
         return hold(descriptor)
 
     monkeypatch.setattr(leftovers, "_hold", late)

@@ -9,7 +9,7 @@ import pytest
 from svfl_data.atomically import write_atomically, written_aside
 from svfl_data.dataset import Dataset
 from svfl_data.errors import StorageError
-from svfl_data.leftovers import clear_leftovers, folder_aside
+from svfl_data.leftovers import clear_files, clear_folders, folder_aside
 from svfl_data.merge import merge
 from svfl_data.pack import pack
 from svfl_data.relabel import relabel, relabel_file, with_annotation
@@ -82,7 +82,7 @@ def test_a_starting_collector_leaves_living_writers_alone(dataset):
 def test_what_is_being_written_is_no_leftover(tmp_path):
     with written_aside(tmp_path / "file") as file:
         file.write(b"whole")
-        clear_leftovers(tmp_path)
+        clear_files(tmp_path)
     assert (tmp_path / "file").read_bytes() == b"whole"
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
@@ -95,7 +95,8 @@ def test_only_leftovers_are_cleared(tmp_path):
         (tmp_path / name).write_bytes(b"mine")
     (tmp_path / ".mine.abc.part").mkdir()
     (tmp_path / ".link.part").symlink_to(tmp_path / ".hidden")
-    clear_leftovers(tmp_path)
+    clear_files(tmp_path)
+    clear_folders(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == kept | {".mine.abc.part", ".link.part"}
 
 
