@@ -6,6 +6,7 @@ What waits is bounded in time, which is what a kill costs, and in bytes, which i
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -92,7 +93,8 @@ class WriteBehind(OwnProcess):
             if self._bytes == size or self._bytes >= FLUSH_BYTES:
                 self._change.notify_all()
         if self._thread is None:
-            self.flush()
+            with suppress(StorageError):  # the rows are taken; who appends next is told
+                self.flush()
 
     def note(self, label: dict[str, Any]) -> None:
         """Add a record without rows; never waits and never fails."""

@@ -390,6 +390,32 @@ def test_what_the_disk_refused_in_the_background_is_said_and_nothing_of_it_is_lo
         np.testing.assert_array_equal(saved.arrays[path], array)
 
 
+def test_rows_of_an_append_that_met_a_full_disk_are_stored_once(dataset, monkeypatch):
+    """With `flush_s=0` an append meets the disk itself: what was taken is told at the next one, which takes nothing."""
+    import svfl_data.journal as journal
+
+    episode, write_all, left = make_episode(), journal.write_all, [3]
+
+    def full(*arguments):
+        left[0] -= 1
+        if left[0] < 0:
+            raise OSError(28, "No space left on device")
+        write_all(*arguments)
+
+    with start(dataset, episode, flush_s=0.0) as writer:
+        monkeypatch.setattr(journal, "write_all", full)
+        t_ns, wrench = episode.wrench_t_ns, episode.wrench
+        writer.append("streams/wrench", t_ns=t_ns[:50], wrench=wrench[:50])
+        with pytest.raises(StorageError, match="No space left"):
+            writer.append("streams/wrench", t_ns=t_ns[50:], wrench=wrench[50:])
+        monkeypatch.setattr(journal, "write_all", write_all)
+        writer.append("streams/wrench", t_ns=t_ns[50:], wrench=wrench[50:])
+        append_all(writer, without_wrench(episode.arrays))
+        saved = read_episode(writer.seal(despite_faults=True))
+    for path, array in episode.arrays.items():
+        np.testing.assert_array_equal(saved.arrays[path], array)
+
+
 def test_an_episode_is_sealed_beside_the_next_one(dataset, monkeypatch):
     import svfl_data.writer as module
 
