@@ -31,7 +31,8 @@ FORMAT_VERSION = "1.0"
 MEANING = ("unit", "axes", "about")
 """Attributes of a dataset without which its numbers mean nothing; they must be as declared."""
 NAMES = {"names": ["format", "format_version", *PLAIN_ATTRIBUTES, *JSON_ATTRIBUTES], "meaning": list(MEANING)}
-HEADERS_KEPT = 512
+HEADERS_KEPT, BYTES_KEPT = 512, 2**27
+"""How many episodes a process remembers, and how large their descriptions may be in all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +45,14 @@ class Header:
         placements: Where each array lies, by dataset path.
         hashed: Whether its bytes were compared with its seal in this process, rather than by an earlier one that saw
             the same file, unchanged since.
+        nbytes: Memory that it takes, about.
     """
 
     seal: str
     attributes: Mapping[str, Any]
     placements: dict[str, Placement]
     hashed: bool
+    nbytes: int
 
 
 def header(extent: Extent, hashed: bool = False) -> Header:
@@ -176,7 +179,9 @@ def _remembered(extent: Extent) -> Header | None:
     digest, answer = found
     try:
         description = Description(answer, extent)
-        return Header(digest, description.attributes, description.placements(extent.size - SEAL_SIZE), hashed=False)
+        return Header(
+            digest, description.attributes, description.placements(extent.size - SEAL_SIZE), False, len(answer)
+        )
     except (SvflError, ValueError):
         return None  # other limits now: open it again, which says what is wrong
 
@@ -219,15 +224,17 @@ def _judged(extent: Extent, size: int, digest: str, answer: bytes) -> Header:
         check_meaning(path, attributes, extent)
     parse_meta(description.attributes, extent)
     check_arrays({path: StoredArray(path, extent, found) for path, found in placements.items()}, str(extent))
-    return Header(digest, description.attributes, placements, hashed=True)
+    return Header(digest, description.attributes, placements, True, len(answer))
 
 
 def _keep(extent: Extent, found: Header | FormatError | FieldError) -> None:
     with _lock:
         _known[extent] = found
         _known.move_to_end(extent)
-        while len(_known) > HEADERS_KEPT:
-            _known.popitem(last=False)
+        size = sum(one.nbytes for one in _known.values() if isinstance(one, Header))
+        while len(_known) > HEADERS_KEPT or (size > BYTES_KEPT and len(_known) > 1):
+            dropped = _known.popitem(last=False)[1]
+            size -= dropped.nbytes if isinstance(dropped, Header) else 0
 
 
 _lock = threading.Lock()
