@@ -26,6 +26,7 @@ from collectors.tasks.task import MAX_STEPS
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FormatError, UsageError
+from svfl_data.regular_file import open_regular
 
 GROUP = "svfl.policies"
 
@@ -71,7 +72,8 @@ class PolicyCollector(Simulated):
 
     def config(self) -> dict[str, Any]:
         """Everything that was set, as JSON values; the checkpoint by its content, wherever it lies."""
-        digest = hashlib.sha256(self.checkpoint.read_bytes()).hexdigest()
+        with open(open_regular(self.checkpoint.resolve()), "rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
         checkpoint = {"name": self.checkpoint.name, "sha256": digest}
         return {"task": self.task, "checkpoint": checkpoint, "world": asdict(self.world)}
 

@@ -1,8 +1,11 @@
 """How often a policy succeeds is counted right, in an environment that is declared here."""
 
+import errno
 import json
+import os
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import synchronize
 
 import gymnasium
 import numpy as np
@@ -10,7 +13,7 @@ import pytest
 from gymnasium import spaces
 from rich.console import Console
 
-from svfl_data.errors import TrainingError
+from svfl_data.errors import StorageError, TrainingError
 from svfl_models import cli, run_folder
 from svfl_models.cloning import evaluate as module
 from svfl_models.cloning import train
@@ -133,3 +136,14 @@ def test_a_file_that_is_no_policy(tmp_path, capsys):
 
 def test_every_task_has_its_id():
     assert environment_of("block_corner_pulling") == "collectors.environment:svfl/BlockCornerPulling-v0"
+
+
+def test_no_room_for_the_workers_is_one_line(monkeypatch, tmp_path):
+    """Processes share locks in /dev/shm, which can be full."""
+
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(synchronize._multiprocessing, "SemLock", full)
+    with pytest.raises(StorageError, match="cannot start workers, which need room in /dev/shm: No space left"):
+        list(module._episodes(tmp_path / "checkpoint.ckpt", "none", 0, range(4), workers=2))

@@ -254,7 +254,7 @@ def test_lightning_reads_the_named_checkpoint_only(tmp_path, marker):
 def test_a_small_file_that_declares_much_takes_little_memory(kinds, tmp_path):
     """Peak of a process that opens it, beside that of one which opens an ordinary one."""
     latent = kinds["latent"]
-    sizes = {"hidden": 4096, "feature": 4096, "dim": 4096, "depth": 64, "z2": 4096, "joined": 4096}
+    sizes = {"hidden": 4096, "feature": 4096, "dim": 4096, "depth": 4, "z2": 4096, "joined": 4096}
     described = latent["hyper_parameters"] | {"network": {"model": "vtt", "sizes": sizes}}
     large = saved(latent | {"hyper_parameters": described}, tmp_path / "large.ckpt")
     usual = saved(latent, tmp_path / "usual.ckpt")

@@ -2,6 +2,7 @@ import csv
 import json
 import signal
 from dataclasses import replace
+from pathlib import Path
 
 import lightning.pytorch as pl
 import numpy as np
@@ -12,11 +13,11 @@ from rich.console import Console
 from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError, StorageError, TrainingError
 from svfl_data.store import write_episode
-from svfl_models import run_folder, train
+from svfl_models import train
 from svfl_models.checkpoint import load_centering
 from svfl_models.config import TrainingConfig
 from svfl_models.judge import judge
-from svfl_models.progress import COLUMNS, ProgressLine
+from svfl_models.progress import COLUMNS, MetricsFile, ProgressLine
 from svfl_models.testing import assert_equivariant
 from svfl_models.train import train_centering
 from tests.builders import make_episode
@@ -134,8 +135,15 @@ def test_more_samples_than_there_are(config, tmp_path):
     assert not (tmp_path / "run").exists()
 
 
-def test_a_full_disk_is_one_line(config, tmp_path, monkeypatch):
-    monkeypatch.setattr(run_folder, "METRICS", "/dev/full")
+def test_a_row_that_the_disk_does_not_take_is_one_line(config, tmp_path, monkeypatch):
+    """Files that are replaced: tests/test_full_disk.py; rows of the metrics are appended."""
+    begin = MetricsFile.on_fit_start
+
+    def begin_on_a_full_disk(metrics, *arguments):
+        begin(metrics, *arguments)
+        metrics.path = Path("/dev/full")
+
+    monkeypatch.setattr(MetricsFile, "on_fit_start", begin_on_a_full_disk)
     with pytest.raises(StorageError, match=r"run: No space left on device; what was written before is kept"):
         train_centering(config, tmp_path / "run")
 
