@@ -8,9 +8,9 @@ from collectors.simulation.centering import Scene
 
 STEP = np.array([0.025, 0.025, 0.025, np.pi / 16])  # bounds of the action: dx, dy, dz [m], dtheta [rad] (paper, 5.1)
 OPEN = 1.0  # gripper opening all along
-CLEAR = 0.015  # [m] between fingertips and block at which the expert slows down
+CLEAR = 0.030  # [m] between fingertips and block at which the expert slows down: time for the reference to slow down
 SLOW = 0.006  # [m] per step from there on: 0.12 m/s
-ARRIVING = 2  # steps that the reference, late at that speed by 77 ms, takes to arrive after the last command
+ARRIVING = 1  # steps of rest after the last command: at that speed the reference is late by 38 ms
 
 
 class CollisionExpert:
@@ -42,7 +42,7 @@ class CollisionExpert:
         height = self._commanded[2]
         above_place = np.all(np.abs(left[[0, 1, 3]]) < 1e-6)
         if not above_place:
-            left[2] = max(self._slow_from + CLEAR - height, left[2])  # travel, but stay clear of the block
+            left[2] = max(self._slow_from - height, left[2])  # travel, but stay clear of the block
         elif height > self._slow_from + 1e-6:
             left[2] = self._slow_from - height
         else:

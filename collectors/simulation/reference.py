@@ -4,7 +4,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-Four = tuple[float, float, float, float]
+Pose = tuple[float, ...]  # (x, y, z, theta)
 
 
 class Reference:
@@ -35,16 +35,16 @@ class Reference:
         """
         self._bound = tuple(bound)
         self._acceleration = acceleration
-        self._velocity: Four = (0.0, 0.0, 0.0, 0.0)  # in units of the bound, per physics step
+        self._velocity: Pose = (0.0, 0.0, 0.0, 0.0)  # in units of the bound, per physics step
         self._tracked = deque([tuple(pose)] * smoothing, maxlen=smoothing)
-        self.pose: Four = self._mean()
+        self.pose: Pose = self._mean()
 
     @property
-    def tracker(self) -> Four:
+    def tracker(self) -> Pose:
         """Pose before the moving average, (x, y, z, theta), [m] and [rad]: where `pose` is going."""
         return self._tracked[-1]
 
-    def step(self, aim: Sequence[float]) -> Four:
+    def step(self, aim: Sequence[float]) -> Pose:
         """Move on by one physics step.
 
         Args:
@@ -77,5 +77,5 @@ class Reference:
             return speed + min(max(change, -self._acceleration), self._acceleration)
         return speed + part * change
 
-    def _mean(self) -> Four:
+    def _mean(self) -> Pose:
         return tuple(sum(parts) / len(self._tracked) for parts in zip(*self._tracked, strict=True))
