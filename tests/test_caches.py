@@ -15,6 +15,8 @@ from svfl_data.cache_folder import VARIABLE
 from svfl_data.library_caches import FOLDERS, confine_caches
 from tests.command_lines import COMMANDS, make_data, verbs_of
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 WATCHED = """
 import importlib, json, os, pathlib, sys

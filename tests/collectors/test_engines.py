@@ -8,6 +8,8 @@ from svfl_data.dataset import Dataset
 from svfl_data.errors import CollectError
 from tests.collectors.conftest import Made, contents
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def dataset(tmp_path) -> Dataset:
