@@ -4,10 +4,10 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 
-.PHONY: demo test bench sizes env lint clean help
+.PHONY: demo test quick test-cpus bench sizes env lint clean help
 
 help:  ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 demo: env  ## collect 200 samples, train the classifier, write report and viewer file
 	$(BIN)/svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering
@@ -16,6 +16,12 @@ demo: env  ## collect 200 samples, train the classifier, write report and viewer
 
 test: env lint  ## ruff, mypy and the whole test suite
 	$(BIN)/python -m pytest -n 2
+
+quick: env  ## the tests without the slow ones: under two minutes on two idle cores
+	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+test-cpus: env  ## the quick tests as other processors would run them (tests/cpu_settings.py)
+	$(BIN)/python -m tests.cpu_settings -n 2 -m "not slow"
 
 bench: env data/centering data/block_picking  ## every benchmark; figures for docs/benchmarks.md
 	$(BIN)/python benchmarks/collect.py

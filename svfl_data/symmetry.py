@@ -10,6 +10,7 @@ in-plane part picks up the sign s and its component along the plane's normal, li
 s times itself. With s = +1 (rotations) axial and polar vectors cannot be told apart.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -52,8 +53,8 @@ def element(degrees: float, flip: bool = False) -> np.ndarray:
     Returns:
         Orthogonal matrix, shape (2, 2).
     """
-    angle = np.deg2rad(degrees)
-    cos, sin = np.cos(angle), np.sin(angle)
+    angle = math.radians(degrees)
+    cos, sin = math.cos(angle), math.sin(angle)  # NumPy's differ in the last digit between processors
     exact = np.round([[cos, -sin], [sin, cos]], 15)  # quarter turns come out as exact 0 and 1
     return exact @ np.diag([1.0, -1.0 if flip else 1.0])
 

@@ -14,6 +14,8 @@ from svfl_data.extras import EXTRAS
 from tests.base_only import OURS, PROJECT, base, distribution
 from tests.command_lines import COMMANDS, make_data, verbs_of
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("svfl_data", "svfl_models", "collectors")
 NEEDS = r"needs (\w+), which is not installed; run: pip install 'svfl\[\w+\]'( or pip install 'svfl\[\w+\]')?"

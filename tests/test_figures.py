@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 SOURCES = [file for package in ("svfl_data", "svfl_models", "collectors") for file in (ROOT / package).rglob("*.py")]
 

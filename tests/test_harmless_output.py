@@ -23,6 +23,8 @@ from tests.builders import make_episode
 from tests.command_lines import data_commands
 from tests.test_output_errors import VERBS, refused  # noqa: F401 - a fixture
 
+pytestmark = pytest.mark.slow
+
 HOSTILE = (
     "\x1b]0;owned\x07\x1b[2J\nFORGED: all is well\r\x9b31m\u202egnp\u2066\u200b\U000e0041"
     "|<img src=x onerror=alert(1)>![p](http://evil.example/p.png)`code`[a](b)*b*$x^2$"

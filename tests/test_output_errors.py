@@ -93,6 +93,7 @@ def run(*words, unbuffered=False, code=PROGRAM, **how):
     return subprocess.run(command, cwd=ROOT, env=environment, check=False, **how)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unbuffered", [False, True])
 @pytest.mark.parametrize("words", [["--help"], ["info"], ["info", "--json"], ["validate"], ["stats", "--help"]])
 def test_output_that_cannot_be_written_is_said(dataset, words, unbuffered):
@@ -121,6 +122,7 @@ def test_errors_that_cannot_be_written_leave_the_exit_code(dataset, unbuffered):
         assert run("nothing", stderr=full, unbuffered=unbuffered).returncode in (1, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [1, 2])
 def test_no_file_takes_the_place_of_a_closed_stream(dataset, tmp_path, closed):
     """A library's own output would land in it."""
@@ -144,6 +146,7 @@ def test_no_file_takes_the_place_of_a_closed_stream(dataset, tmp_path, closed):
 ASCII = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("terminal", [ASCII, {"PYTHONIOENCODING": "ascii"}])
 @pytest.mark.parametrize("verb", sorted(data_commands(Path(), Path())))
 def test_names_that_a_terminal_cannot_show_are_no_obstacle(tmp_path, terminal, verb):
@@ -158,6 +161,7 @@ def test_names_that_a_terminal_cannot_show_are_no_obstacle(tmp_path, terminal, v
     assert done.stdout.isascii()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verb", sorted(data_commands(Path(), Path())))
 def test_names_that_are_no_text_are_one_line_or_work(tmp_path, verb):
     folder = tmp_path / os.fsdecode(b"\xff\xfe")

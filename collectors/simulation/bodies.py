@@ -1,11 +1,10 @@
 """Bodies made of primitive shapes, or loaded from URDF, in one PyBullet world."""
 
+import math
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 from collectors.simulation.bullet import pybullet
 
@@ -55,7 +54,7 @@ Part = Box | Cylinder
 
 def quat_from_yaw(yaw: float) -> Quaternion:
     """Rotation by `yaw` [rad] about z, as quat_xyzw."""
-    return (0.0, 0.0, float(np.sin(0.5 * yaw)), float(np.cos(0.5 * yaw)))
+    return (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
 
 
 class Bodies:

@@ -5,6 +5,7 @@ slightly off (Kohler et al., CoRL 2023, appendix "Block Centering"). Felt at the
 lever arm along the finger axis; the displacement that would mend the grasp points along the same axis.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,10 +91,10 @@ def draw_scene(rng: np.random.Generator, direction: int, config: CenteringConfig
     to_block = world.camera.image_axes.T @ element(in_image)[:, 0]  # base axes
     finger_axis = element(rng.uniform(-config.sideways_deg, config.sideways_deg)) @ to_block
     # The hand looks the same after half a turn: take the yaw in (-90, 90] degrees, which the wrist reaches.
-    yaw = (np.arctan2(-finger_axis[0], finger_axis[1]) + np.pi / 2) % np.pi - np.pi / 2
+    yaw = (math.atan2(-finger_axis[0], finger_axis[1]) + np.pi / 2) % np.pi - np.pi / 2
 
     half, turn = rng.uniform(*config.block_half), rng.uniform(-1, 1) * np.deg2rad(config.block_turn_deg)
-    extent = half * (np.cos(turn) + np.sin(abs(turn)))  # of the turned square along the finger axis
+    extent = half * (math.cos(turn) + math.sin(abs(turn)))  # of the turned square along the finger axis
     inner, outer = FINGER_SPAN
     nearest = max(abs(extent - inner) + OVERLAP, config.lateral[0])  # one finger lands, the other passes
     farthest = min(outer + extent - OVERLAP, config.lateral[1])

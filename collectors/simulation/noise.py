@@ -95,6 +95,6 @@ class SensorNoise:
 @cache
 def _lag(gain: float, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Response of the lag to each of `count` inputs, (count, count), and to the state before them, (count,)."""
-    powers: NDArray[np.float64] = np.power(1.0 - gain, np.arange(count + 1), dtype=np.float64)
+    powers = np.array([(1.0 - gain) ** age for age in range(count + 1)])
     ages = np.subtract.outer(np.arange(count), np.arange(count))
     return gain * np.where(ages >= 0, powers[np.maximum(ages, 0)], 0.0), powers[1:]

@@ -1,6 +1,7 @@
 """The simulated world: table, Panda, wrist sensor and camera behind one 20 Hz step."""
 
 import copy
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import TracebackType
@@ -349,7 +350,7 @@ class World:
     def yaw(self, body: int) -> float:
         """True yaw of an upright body in base, [rad], in (-pi, pi]."""
         x, y, z, w = self.pose(body)[3:]
-        return float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+        return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
     def holds(self, body: int) -> bool:
         """Whether both fingers press on the body now."""

@@ -15,6 +15,7 @@ The table holds the graspable ones and how they lie, so that a process need not 
 """
 
 import csv
+import math
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -149,7 +150,7 @@ def grasps(name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float
     points, normals = points[between] - position, normals[between]
     found = []
     for theta in TURNS:
-        along, across = np.array([[np.cos(theta), np.sin(theta)], [-np.sin(theta), np.cos(theta)]])
+        along, across = np.array([[math.cos(theta), math.sin(theta)], [-math.sin(theta), math.cos(theta)]])
         u, v, slope = points[:, :2] @ along, points[:, :2] @ across, normals[:, :2] @ across
         for shift in SHIFTS:
             inside = np.abs(u - shift) < FINGER
@@ -163,7 +164,7 @@ def grasps(name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float
             left = -facing[(ends < low + 0.002) & (facing < 0.0)]
             if width > WIDEST or not len(right) or not len(left):
                 continue
-            angle = float(np.arccos(min(1.0, right.mean(), left.mean())))
+            angle = math.acos(min(1.0, right.mean(), left.mean()))
             middle = 0.5 * (low + high)
             x, y = position[:2] + shift * along + middle * across
             found.append(

@@ -81,7 +81,7 @@ class PegInsertion(Task):
         pose = self.world.pose(self.body)
         axis = np.array(pybullet.getMatrixFromQuaternion(pose[3:])).reshape(3, 3)[:, 2]
         rim = self.world.pose(self.block)[:3] + np.array([0.0, 0.0, 0.5 * RIM])
-        return pose[:3] - LENGTH * axis - rim, float(np.arccos(np.clip(axis[2], -1.0, 1.0)))
+        return pose[:3] - LENGTH * axis - rim, math.acos(np.clip(axis[2], -1.0, 1.0))
 
     def success(self) -> bool:
         """The peg's lower end is in the hole, at least 3 cm deep, and the peg is upright within 6 degrees."""

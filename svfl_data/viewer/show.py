@@ -166,6 +166,8 @@ def serve(shown: Content, bind: str = LOOPBACK, port: int = 9090) -> None:
         file = Path(folder) / "episode.rrd"
         save(shown, file)
         say(f"{web_address(bind, port)} (Ctrl-C ends it)")
+        if bind not in (LOOPBACK, "localhost", "::1"):
+            say(f"{bind}: whoever reaches this machine sees these data, and can change what is shown")
         ports = ["--web-viewer-port", str(port), "--port", str(port + 1)]
         _run(["--serve-web", "--bind", bind, *ports, str(file)], "choose another one with --port")
 

@@ -87,6 +87,7 @@ def test_unknown_families_and_tags_are_named():
         modules("tag36h11", 587)
 
 
+@pytest.mark.slow
 def test_detectors_come_and_go_ten_thousand_times():
     image, _ = tag_picture(pixels=4)
     for number in range(10_000):

@@ -21,6 +21,8 @@ from svfl_data.store import episode_bytes
 from tests.collectors.conftest import SMALL
 from tests.collectors.test_collect_command import collect
 
+pytestmark = pytest.mark.slow
+
 
 def recorded(collector, *indices):
     """Episodes of a collector, whose world is closed then."""

@@ -22,6 +22,8 @@ from svfl_data.errors import CollectError, UsageError
 from svfl_data.store import read_episode, write_episode
 from tests.collectors.conftest import SMALL
 
+pytestmark = pytest.mark.slow
+
 HALF = 0.025
 VGA = replace(TAG_CAMERAS["tags_left"], height=480, width=640, fov_deg=45.0)
 STEP_NS = 50_000_000

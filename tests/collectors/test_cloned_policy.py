@@ -29,6 +29,8 @@ from svfl_models.squashed_gaussian import SCALE
 from tests.models.synthetic import centering_samples
 from tests.models.trained import untrained, write
 
+pytestmark = pytest.mark.slow
+
 QUIET = Console(quiet=True)
 ROOT = Path(__file__).parents[2]
 

@@ -13,6 +13,8 @@ import pytest
 from svfl_data.dataset import Dataset
 from tests.patience import PATIENCE
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 SAMPLES = 24  # a second's work for two workers: long enough to be stopped in the middle
 

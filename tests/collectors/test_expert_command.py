@@ -20,6 +20,8 @@ from svfl_data.store import episode_bytes
 from tests.collectors.conftest import SMALL, contents
 from tests.collectors.test_collect_command import collect
 
+pytestmark = pytest.mark.slow
+
 ARGUMENTS = ("expert", "--task", "block_picking", "--episodes", 3, "--image-size", 16)
 
 

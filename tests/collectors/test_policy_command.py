@@ -18,6 +18,8 @@ from svfl_models.exported_policy import load, save
 from tests.collectors.conftest import SMALL, contents
 from tests.collectors.test_collect_command import collect
 
+pytestmark = pytest.mark.slow
+
 RAISED = torch.tensor([[1.0, 0.0, 0.0, 0.004, 0.0]])
 
 

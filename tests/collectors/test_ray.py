@@ -18,6 +18,8 @@ from svfl_data.errors import CollectError
 from tests.collectors.conftest import SMALL, Made, contents
 from tests.patience import PATIENCE
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def cluster():

@@ -20,6 +20,8 @@ from tests.builders import make_episode
 from tests.collectors.conftest import SMALL
 from tests.collectors.test_collect_command import collect
 
+pytestmark = pytest.mark.slow
+
 
 def stored(episode: Episode, tmp_path) -> Episode:
     write_episode(episode, tmp_path / "episode_000000.hdf5")

@@ -26,6 +26,8 @@ from tests.collectors.conftest import SMALL
 from tests.collectors.test_collect_command import command
 from tests.collectors.typist import wait_for
 
+pytestmark = pytest.mark.slow
+
 HEAD = {"format": "svfl-teleop-log", "version": 1, "device": "test"}
 REST, DOWN = [1, 0, 0, 0, 0], [1, 0, 0, -1, 0]
 

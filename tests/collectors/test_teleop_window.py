@@ -22,6 +22,8 @@ from tests.collectors.test_collect_command import command
 from tests.collectors.typist import PACE, Typist, display, needs_display, wait_for
 from tests.patience import PATIENCE
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("pygame")
 SEED = 0
 

@@ -115,6 +115,7 @@ def test_splits_and_statistics_stay_valid(dataset, tmp_path):
     assert load_statistics(packed, load_split(packed, "default")) == load_statistics(dataset, split)
 
 
+@pytest.mark.slow
 def test_damage_is_refused_and_named(dataset, tmp_path):
     packed = pack(dataset, tmp_path / "packed")
     shard = packed.path / "shard_000000.zip"

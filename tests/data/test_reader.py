@@ -45,6 +45,7 @@ def test_a_reader_loads_what_was_written(file):
     assert reader.rates["cameras/front/t_ns"] == pytest.approx(20)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     own=st.dictionaries(

@@ -35,6 +35,8 @@ from tests.builders import episode_arrays, make_episode
 from tests.data.test_writer import append_all, constants_of, start
 from tests.patience import PATIENCE
 
+pytestmark = pytest.mark.slow
+
 CAMPAIGN = bool(os.environ.get("SVFL_CAMPAIGN"))
 KILLS = 200 if CAMPAIGN else 10
 LIMITS = 50 if CAMPAIGN else 6

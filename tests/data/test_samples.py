@@ -65,6 +65,7 @@ def last(t_ns: np.ndarray, values: np.ndarray, now: int, length: int) -> tuple[n
     return np.stack([filler.astype(values.dtype)] * missing + seen), np.array([True] * missing + padding), age
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
@@ -237,6 +238,7 @@ def test_the_budget_is_checked_before_images_are_read(dataset, monkeypatch):
         Samples(dataset, budget=1_000)
 
 
+@pytest.mark.slow
 def test_workers_and_lightning_change_neither_samples_nor_order(dataset):
     """No workers, forked ones and fresh ones; the epoch of crops and order advances in all of them."""
     import lightning

@@ -14,6 +14,8 @@ from svfl_data.dataset import Dataset
 from svfl_data.errors import DatasetError, StorageError, SvflError
 from svfl_data.split import load_split, split_episodes
 
+pytestmark = pytest.mark.slow
+
 STEPS = {"create_or_resume", "_begin", "write_atomically", "written_aside", "name_unless_taken", "save"}
 """Functions before each line of which a process may be stopped."""
 

@@ -43,6 +43,7 @@ def assert_equal(a: Episode, b: Episode) -> None:
         np.testing.assert_array_equal(array, b.arrays[name])
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(
     steps=st.integers(1, 6),
@@ -83,6 +84,7 @@ def test_what_is_written_is_read(tmp_path_factory, steps, size, seed, text, drop
     assert_equal(read_episode(path), episode)
 
 
+@pytest.mark.slow
 def test_equal_episodes_are_equal_bytes():
     first = episode_bytes(make_episode(3))
     time.sleep(1.1)  # HDF5 stores times in whole seconds, if it does
@@ -266,6 +268,7 @@ for index in range(100_000):
 """
 
 
+@pytest.mark.slow
 def test_a_killed_writer_leaves_only_whole_episodes(tmp_path):
     root = Path(__file__).parents[2]
     rng = np.random.default_rng(0)

@@ -415,6 +415,7 @@ def test_repair_says_what_it_did_and_what_was_lost(command, week):
     assert command("validate", week.path)[0] == 0
 
 
+@pytest.mark.slow
 def test_plot_and_card_write_files(command, week, tmp_path):
     assert command("plot", week.path, "--episode", 3, "--out", tmp_path / "e.png")[0] == 0
     assert (tmp_path / "e.png").read_bytes().startswith(b"\x89PNG")
@@ -423,6 +424,7 @@ def test_plot_and_card_write_files(command, week, tmp_path):
     assert command("validate", week.path)[0] == 0
 
 
+@pytest.mark.slow
 def test_without_matplotlib_the_command_says_what_to_install(week, tmp_path):
     for words in (["plot", str(week.path), "--out", "e.png"], ["card", str(week.path)]):
         script = f"""

@@ -25,6 +25,8 @@ from tests.builders import make_episode
 from tests.data.test_viewer import entities, logged
 from tests.patience import PATIENCE
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def _strict(monkeypatch):

@@ -59,6 +59,7 @@ def start(dataset, episode=None, **kwargs):
     return EpisodeWriter(dataset, replace(episode.meta, index=NEXT), constants_of(episode.arrays), **kwargs)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(
     steps=st.integers(0, 60),

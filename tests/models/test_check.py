@@ -68,6 +68,7 @@ def test_a_plain_network_errs_at_everything_but_nothing(samples):
     expect_symmetric([identity, *others], "32", "network")  # it never promised anything
 
 
+@pytest.mark.slow
 def test_force_is_exact_at_any_angle_and_images_are_not(samples):
     """Between quarter turns there are no scores to compare, but there are features."""
     force = checked(samples, encoder="f", group="D8")
@@ -153,6 +154,7 @@ def module(dataset):
     return untrained(load_centering(dataset), image_size=16)[0]
 
 
+@pytest.mark.slow
 def test_the_command(dataset, module, tmp_path, capsys):
     file = write(module, tmp_path / "checkpoint.ckpt")
     assert cli.main(["check", str(file), "--data", str(dataset), "--samples", "4"]) == 0
@@ -162,6 +164,7 @@ def test_the_command(dataset, module, tmp_path, capsys):
     assert "270 deg, mirrored" in printed
 
 
+@pytest.mark.slow
 def test_the_command_fails_on_damage_and_on_other_data(dataset, module, samples, tmp_path, capsys):
     damaged = copy.deepcopy(module)
     damage(damaged, 1)

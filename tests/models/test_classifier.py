@@ -38,6 +38,7 @@ def coarse(batch):
     return {"image": batch["image"][:4, :, ::8, ::8], "wrench": batch["wrench"][:4, ::8]}
 
 
+@pytest.mark.slow
 @every_group
 @pytest.mark.parametrize(
     ("encoder", "target"), [("v", "direction"), ("f", "direction"), ("vf", "direction"), ("vf", "offset")]

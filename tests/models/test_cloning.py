@@ -23,6 +23,8 @@ from svfl_models.cloning.metrics import COLUMNS, MetricsFile
 from svfl_models.squashed_gaussian import CENTRE, SCALE, SquashedGaussian, to_physical
 from tests.models.demonstrations import demonstrations
 
+pytestmark = pytest.mark.slow
+
 QUIET = Console(quiet=True)
 
 

@@ -23,6 +23,8 @@ from tests.models.pretend import is_running
 from tests.models.pretend_cloning import SUCCESS, Diverging, Endless, Quick
 from tests.patience import PATIENCE
 
+pytestmark = pytest.mark.slow
+
 TRIALS = 4
 BASE = CloningConfig("", preset="tiny", epochs=2)
 ENDLESS = f"""

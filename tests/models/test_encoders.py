@@ -53,6 +53,7 @@ def test_maps_of_the_vision_encoder_are_equivariant_before_pooling(group, index)
     assert_equivariant(vision_encoder(group, 16), image, group, act_on_feature_map(group), function=map_after(index))
 
 
+@pytest.mark.slow
 @every_group
 def test_vision_features_are_equivariant_for_life(group):
     image = {"image": torch.randn(2, 4, 8, 8)}

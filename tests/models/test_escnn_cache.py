@@ -12,6 +12,8 @@ import pytest
 
 from svfl_models import escnn_cache
 
+pytestmark = pytest.mark.slow
+
 BUILD = """
 import warnings
 warnings.simplefilter("error", UserWarning)

@@ -22,6 +22,8 @@ from svfl_models.cloning.evaluate import Evaluation, environment_of, evaluate
 from tests.builders import IMAGE_AXES
 from tests.models.demonstrations import demonstrations
 
+pytestmark = pytest.mark.slow
+
 QUIET = Console(quiet=True)
 
 

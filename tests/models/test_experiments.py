@@ -26,6 +26,8 @@ from tests.builders import make_episode
 from tests.models import pretend
 from tests.models.pretrained import write_latent
 
+pytestmark = pytest.mark.slow
+
 PICTURES = {
     "table": ["table.png", "table_errors.png"],
     "acuity": ["acuity.png"],

@@ -33,6 +33,8 @@ from svfl_models.visual_force import VisualForceEncoder
 from tests.builders import make_episode
 from tests.models.trained import untrained, write
 
+pytestmark = pytest.mark.slow
+
 SCRIPT = Path(__file__).parents[2] / "docs" / "run_exported.py"
 ALONE = """
 import runpy, sys

@@ -22,6 +22,8 @@ from tests.models import pretend
 from tests.models.pretend import is_running
 from tests.patience import PATIENCE
 
+pytestmark = pytest.mark.slow
+
 BASE = TrainingConfig("data")
 QUIET = Console(quiet=True)
 FOR_EVER = """

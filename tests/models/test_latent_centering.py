@@ -26,6 +26,8 @@ from tests.models.latent.small import SIZES, lifting, written
 from tests.models.pretrained import STEPS, write_latent
 from tests.models.trained import untrained, write
 
+pytestmark = pytest.mark.slow
+
 QUIET = Console(quiet=True)
 
 

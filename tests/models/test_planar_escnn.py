@@ -8,6 +8,7 @@ import pytest
 from svfl_models import planar_escnn
 
 
+@pytest.mark.slow
 def test_planar_groups_work_and_importing_is_silent():
     code = "import warnings; warnings.simplefilter('error', UserWarning); from svfl_models import planar_escnn as p; "
     code += "assert p.flipRot2dOnR2(4, axis=0.0).fibergroup.order() == 8"

@@ -23,6 +23,8 @@ from svfl_models.train import train_centering
 from tests.builders import make_episode
 from tests.models.synthetic import centering_samples
 
+pytestmark = pytest.mark.slow
+
 QUARTER = np.pi / 2
 
 

@@ -21,6 +21,8 @@ from tests.models.synthetic import centering_samples
 from tests.models.trained import contents, untrained
 from tests.models.trained import write as write_checkpoint
 
+pytestmark = pytest.mark.slow
+
 SIDE, SIZE = 19, 8
 """Of the pictures and of what the network sees, [px]; crops are 16 px."""
 

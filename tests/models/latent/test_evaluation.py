@@ -19,6 +19,8 @@ from svfl_models.latent.recordings import load_recordings
 from tests.models.latent.judged import dataset, trained
 from tests.models.latent.small import lifting, written
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):

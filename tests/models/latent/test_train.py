@@ -16,6 +16,8 @@ from svfl_models.latent.config import MODELS, TERMS, LatentConfig
 from svfl_models.latent.progress import StepsBar, read_rows
 from tests.models.latent.small import SIZES, frames, lifting, written
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def narrow(monkeypatch):
