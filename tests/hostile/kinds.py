@@ -1,0 +1,16 @@
+"""All kinds: importing a module registers what it makes."""
+
+from tests.hostile import (  # noqa: F401
+    folders,
+    hdf5_elsewhere,
+    hdf5_form,
+    hdf5_size,
+    journals,
+    json_attributes,
+    models,
+    replayed,
+    shards,
+    side_files,
+    values,
+)
+from tests.hostile.kind import KINDS as KINDS
