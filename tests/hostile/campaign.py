@@ -193,9 +193,9 @@ class Campaign:
             path = self.box / name
             if path.is_file() and not path.is_symlink() and name not in ("stdout", "stderr"):
                 content = _begin(path)
-                if name.startswith("data/") and (self.template / name).is_file():
-                    if _leaks(_begin(self.template / name)):
-                        continue  # the attacker had it already
+                before_it = self.template / name
+                if name.startswith("data/") and before_it.is_file() and _leaks(_begin(before_it)):
+                    continue  # the attacker had it already
                 if trace := _leaks(content):
                     yield f"leak: {name} holds {trace!r}"
                 if path.suffix in (".md", ".csv", ".txt", ".html") and (hidden := _hidden(content)):

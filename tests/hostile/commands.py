@@ -91,13 +91,16 @@ COMMANDS = (
             ("words", EPISODE | {"shard"}), ("load_statistics", frozenset({"info", "split", "statistics"})),
         )
     ),
-    Command("centering", ("svfl-train", "centering", "--data", "data", "--encoder", "vf", "--model", "cnn", "--train-samples", "2",
-            "--test-samples", "8", *TINY, "--out", "out/made"), EPISODE | {"shard"}, heavy=True, spared=ONE),
-    Command("bc", ("svfl-train", "bc", "--data", "data", "--episodes", "10", "--model", "cnn", "--batch-size", "8", *TINY, "--out",
-            "out/made"), EPISODE | {"shard"}, heavy=True, spared=ONE),
-    Command("latent", ("svfl-train", "latent", "--model", "poe", "--preset", "vtt_2022", "--contact-n", "0.5", "--data", "data", "--split", "default", "--steps", "1",
-            "--batch-size", "1", "--sequence", "2", "--out", "out/made"), EPISODE | {"shard", "split"}, heavy=True, spared=ONE),
+    Command("centering", ("svfl-train", "centering", "--data", "data", "--encoder", "vf", "--model", "cnn",
+            "--train-samples", "2", "--test-samples", "8", *TINY, "--out", "out/made"),
+            EPISODE | {"shard"}, heavy=True, spared=ONE),
+    Command("bc", ("svfl-train", "bc", "--data", "data", "--episodes", "10", "--model", "cnn", "--batch-size", "8",
+            *TINY, "--out", "out/made"), EPISODE | {"shard"}, heavy=True, spared=ONE),
+    Command("latent", ("svfl-train", "latent", "--model", "poe", "--preset", "vtt_2022", "--contact-n", "0.5", "--data",
+            "data", "--split", "default", "--steps", "1", "--batch-size", "1", "--sequence", "2", "--out", "out/made"),
+            EPISODE | {"shard", "split"}, heavy=True, spared=ONE),
 )  # fmt: skip
+BY_NAME = {one.name: one.words for one in COMMANDS}
 VIEWED = ("svfl-data", "view", "data", "--episode", "0", "--save", "out/v.rrd", "--checkpoint")
 MODEL_COMMANDS = tuple(
     Command(name, words, frozenset({file}), heavy=True)
@@ -118,8 +121,8 @@ MODEL_COMMANDS = tuple(
         ("centering_latent", "latent.ckpt", ("svfl-train", "centering", "--data", "data", "--latent", "latent.ckpt",
          "--use", "frozen", "--train-samples", "2", "--test-samples", "8", "--epochs", "1", "--out", "out/made")),
         ("load_buffer", "buffer.replay", ("library", "load_buffer", "buffer.replay")),
-        ("bc_again", "bc.ckpt_run", next(one.words for one in COMMANDS if one.name == "bc")),
-        ("latent_again", "latent.ckpt_run", (*next(one.words for one in COMMANDS if one.name == "latent"), "--resume", "--steps", "2")),
+        ("bc_again", "bc.ckpt_run", BY_NAME["bc"]),
+        ("latent_again", "latent.ckpt_run", (*BY_NAME["latent"], "--resume", "--steps", "2")),
     )
 )  # fmt: skip
 REPLAY = Command("replay", ("svfl-collect", "replay", "data", "--episode", "0"), frozenset({"config"}), heavy=True)

@@ -54,7 +54,8 @@ for trick in TRICKS:
     add("names", f"unknown_{trick}", "episode", _named(trick, "streams"), legal="a later minor version may add streams")
 
 
-FIELDS = {"proprio": "observations/proprio", "color": COLOR, "wrench": "streams/wrench/wrench", "t_ns": "observations/t_ns",
+FIELDS = {"proprio": "observations/proprio", "color": COLOR, "wrench": "streams/wrench/wrench",
+          "t_ns": "observations/t_ns",
           "tare": "streams/wrench/tare", "workspace": "workspace"}  # fmt: skip
 TYPES = {
     "object": lambda old: np.array(["x"] * max(1, old.size), dtype=object).reshape(old.shape),

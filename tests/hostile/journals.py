@@ -123,7 +123,8 @@ def _first(**changes):
 METAS = {
     "index_text": {"index": "x"}, "index_negative": {"index": -1}, "index_huge": {"index": 10**400},
     "index_other": {"index": 0}, "index_float": {"index": 0.5}, "index_list": {"index": []},
-    "task_number": {"task": 7}, "task_escapes": {"task": HIDDEN}, "task_null": {"task": None}, "task_other": {"task": "x"},
+    "task_number": {"task": 7}, "task_escapes": {"task": HIDDEN}, "task_null": {"task": None},
+    "task_other": {"task": "x"},
     "seed_text": {"seed": "x"}, "success_text": {"success": "x"}, "config_list": {"config": [1]},
     "history_text": {"history": "x"}, "history_numbers": {"history": [1]}, "annotations_object": {"annotations": {}},
     "source_surrogate": {"source": "\ud800"}, "more": {"more": 1}, "config_nan": {"config": {"a": float("nan")}},
@@ -162,6 +163,7 @@ def _names(folder):
     (place / f"episode_{GOOD:06d}.part").symlink_to(outside(folder))
 
 
+BYTES = {"dtype": "|u1", "start": 0}
 WHOLE = {
     "empty": b"",
     "zeros": bytes(10_000),
@@ -192,9 +194,9 @@ WHOLE = {
     "truncated": lambda folder: journal(50)[:-5000],
     "tail_of_garbage": lambda folder: journal(50, tail=b"x" * 10_000),
     "sparse": None,
-    "many_records": lambda folder: journal(50, tail=record({"path": "extra/x", "dtype": "|u1", "shape": [0], "start": 0}) * 100_000),
+    "many_records": lambda folder: journal(50, tail=record(BYTES | {"path": "extra/x", "shape": [0]}) * 100_000),
     "many_paths": lambda folder: journal(
-        50, tail=b"".join(record({"path": f"extra/x{k}", "dtype": "|u1", "shape": [1], "start": 0}, b"x") for k in range(5000))
+        50, tail=b"".join(record(BYTES | {"path": f"extra/x{k}", "shape": [1]}, b"x") for k in range(5000))
     ),
     "many_empty_metas": lambda folder: record({"meta": meta(50)}) * 50_000,
 }  # fmt: skip

@@ -105,7 +105,7 @@ WHOLE = {
     "old_torch_format": lambda sound, folder: _old_torch(payload(folder)),
     "empty_zip": lambda sound, folder: _zip({}),
     "zip_of_pickles": lambda sound, folder: _zip(
-        {f"archive/{n}": _pickled("system", payload(folder)) for n in ("data.pkl", "constants.pkl", "code/x.py", "version")}
+        {f"archive/{n}": _pickled("system", payload(folder)) for n in ("data.pkl", "constants.pkl", "code/x.py")}
     ),
     "episode": lambda sound, folder: (folder / "episode_000001.hdf5").read_bytes(),
     "zip_bomb": lambda sound, folder: _bomb(sound),
@@ -154,9 +154,9 @@ def _bomb(sound):
 
     for name in names:
         encoded = name.encode()
-        central += struct.pack(
-            "<4s6H3I5H2I", b"PK\1\2", 20, 20, 0, 8, 0, 33, 0, len(packed), 3 * 2**30, len(encoded), 0, 0, 0, 0, 0, len(local)
-        ) + encoded  # fmt: skip
+        sizes = len(packed), 3 * 2**30, len(encoded)
+        central += struct.pack("<4s6H3I5H2I", b"PK\1\2", 20, 20, 0, 8, 0, 33, 0, *sizes, 0, 0, 0, 0, 0, len(local))
+        central += encoded
         local += struct.pack("<4s5H3I2H", b"PK\3\4", 20, 0, 8, 0, 33, 0, len(packed), 3 * 2**30, len(encoded), 0)
         local += encoded + packed
     return local + central + struct.pack("<4s4H2IH", b"PK\5\6", 0, 0, 3, 3, len(central), len(local), 0)
@@ -171,12 +171,12 @@ INSTEAD = {
     "link_to_a_pipe": lambda target, folder: target.symlink_to(outside(folder, "pipe")),
 }
 for file in FILES:
-    for name, content in WHOLE.items():
-        _kind(file, name, _whole(content))
+    for name, made in WHOLE.items():
+        _kind(file, name, _whole(made))
     for name, make in INSTEAD.items():
         _kind(file, name, lambda source, target, folder, make=make: make(target, folder))
     _kind(file, "compressed", lambda source, target, folder: _rezipped(
-        source, target, lambda name, content: content, zipfile.ZIP_DEFLATED), legal="the same content, packed")  # fmt: skip
+        source, target, lambda name, content: content, zipfile.ZIP_DEFLATED), "the same content, packed")  # fmt: skip
     for name in PAYLOADS:
         _kind(file, f"payload_{name}_in_pickles", _members(
             name, lambda member: member.endswith((".pkl", ".pt", ".npy")), _pickled if file != POLICY else _torch_saved
@@ -328,6 +328,7 @@ def _sizes(size):
 
 
 FLOATS = {"nan": float("nan"), "infinite": float("inf"), "zero": 0.0, "negative": -1.0}
+ADD = b"torch.ops.aten.add.Tensor"
 PROGRAM = {
     "facts_nan": ("svfl_policy", _json(lambda found: found.update(depth_scale=float("nan")))),
     "facts_zero": ("svfl_policy", _json(lambda found: found.update(depth_scale=0))),
@@ -340,10 +341,10 @@ PROGRAM = {
     "graph_deep": ("model.json", lambda content: b'{"a":' * 10**5 + b"1" + b"}" * 10**5),
     "graph_list": ("model.json", lambda content: b"[]"),
     "graph_cut": ("model.json", lambda content: content[:1000]),
-    "graph_calls_system": ("model.json", lambda content: content.replace(b"torch.ops.aten.add.Tensor", b"os.system")),
-    "graph_calls_eval": ("model.json", lambda content: content.replace(b"torch.ops.aten.add.Tensor", b"builtins.eval")),
-    "graph_calls_unknown": ("model.json", lambda content: content.replace(b"torch.ops.aten.add", b"torch.ops.evil.add")),
-    "graph_calls_escapes": ("model.json", lambda content: content.replace(b"torch.ops.aten.add.Tensor", b"\\u001b[31m\\n")),
+    "graph_calls_system": ("model.json", lambda content: content.replace(ADD, b"os.system")),
+    "graph_calls_eval": ("model.json", lambda content: content.replace(ADD, b"builtins.eval")),
+    "graph_calls_unknown": ("model.json", lambda content: content.replace(b"ops.aten.add", b"ops.evil.add")),
+    "graph_calls_escapes": ("model.json", lambda content: content.replace(ADD, b"\\u001b[31m\\n")),
     "weights_pickled": ("weights_config", _json(_config(use_pickle=True))),
     "weights_path": ("weights_config", _json(_config(path_name="../../../outside/secret"))),
     "weights_absolute": ("weights_config", _json(_config(path_name="/etc/passwd"))),
@@ -480,8 +481,11 @@ def _run_file(file, name, member, content):
         legal="only what is read again must be right")  # fmt: skip
 
 
+CONTENTS = {
+    "empty": b"", "deep": b"[" * 10**5 + b"]" * 10**5, "binary": b"\xff" * 99, "list": b"[]", "null": b"null",
+    "escapes": json.dumps({HIDDEN: HIDDEN}).encode(),
+}  # fmt: skip
 for file in ("bc.ckpt", "latent.ckpt"):
     for member in ("config.json", "metrics.csv", "result.json"):
-        for name, content in (("empty", b""), ("deep", b"[" * 10**5 + b"]" * 10**5), ("binary", bytes(range(256))),
-                              ("list", b"[]"), ("null", b"null"), ("escapes", json.dumps({HIDDEN: HIDDEN}).encode())):  # fmt: skip
+        for name, content in CONTENTS.items():
             _run_file(file, name, member, content)

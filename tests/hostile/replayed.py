@@ -65,7 +65,8 @@ add("replayed", "every_number_tiny", "config", _every_number(1e-300))
 add("replayed", "nothing", "config", _config(lambda found: {}))
 add("replayed", "unknown_key", "config", _at("world.unknown", 7))
 add("replayed", "thousand_cameras", "config", _config(
-    lambda found: found["world"].update(cameras={f"c{k}": found["world"]["cameras"]["front"] for k in range(1000)})))  # fmt: skip
+    lambda found: found["world"].update(
+        cameras=dict.fromkeys(map(str, range(1000)), found["world"]["cameras"]["front"]))))  # fmt: skip
 add("replayed", "camera_of_a_hundred_megapixels", "config", _config(
     lambda found: found["world"]["cameras"]["front"].update(height=10_000, width=10_000)))  # fmt: skip
 

@@ -4,6 +4,7 @@ Started as ``python -m tests.hostile.zygote light`` (or ``heavy``, with torch an
 per line (JSON) and answers each with one line: how the command ended, its CPU time and its peak memory.
 """
 
+import contextlib
 import json
 import os
 import resource
@@ -11,6 +12,7 @@ import select
 import signal
 import sys
 import traceback
+from pathlib import Path
 
 GUARD_BYTES = 4 * 2**30
 """Anonymous memory a command may take beyond what it began with, so that an attack does not take the machine along."""
@@ -58,10 +60,8 @@ def serve(request):
     if not ended:
         os.killpg(child, signal.SIGKILL)
     _, status, used = os.wait4(child, 0)
-    try:
+    with contextlib.suppress(ProcessLookupError):
         os.killpg(child, signal.SIGKILL)  # what it has left behind
-    except ProcessLookupError:
-        pass
     return {
         "code": os.waitstatus_to_exitcode(status),
         "hung": not ended,
@@ -78,7 +78,8 @@ def become(request):
         for number, name, flags in ((0, os.devnull, os.O_RDONLY), (1, request["out"], os.O_RDWR | os.O_CREAT),
                                     (2, request["err"], os.O_RDWR | os.O_CREAT)):  # fmt: skip
             os.dup2(os.open(name, flags, 0o600), number)
-        taken = int(next(line for line in open("/proc/self/status") if line.startswith("VmData")).split()[1]) * 1024
+        status = Path("/proc/self/status").read_text()
+        taken = int(status.partition("VmData:")[2].split()[0]) * 1024
         for limit, value in ((resource.RLIMIT_DATA, taken + GUARD_BYTES), (resource.RLIMIT_CPU, GUARD_CPU_S),
                              (resource.RLIMIT_FSIZE, GUARD_FILE_BYTES), (resource.RLIMIT_CORE, 0)):  # fmt: skip
             resource.setrlimit(limit, (value, resource.getrlimit(limit)[1]))
