@@ -210,6 +210,13 @@ def targets(kind: Kind, commands: Iterable[Command]) -> list[Command]:
     return [one for one in commands if not one.reads & special]
 
 
+def in_turn(number: int, kind: Kind, commands: Iterable[Command], turns: int) -> list[Command]:
+    """A few of the commands for a kind, those first that must refuse it; others for the next kind."""
+    able = targets(kind, commands)
+    able = [one for one in able if not one.may_succeed(kind)] or able
+    return [able[(number * turns + turn) % len(able)] for turn in range(min(turns, len(able)))]
+
+
 def _endings(ended: Ended, command: Command, kind: Kind):
     if ended.hung:
         yield "hangs"

@@ -8,7 +8,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from tests.hostile.campaign import Campaign, targets
+from tests.hostile.campaign import Campaign, in_turn, targets
 from tests.hostile.commands import EVERY
 from tests.hostile.kinds import KINDS
 from tests.hostile.sound import sound_dataset
@@ -19,6 +19,7 @@ def main():
     parser.add_argument("kinds", nargs="*", default=["*"])
     parser.add_argument("--commands", default="*")
     parser.add_argument("--heavy", action="store_true")
+    parser.add_argument("--turns", type=int, help="so many commands for each kind, in turn (default: all)")
     parser.add_argument("--show", action="store_true")
     arguments = parser.parse_args()
     chosen = [one for one in EVERY if any(fnmatch.fnmatch(one.name, p) for p in arguments.commands.split(","))]
@@ -27,19 +28,15 @@ def main():
     with tempfile.TemporaryDirectory() as place:
         campaign = Campaign(Path(place), sound_dataset(Path(place) / "sound"))
         try:
-            attack(campaign, kinds, chosen, arguments.show)
+            attack(campaign, kinds, chosen, arguments.show, arguments.turns)
         finally:
             campaign.close()
 
 
-def attack(campaign, kinds, chosen, show):
+def attack(campaign, kinds, chosen, show, turns):
     counts = collections.Counter()
     most = {"cpu_s": (0.0, ""), "peak": (0, "")}
-    for command in chosen:
-        ended = campaign.baseline(command)
-        print(f"# sound {command.name}: {ended.code} {ended.cpu_s:.2f} s {ended.peak_bytes / 2**20:.0f} MB "
-              f"{ended.err.decode(errors='replace').strip()[-300:]}", flush=True)  # fmt: skip
-    for kind in kinds:
+    for number, kind in enumerate(kinds):
         began = time.monotonic()
         try:
             campaign.prepare(kind)
@@ -47,7 +44,12 @@ def attack(campaign, kinds, chosen, show):
             print(f"{kind.name}\t-\tCANNOT BE MADE {type(error).__name__} {error}", flush=True)
             continue
         making = time.monotonic() - began
-        for command in targets(kind, chosen):
+        for command in in_turn(number, kind, chosen, turns) if turns else targets(kind, chosen):
+            if command.name not in campaign.peaks:
+                ended = campaign.baseline(command)
+                print(f"# sound {command.name}: {ended.code} {ended.cpu_s:.2f} s {ended.peak_bytes / 2**20:.0f} MB "
+                      f"{ended.err.decode(errors='replace').strip()[-300:]}", flush=True)  # fmt: skip
+                campaign.prepare(kind)
             ended, broken = campaign.attack(kind, command)
             counts["attacks"] += 1
             counts["refused"] += ended.code != 0

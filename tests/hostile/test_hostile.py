@@ -6,7 +6,7 @@ kind meets a few commands, others for every kind, so that each command meets som
 
 import pytest
 
-from tests.hostile.campaign import Campaign, targets
+from tests.hostile.campaign import Campaign, in_turn
 from tests.hostile.commands import EVERY
 from tests.hostile.journals import GOOD
 from tests.hostile.kind import episode_file
@@ -25,13 +25,6 @@ def campaign(tmp_path_factory):
     made = Campaign(place, sound_dataset(place / "sound"))
     yield made
     made.close()
-
-
-def chosen(number, turns):
-    """Commands for a kind: those that read what it spoils, in turn."""
-    kind = KINDS[number]
-    able = [one for one in targets(kind, EVERY) if not one.may_succeed(kind)] or targets(kind, EVERY)
-    return [able[(number * turns + turn) % len(able)] for turn in range(min(turns, len(able)))]
 
 
 def obey(campaign, kind, commands):
@@ -54,14 +47,14 @@ QUICK = [number for number in range(0, len(KINDS), AT_ONCE) if not KINDS[number]
 
 @pytest.mark.parametrize("number", QUICK, ids=[KINDS[number].name for number in QUICK])
 def test_a_hostile_file_is_refused_in_one_line(campaign, number):
-    command = next((one for one in chosen(number, TURNS) if not one.heavy), None)
-    obey(campaign, KINDS[number], [command] if command else [])
+    light = [one for one in EVERY if not one.heavy]
+    obey(campaign, KINDS[number], in_turn(number // AT_ONCE, KINDS[number], light, 1))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(KINDS)), ids=[kind.name for kind in KINDS])
 def test_the_long_campaign(campaign, number):
-    obey(campaign, KINDS[number], chosen(number, TURNS))
+    obey(campaign, KINDS[number], in_turn(number, KINDS[number], EVERY, TURNS))
 
 
 @pytest.mark.parametrize("command", [one for one in EVERY if not one.heavy], ids=lambda command: command.name)
