@@ -240,7 +240,7 @@ def _endings(ended: Ended, command: Command, kind: Kind):
 
 def _outputs(ended: Ended):
     for name, text in (("output", ended.out), ("complaint", ended.err)):
-        if trace := next((trace for trace in (*TRACES, b"Z" * 16) if trace in text), None):
+        if trace := next((trace for trace in (*TRACES, b"q" * 16) if trace in text), None):
             yield f"leak: the {name} shows {trace!r}"
         if hidden := _hidden(text):
             yield f"hidden characters in the {name}: {hidden}"

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from svfl_data.seal import SEAL_SIZE, seal
 
-SECRET = b"svfl-secret-of-the-user\n" + b"Z" * 2**16
+SECRET = b"svfl-secret-of-the-user\n" + b"q" * 2**16
 """Begins with words and goes on with one byte, which is found again whatever has shuffled or cut it."""
-TRACES = (b"svfl-secret-of-the-user", b"Z" * 48, b"root:x:0:0:")
+TRACES = (b"svfl-secret-of-the-user", b"q" * 48, b"root:x:0:0:")
 """What is left of the secret, or of the password file, where somebody has copied it."""
 
 

@@ -64,6 +64,8 @@ def attack(campaign, kinds, chosen, show, turns):
                     f"  {kind.name} {command.name} {ended.code} {ended.cpu_s:.2f}",
                     ended.err.decode(errors="replace").strip()[:300],
                 )
+        if number % 50 == 0:
+            print(f"# {number} of {len(kinds)}: {kind.name}", flush=True)
         if making > 3 or time.monotonic() - began > 60:
             print(f"# {kind.name}: made in {making:.1f} s, all in {time.monotonic() - began:.1f} s", flush=True)
     print("#", dict(counts), most, file=sys.stdout)
