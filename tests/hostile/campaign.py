@@ -15,6 +15,7 @@ from pathlib import Path
 from tests.hostile import sound
 from tests.hostile.commands import Command
 from tests.hostile.kind import TRACES, Kind, build_outside, payload
+from tests.hostile.urdfs import arm
 
 MODELS = frozenset(
     {"centering.ckpt", "bc.ckpt", "latent.ckpt", "policy.pt2", "buffer.replay", "bc.ckpt_run", "latent.ckpt_run"}
@@ -140,6 +141,8 @@ class Campaign:
         os.rename(self.box, self.template)
 
     def _place_models(self, folder: Path, command: Command) -> None:
+        if "urdf" in command.reads:
+            (folder.parent / "arm.urdf").write_text(arm())
         for concern in command.reads & MODELS:
             source = folder.parent / "models" / concern.replace(".ckpt_run", "_run")
             _copy(source, folder.parent / ("out/made" if concern.endswith("_run") else concern))
@@ -164,7 +167,7 @@ class Campaign:
         """Run a command on the prepared kind; returns how it ended and which laws it broke, in words."""
         before = _listing(self.template)
         ended = self.run(command)
-        broken = [*_endings(ended, command, kind), *_outputs(ended)]
+        broken = [*_endings(ended, command, kind), *_outputs(ended, command)]
         allowed = 2 * (_size(self.template) - _size(self.template / "outside")) + MEMORY_BYTES
         excess = ended.peak_bytes - self.peaks.get(command.name, 0)
         if excess > allowed:
@@ -204,7 +207,7 @@ class Campaign:
 
 def targets(kind: Kind, commands: Iterable[Command]) -> list[Command]:
     """The commands that a kind is tried on: of a model, those that read it; else all that are given a dataset."""
-    special = MODELS | {"config"}
+    special = MODELS | {"config", "urdf"}
     if kind.concern in special:
         return [one for one in commands if kind.concern in one.reads]
     return [one for one in commands if not one.reads & special]
@@ -238,10 +241,12 @@ def _endings(ended: Ended, command: Command, kind: Kind):
             yield f"a line of {len(lines[0])} characters"
 
 
-def _outputs(ended: Ended):
+def _outputs(ended: Ended, command: Command):
     for name, text in (("output", ended.out), ("complaint", ended.err)):
         if trace := next((trace for trace in (*TRACES, b"q" * 16) if trace in text), None):
             yield f"leak: the {name} shows {trace!r}"
+        if name == "output" and command.binary:
+            continue
         if hidden := _hidden(text):
             yield f"hidden characters in the {name}: {hidden}"
 

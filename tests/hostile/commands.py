@@ -22,7 +22,7 @@ class Command:
         changes: Whether it changes the dataset itself, as it is asked to.
         codes: With which it fails.
         heavy: Whether it needs torch or the simulation.
-        quiet: Whether it fails without a word.
+        binary: Whether its output is no text.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Command:
     changes: bool = False
     codes: frozenset[int] = frozenset({1, 2})
     heavy: bool = False
-    quiet: bool = False
+    binary: bool = False
 
     def may_succeed(self, kind: Kind) -> str:
         """Why it may succeed on a kind; empty if it must not."""
@@ -72,6 +72,7 @@ COMMANDS = (
     _data("view_file", "view", FILE, "--save", "out/v.rrd", reads=ONE_FILE),
     _data("compare", "view", "data", "--compare", "data", "--save", "out/v.rrd"),
     _data("card", "card", "data", "--out", "out/card.md"),
+    _data("card_inside", "card", "data", changes=True),
     _data("relabel", "relabel", "data", "--episode", "0", "--success", "no", "--remove", "slip", "--contact",
           reads=EPISODE | {"shard"}, spared=ONE, changes=True),
     _data("relabel_file", "relabel", FILE, "--annotate", "slip", "0.05", "0.06", reads=ONE_FILE, changes=True),
@@ -83,7 +84,7 @@ COMMANDS = (
     _data("stats", "stats", "data", reads=EPISODE | {"shard", "split"}, spared=ONE, changes=True),
     _data("repair", "repair", "data", reads=frozenset({"info", "damage", "journal"}), changes=True,
           codes=frozenset({1, 2, 3}), spared={"damage": "what it can set aside is dealt with", "journal": "likewise"}),
-    Command("importer", ("rerun-importer-svfl", FILE), frozenset({"episode"})),
+    Command("importer", ("rerun-importer-svfl", FILE), frozenset({"episode"}), binary=True),
     *(
         Command(name, ("library", name, "data"), reads, heavy=name == "torch_samples", spared=ONE)
         for name, reads in (
@@ -126,4 +127,7 @@ MODEL_COMMANDS = tuple(
     )
 )  # fmt: skip
 REPLAY = Command("replay", ("svfl-collect", "replay", "data", "--episode", "0"), frozenset({"config"}), heavy=True)
-EVERY = (*COMMANDS, *MODEL_COMMANDS, REPLAY)
+URDF = _data(
+    "view_arm", "view", "data", "--episode", "0", "--urdf", "arm.urdf", "--save", "out/v.rrd", reads=frozenset({"urdf"})
+)
+EVERY = (*COMMANDS, *MODEL_COMMANDS, REPLAY, URDF)

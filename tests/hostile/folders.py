@@ -3,7 +3,7 @@
 import os
 import shutil
 
-from tests.hostile.kind import add, episode_file, hostile, outside
+from tests.hostile.kind import SECRET, add, episode_file, hostile, outside
 
 LOOKS = "a name that is no episode's"
 
@@ -72,6 +72,26 @@ def _link(name, target, legal=""):
 for name in ("splits", ".inflight", "damaged"):
     for target in ("folder", "secret", "pipe", "nothing"):
         _link(name, target, legal="only what has to do with it must refuse")
+
+
+@hostile("folder", legal="only what has to do with it must refuse")
+def card_pictures_elsewhere(folder):
+    (folder / "README_files").symlink_to(outside(folder, "folder"))
+    (folder / "README.md").symlink_to(outside(folder))
+
+
+@hostile("damage")
+def damage_and_its_place_elsewhere(folder):
+    path = episode_file(folder)
+    path.write_bytes(path.read_bytes()[:-1000])
+    (folder / "damaged").symlink_to(outside(folder, "folder"))
+
+
+@hostile("folder", legal="only what has to do with it must refuse")
+def journals_elsewhere(folder):
+    place = outside(folder, "folder")
+    (place / "episode_000070.journal").write_bytes(SECRET)
+    (folder / ".inflight").symlink_to(place)
 
 
 @hostile("index", legal="the index is a cache")

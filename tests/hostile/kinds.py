@@ -11,6 +11,7 @@ from tests.hostile import (  # noqa: F401
     replayed,
     shards,
     side_files,
+    urdfs,
     values,
 )
 from tests.hostile.kind import KINDS as KINDS
