@@ -5,7 +5,7 @@ import shutil
 
 from tests.hostile.kind import SECRET, add, episode_file, hostile, outside
 
-LOOKS = "a name that is no episode's"
+LOOKS = "a name that is no episode's: it is left out, and validate says so"
 
 
 def _instead(make):
@@ -119,7 +119,7 @@ def _twin(name, source):
 
 
 for name in TWINS:
-    add("twins", name.partition(".")[0], "folder", _twin(name, 0))
+    add("twins", name.partition(".")[0], "folder", _twin(name, 0), legal=LOOKS)
 add(
     "twins",
     "same_content_another_number",
@@ -128,9 +128,11 @@ add(
     legal="a check calls it a finding",
 )
 add("twins", "another_script", "folder", _twin("episode_٣.hdf5", 0), legal=LOOKS)
-add("twins", "endless_number", "folder", _twin("episode_" + "9" * 200 + ".hdf5", 0))
-add("twins", "int64", "folder", _twin(f"episode_{2**63}.hdf5", 0))
-add("twins", "link", "folder", lambda folder: (folder / "episode_0.hdf5").symlink_to("episode_000000.hdf5"))
+add("twins", "endless_number", "folder", _twin("episode_" + "9" * 200 + ".hdf5", 0), legal=LOOKS)
+add("twins", "int64", "folder", _twin(f"episode_{2**63}.hdf5", 0), legal=LOOKS)
+add(
+    "twins", "link", "folder", lambda folder: (folder / "episode_0.hdf5").symlink_to("episode_000000.hdf5"), legal=LOOKS
+)
 
 
 @hostile("folder", slow=True)

@@ -8,7 +8,7 @@ from tests.hostile.kind import add, outside
 JOINTS = 9
 """As many as the sound episodes have."""
 FILE = "arm.urdf"
-LIMITS = "<limit lower='-3' upper='3' effort='1' velocity='1'/>"
+AXIS = "<axis xyz='0 0 1'/><limit lower='-3' upper='3' effort='1' velocity='1'/>"
 
 
 def arm(mesh="", name="arm", count=JOINTS, head=""):
@@ -16,7 +16,7 @@ def arm(mesh="", name="arm", count=JOINTS, head=""):
     drawn = f"<visual><geometry><mesh filename='{mesh}'/></geometry></visual>" if mesh else ""
     links = [f"<link name='l{k}'>{drawn if k == 0 else ''}</link>" for k in range(count + 1)]
     joints = [
-        f"<joint name='j{k}' type='revolute'><parent link='l{k}'/><child link='l{k + 1}'/><axis xyz='0 0 1'/>{LIMITS}</joint>"
+        f"<joint name='j{k}' type='revolute'><parent link='l{k}'/><child link='l{k + 1}'/>{AXIS}</joint>"
         for k in range(count)
     ]
     return f"<?xml version='1.0'?>{head}<robot name='{name}'>{''.join(links + joints)}</robot>"
