@@ -194,8 +194,9 @@ for part in (
     "weight_0",
 ):
     for form, pickled in (("pickle", _pickled), ("torch", _torch_saved)):
-        _kind(POLICY, f"payload_{form}_in_{part}".replace(".", "_"), _members(
-            "system", lambda member, part=part: part in member, pickled), UNREAD if part == "sample_inputs" else "")  # fmt: skip
+        there = _members("system", lambda member, part=part: part in member, pickled)
+        legal = UNREAD if part == "sample_inputs" else ""
+        _kind(POLICY, f"payload_{form}_in_{part}".replace(".", "_"), there, legal)
 
 
 def _checkpoint(change):
