@@ -20,7 +20,7 @@ TRICKS = {
     "not_utf8": b"\xff\xfe\x80",
     "long": b"n" * 60_000,
     "private": "\ue000\U000e0001".encode(),
-    "markup": b"<script>alert(1)</script>|![](http://x)",
+    "markup": b"<img src=x onerror=alert(1)>|![](http:x)",
     "dollar": b"$\\frac{1}{0}$",
     "brace": b"{camera}",
     "empty_like": "\u200b".encode(),
@@ -43,7 +43,7 @@ def _camera(name):
     def make(folder):
         with reopened(folder, libver="latest") as file:
             cameras = file["cameras"]
-            cameras.id.links.move(b"front", TRICKS[name])
+            cameras.id.links.move(b"front", cameras.id, TRICKS[name])
 
     return make
 

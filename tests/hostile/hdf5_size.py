@@ -216,14 +216,15 @@ def huge_attribute(folder):
 @hostile("episode")
 def huge_attribute_of_the_file(folder):
     with reopened(folder, libver="latest") as file:
-        file.attrs["blob"] = np.zeros(2**26, "u1")
+        file.attrs["blob"] = "x" * 2**26
 
 
 @hostile("episode", slow=True)
-def ten_thousand_attributes(folder):
+def thousands_of_attributes(folder):
     with reopened(folder, libver="latest") as file:
-        for number in range(10_000):
-            file.attrs[f"a{number}"] = number
+        extra = file.create_dataset("extra/x", data=np.arange(5))
+        for number in range(3000):
+            extra.attrs[f"a{number}"] = number
 
 
 @hostile("episode")

@@ -21,7 +21,7 @@ def record(label, content=b""):
     return HEADER.pack(MAGIC, len(words), len(content), zlib.crc32(content, zlib.crc32(words))) + words + content
 
 
-def meta(index, **changes):
+def meta(index, /, **changes):
     """What a journal begins with."""
     found = {
         "task": "block_picking", "index": index, "seed": 0, "source": "robot", "success": True, "config": {},
