@@ -20,11 +20,14 @@ def main():
     parser.add_argument("--commands", default="*")
     parser.add_argument("--heavy", action="store_true")
     parser.add_argument("--turns", type=int, help="so many commands for each kind, in turn (default: all)")
+    parser.add_argument("--stride", type=int, default=1, help="one kind in so many")
+    parser.add_argument("--offset", type=int, default=0, help="the first kind")
     parser.add_argument("--show", action="store_true")
     arguments = parser.parse_args()
     chosen = [one for one in EVERY if any(fnmatch.fnmatch(one.name, p) for p in arguments.commands.split(","))]
     chosen = [one for one in chosen if arguments.heavy or not one.heavy]
     kinds = [one for one in KINDS if any(fnmatch.fnmatch(one.name, pattern) for pattern in arguments.kinds)]
+    kinds = kinds[arguments.offset :: arguments.stride]
     with tempfile.TemporaryDirectory() as place:
         campaign = Campaign(Path(place), sound_dataset(Path(place) / "sound"))
         try:
