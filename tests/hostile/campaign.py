@@ -3,18 +3,15 @@
 import functools
 import json
 import os
-import re
 import subprocess
 import sys
-import unicodedata
-import zlib
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 from tests.hostile import sound
 from tests.hostile.commands import Command
-from tests.hostile.kind import TRACES, Kind, build_outside, payload
+from tests.hostile.kind import Kind, build_outside, payload
+from tests.hostile.laws import Ended, endings, hidden_characters, leaked, outputs
 from tests.hostile.urdfs import arm
 
 MODELS = frozenset(
@@ -25,10 +22,8 @@ HANG_S = float(os.environ.get("SVFL_HOSTILE_HANG_S", "120"))
 """Only a guard: a machine under load must not fail a test, and what waits for ever is found all the same."""
 CPU_S = 10.0
 MEMORY_BYTES = 200 * 2**20
-LINE_CHARACTERS = 4000
 LOOKED_AT = 64 * 2**20
 """Most bytes of a written file that are searched for the secret."""
-OUT_OF_MEMORY = re.compile(rb"unable to allocate|MemoryError|Cannot allocate memory|std::bad_alloc", re.IGNORECASE)
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "RAYON")}
 
 
@@ -63,27 +58,6 @@ class Zygote:
         if self.process:
             self.process.stdin.close()
             self.process.wait()
-
-
-@dataclass(frozen=True)
-class Ended:
-    """How a command ended.
-
-    Attributes:
-        code: Its exit code; negative for a signal.
-        hung: Whether it had to be killed.
-        cpu_s: Processor time of it and its children, [s].
-        peak_bytes: Most memory of it or one of its children.
-        out: Its standard output.
-        err: Its standard error.
-    """
-
-    code: int
-    hung: bool
-    cpu_s: float
-    peak_bytes: int
-    out: bytes
-    err: bytes
 
 
 class Campaign:
@@ -167,7 +141,7 @@ class Campaign:
         """Run a command on the prepared kind; returns how it ended and which laws it broke, in words."""
         before = _listing(self.template)
         ended = self.run(command)
-        broken = [*_endings(ended, command, kind), *_outputs(ended, command)]
+        broken = [*endings(ended, command, kind), *outputs(ended, command)]
         allowed = 2 * (_size(self.template) - _size(self.template / "outside")) + MEMORY_BYTES
         excess = ended.peak_bytes - self.peaks.get(command.name, 0)
         if excess > allowed:
@@ -197,11 +171,11 @@ class Campaign:
             if path.is_file() and not path.is_symlink() and name not in ("stdout", "stderr"):
                 content = _begin(path)
                 before_it = self.template / name
-                if name.startswith("data/") and before_it.is_file() and _leaks(_begin(before_it)):
+                if name.startswith("data/") and before_it.is_file() and leaked(_begin(before_it)):
                     continue  # the attacker had it already
-                if trace := _leaks(content):
+                if trace := leaked(content):
                     yield f"leak: {name} holds {trace!r}"
-                if path.suffix in (".md", ".csv", ".txt", ".html") and (hidden := _hidden(content)):
+                if path.suffix in (".md", ".csv", ".txt", ".html") and (hidden := hidden_characters(content)):
                     yield f"hidden characters in {name}: {hidden}"
 
 
@@ -218,67 +192,6 @@ def in_turn(number: int, kind: Kind, commands: Iterable[Command], turns: int) ->
     able = targets(kind, commands)
     able = [one for one in able if not one.may_succeed(kind)] or able
     return [able[(number * turns + turn) % len(able)] for turn in range(min(turns, len(able)))]
-
-
-def _endings(ended: Ended, command: Command, kind: Kind):
-    if ended.hung:
-        yield "hangs"
-    elif ended.code < 0:
-        yield f"killed by signal {-ended.code}"
-    elif ended.code == 0 and not command.may_succeed(kind):
-        yield "accepted"
-    elif ended.code and ended.code not in command.codes:
-        yield f"exit code {ended.code}"
-    if b"Traceback (most recent call last)" in ended.err + ended.out:
-        yield f"traceback: {_last_line(ended.err)}"
-    elif OUT_OF_MEMORY.search(ended.err + ended.out):
-        yield f"asked for more memory than there is: {_last_line(ended.err)}"
-    elif not ended.hung and ended.code >= 0:
-        lines = ended.err.decode(errors="replace").splitlines()
-        if len(lines) != (ended.code != 0):
-            yield f"{len(lines)} lines of complaint with exit code {ended.code}: {lines[:3]}"[:400]
-        elif lines and len(lines[0]) > LINE_CHARACTERS:
-            yield f"a line of {len(lines[0])} characters"
-
-
-def _outputs(ended: Ended, command: Command):
-    for name, text in (("output", ended.out), ("complaint", ended.err)):
-        if trace := next((trace for trace in (*TRACES, b"q" * 16) if trace in text), None):
-            yield f"leak: the {name} shows {trace!r}"
-        if name == "output" and command.binary:
-            continue
-        if hidden := _hidden(text):
-            yield f"hidden characters in the {name}: {hidden}"
-
-
-def _hidden(text: bytes) -> str:
-    """Characters that a terminal or an editor would obey instead of show."""
-    try:
-        decoded = text.decode()
-    except UnicodeDecodeError as error:
-        return str(error)[:100]
-    found = {c for c in set(decoded) if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")}
-    return " ".join(sorted(f"U+{ord(c):04X}" for c in found - {"\n", "\t"}))
-
-
-def _leaks(content: bytes) -> bytes | None:
-    """A trace of the secret, as it is or in anything that zlib has packed (HDF5, PNG)."""
-    if trace := next((trace for trace in TRACES if trace in content), None):
-        return trace
-    for found in re.finditer(rb"\x78[\x01\x5e\x9c\xda]", content):
-        try:
-            unpacked = zlib.decompressobj().decompress(content[found.start() : found.start() + 2**16], 2**16)
-        except zlib.error:
-            continue
-        if trace := next((trace for trace in TRACES if trace in unpacked), None):
-            return trace
-    return None
-
-
-def _last_line(text: bytes) -> str:
-    lines = text.decode(errors="replace").strip().splitlines()
-    raised = [line for line in lines if re.match(r"[\w.]+(Error|Exception|Interrupt|Exit)\b", line)]
-    return (raised or lines or [""])[-1][:200]
 
 
 def _begin(path: Path) -> bytes:

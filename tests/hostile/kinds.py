@@ -1,6 +1,8 @@
 """All kinds: importing a module registers what it makes."""
 
 from tests.hostile import (  # noqa: F401
+    buffers,
+    checkpoints,
     folders,
     hdf5_elsewhere,
     hdf5_form,
@@ -8,6 +10,7 @@ from tests.hostile import (  # noqa: F401
     journals,
     json_attributes,
     models,
+    policies,
     replayed,
     shards,
     side_files,
