@@ -55,6 +55,7 @@ def _data(name: str, *words: str, reads: frozenset[str] = ALL, **options) -> Com
 
 
 TINY = ("--preset", "tiny", "--epochs", "1")
+COPIES = {"episode": "it copies sealed bytes as they are; what they hold is judged by whoever reads the copy"}
 LISTED = {"episode": TOLD, "damage": TOLD, "folder": TOLD}
 ONE = {"folder": ENTRIES}
 COMMANDS = (
@@ -78,8 +79,8 @@ COMMANDS = (
     _data("relabel_file", "relabel", FILE, "--annotate", "slip", "0.05", "0.06", reads=ONE_FILE, changes=True),
     _data("filter", "filter", "data", "out/made", "--where", "steps>=0", "--where", "source=expert"),
     _data("merge", "merge", "data", "out/made"),
-    _data("pack", "pack", "data", "out/made", reads=ALL | {"split"}),
-    _data("unpack", "unpack", "data", "out/made", reads=ALL | {"split"}),
+    _data("pack", "pack", "data", "out/made", reads=ALL | {"split"}, spared=COPIES),
+    _data("unpack", "unpack", "data", "out/made", reads=ALL | {"split"}, spared=COPIES),
     _data("split", "split", "data", reads=frozenset({"info", "folder", "split", "shard"}), changes=True),
     _data("stats", "stats", "data", reads=EPISODE | {"shard", "split"}, spared=ONE, changes=True),
     _data("repair", "repair", "data", reads=frozenset({"info", "damage", "journal"}), changes=True,
