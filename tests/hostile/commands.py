@@ -45,8 +45,6 @@ class Command:
 
 FILE = "data/episode_000000.hdf5"
 TOLD = "it lists what it cannot read"
-DRAWS = "it draws numbers of episodes and opens none"
-SEALS = "it looks at seals, not behind them"
 ENTRIES = "it reads the episodes that it was asked for, or those of the training part"
 
 

@@ -11,6 +11,7 @@ from tests.hostile.making_episodes import reopened, text
 LISTS = ("transforms", "annotations", "history")
 ATTRIBUTES = ("config", "software", *LISTS)
 HIDDEN = "\x1b]0;owned\x07\x1b[2J\x1b[31m\r\nsvfl-data: fine\u202e\u2066\u200b\ue000\x00\x9b"
+FREE = "any two numbers are an interval, if an empty one, and who found it is free JSON"
 OWN = "a config is the recorder's own"
 SHOWN = "text is data, and shown harmlessly"
 
@@ -72,11 +73,11 @@ ODD = {  # attribute, value, why it may stand
     "annotations_numbers": ("annotations", [1, None, "x", [], {}], ""),
     "annotations_no_name": ("annotations", [{"start_ns": 0, "end_ns": 10}], ""),
     "annotations_types": ("annotations", [{"name": 7, "start_ns": "a", "end_ns": None, "by": 3}], ""),
-    "annotations_by_list": ("annotations", [{"name": "contact", "start_ns": 0, "end_ns": 1, "by": [1]}], "who found it is free JSON"),
+    "annotations_by_list": ("annotations", [{"name": "contact", "start_ns": 0, "end_ns": 1, "by": [1]}], FREE),
     "annotations_floats": ("annotations", [{"name": "slip", "start_ns": 0.5, "end_ns": 1e300}], ""),
     "annotations_huge": ("annotations", '[{"name": "slip", "start_ns": 1' + "0" * 400 + ', "end_ns": 2}]', ""),
-    "annotations_backward": ("annotations", [{"name": "slip", "start_ns": 10**9, "end_ns": -(10**18)}], "nothing lies in it"),
-    "annotations_int64": ("annotations", [{"name": "s", "start_ns": -(2**63), "end_ns": 2**63 - 1}], "long, but an interval"),
+    "annotations_backward": ("annotations", [{"name": "slip", "start_ns": 10**9, "end_ns": -(10**18)}], FREE),
+    "annotations_int64": ("annotations", [{"name": "s", "start_ns": -(2**63), "end_ns": 2**63 - 1}], FREE),
     "annotations_beyond_int64": ("annotations", [{"name": "s", "start_ns": 0, "end_ns": 2**70}], ""),
     "annotations_escapes": ("annotations", [{"name": HIDDEN, "start_ns": 0, "end_ns": 9, "by": {"a": HIDDEN}}], SHOWN),
     "annotations_dollar": ("annotations", [{"name": "$\\frac{", "start_ns": 0, "end_ns": 10**8}], SHOWN),
