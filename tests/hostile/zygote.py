@@ -1,0 +1,116 @@
+"""A process that has imported everything once and forks a child per command: a start costs milliseconds, and memory.
+
+Started as ``python -m tests.hostile.zygote light`` (or ``heavy``, with torch and the simulation). It reads one request
+per line (JSON) and answers each with one line: how the command ended, its CPU time and its peak memory.
+"""
+
+import contextlib
+import json
+import os
+import resource
+import select
+import signal
+import sys
+import traceback
+from pathlib import Path
+
+GUARD_BYTES = 4 * 2**30
+"""Anonymous memory a command may take beyond what it began with, so that an attack does not take the machine along."""
+GUARD_CPU_S = 60
+GUARD_FILE_BYTES = 2**30
+
+
+def preload(kind):
+    """Import what commands import, so that only their own work is measured."""
+    import matplotlib.figure
+    import rerun  # noqa: F401
+
+    figure = matplotlib.figure.Figure()
+    figure.subplots().set_title("fonts are found once")
+    figure.savefig(os.devnull, format="png")
+    if kind == "heavy":
+        import svfl_models.cli
+        import svfl_models.cloning.evaluate
+        import svfl_models.cloning.train
+        import svfl_models.export
+        import svfl_models.exported_policy
+        import svfl_models.latent.evaluation.evaluate
+        import svfl_models.latent.train
+        import svfl_models.train
+        import svfl_models.viewing  # noqa: F401
+
+
+def main():
+    preload(sys.argv[1])
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # nothing but answers goes to the test
+    print(json.dumps({"ready": os.getpid()}), file=answers, flush=True)
+    for line in sys.stdin:
+        print(json.dumps(serve(json.loads(line))), file=answers, flush=True)
+
+
+def serve(request):
+    """Run one command in a child of its own and say what it took."""
+    child = os.fork()
+    if child == 0:
+        become(request)
+    descriptor = os.pidfd_open(child)
+    ended = select.select([descriptor], [], [], request["seconds"])[0]
+    os.close(descriptor)
+    if not ended:
+        os.killpg(child, signal.SIGKILL)
+    _, status, used = os.wait4(child, 0)
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(child, signal.SIGKILL)  # what it has left behind
+    return {
+        "code": os.waitstatus_to_exitcode(status),
+        "hung": not ended,
+        "cpu_s": used.ru_utime + used.ru_stime,
+        "peak_bytes": used.ru_maxrss * 1024,
+    }
+
+
+def become(request):
+    """Be the command, with its output in files; does not return."""
+    code = 70
+    try:
+        os.setsid()
+        for number, name, flags in ((0, os.devnull, os.O_RDONLY), (1, request["out"], os.O_RDWR | os.O_CREAT),
+                                    (2, request["err"], os.O_RDWR | os.O_CREAT)):  # fmt: skip
+            os.dup2(os.open(name, flags, 0o600), number)
+        status = Path("/proc/self/status").read_text()
+        taken = int(status.partition("VmData:")[2].split()[0]) * 1024
+        for limit, value in ((resource.RLIMIT_DATA, taken + GUARD_BYTES), (resource.RLIMIT_CPU, GUARD_CPU_S),
+                             (resource.RLIMIT_FSIZE, GUARD_FILE_BYTES), (resource.RLIMIT_CORE, 0)):  # fmt: skip
+            resource.setrlimit(limit, (value, resource.getrlimit(limit)[1]))
+        os.chdir(request["folder"])
+        os.environ.update(request["environment"])
+        from tests.hostile.programs import PROGRAMS
+
+        sys.argv = [request["words"][0], *request["words"][1:]]
+        code = PROGRAMS[request["words"][0]]()
+    except SystemExit as asked:
+        code = asked.code if isinstance(asked.code, int) else 1
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        leave(code)
+
+
+def leave(code):
+    """End as an interpreter does: helpers of multiprocessing first, then what is still in the buffers."""
+    try:
+        from multiprocessing.util import _exit_function
+
+        _exit_function()
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except BaseException:
+        traceback.print_exc()
+        code = 120
+    finally:
+        os._exit(code or 0)
+
+
+if __name__ == "__main__":
+    main()
