@@ -66,5 +66,5 @@ class Journaled(OwnProcess):
             self._writer.append("streams/object", t_ns=self._t_ns, pose=values[OBJECT][None])
         others: dict[str, Any] = {name: value[None] for name, value in values.items() if name != OBJECT}
         if others:
-            self._writer.append("extra/state", **others)  # type: ignore[arg-type]  # none is called late
+            self._writer.append("extra/state", **others)
         return values
