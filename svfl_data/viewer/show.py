@@ -184,7 +184,7 @@ def _run(arguments: list[str], advice: str) -> None:
     # Rerun's Python program starts the viewer as a child of its own, so that both have to be ended: as one group.
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True) as viewer:
         try:
-            _, said = viewer.communicate()
+            said = _until_it_ends(viewer)
         except BaseException:
             with suppress(ProcessLookupError):
                 os.killpg(viewer.pid, signal.SIGKILL)
@@ -192,3 +192,14 @@ def _run(arguments: list[str], advice: str) -> None:
     if viewer.returncode:
         reason = (said.strip().splitlines() or ["no reason given"])[-1]
         raise ViewerError(f"the viewer failed ({reason}); {advice}")
+
+
+def _until_it_ends(viewer: "subprocess.Popen[str]") -> str:
+    """What the viewer has written to standard error, once it has ended.
+
+    Python looks for signals before it waits, and one that comes just after that does not wake it up; so it looks again
+    every second.
+    """
+    while True:
+        with suppress(subprocess.TimeoutExpired):
+            return viewer.communicate(timeout=1.0)[1]
