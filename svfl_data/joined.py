@@ -68,5 +68,5 @@ def rows_until(t_ns: Sequence[np.ndarray], now_ns: Sequence[np.ndarray], known: 
         latest = np.maximum(seen[-1] - 1, 0)
         age.append(np.where(seen[-1] > 0, (now - times[latest]) / 1e9 if len(times) else 0.0, np.inf))
     each = np.repeat(first, [len(now) for now in now_ns])
-    rows = (each + np.concatenate(found).astype(np.int64) for found in (fresh, seen))
-    return Rows(each, *rows, np.concatenate(age).astype(np.float32))
+    first_fresh, end = (each + np.concatenate(found).astype(np.int64) for found in (fresh, seen))
+    return Rows(each, first_fresh, end, np.concatenate(age).astype(np.float32))
