@@ -138,6 +138,6 @@ class _Whole(TorchDataset[TensorBatch]):
         return self.samples.batch(keys)
 
 
-def _as_it_is(batch: TensorBatch) -> TensorBatch:
+def _as_it_is(batch: Any) -> Any:  # noqa: ANN401 - whatever was fetched
     """A batch that was fetched whole needs no collating."""
     return batch
