@@ -1,7 +1,7 @@
 """Are actions, positions, poses and labels possible, and do they agree with each other?"""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -66,8 +66,12 @@ def check_records(episode: Episode) -> Iterator[Finding]:
     for row, annotation in enumerate(episode.meta.annotations):
         facts: Any = annotation if isinstance(annotation, dict) else {}
         name, start, end = (facts.get(key) for key in ("name", "start_ns", "end_ns"))
-        if not (isinstance(name, str) and all(type(t) is int and abs(t) <= FARTHEST_NS for t in (start, end))):
+        if not isinstance(name, str) or not _is_time(start) or not _is_time(end):
             yield error(episode, "annotations", row, "needs a name and integers start_ns and end_ns")
         elif not 0 <= start <= end <= last:
             words = f"{name!r} from {start / 1e9:.3f} to {end / 1e9:.3f} s is not within the episode"
             yield error(episode, "annotations", row, words)
+
+
+def _is_time(value: object) -> TypeGuard[int]:
+    return type(value) is int and abs(value) <= FARTHEST_NS
