@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from collectors.simulation.bullet import pybullet
+from svfl_data.own_process import OwnProcess
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -58,7 +59,7 @@ def quat_from_yaw(yaw: float) -> Quaternion:
     return (0.0, 0.0, float(np.sin(0.5 * yaw)), float(np.cos(0.5 * yaw)))
 
 
-class Bodies:
+class Bodies(OwnProcess):
     """Puts bodies into one world."""
 
     def __init__(self, client: int) -> None:
@@ -91,6 +92,7 @@ class Bodies:
         Returns:
             The body id.
         """
+        self.check_process()
         assert len(parts) <= MAX_PARTS, f"{len(parts)} parts"
         client = self._client
         visual = pybullet.createVisualShapeArray(**_arrays(parts, True), physicsClientId=client)
@@ -115,6 +117,7 @@ class Bodies:
         Returns:
             The body id; mass and friction are the URDF's until `set_dynamics`.
         """
+        self.check_process()
         if isinstance(urdf, str) and urdf.lstrip().startswith("<"):
             with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
                 file.write(urdf)
@@ -127,6 +130,7 @@ class Bodies:
 
     def set_dynamics(self, body: int, link: int = -1, **values: float) -> None:
         """Set PyBullet's dynamics of a link by its own names, such as ``mass=0.1, lateralFriction=0.6``."""
+        self.check_process()
         pybullet.changeDynamics(body, link, **values, physicsClientId=self._client)
 
 
