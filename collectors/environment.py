@@ -24,6 +24,7 @@ from collectors.tasks import TASKS, task_class
 from collectors.tasks.hand import Hand, Moves
 from collectors.tasks.task import MAX_STEPS, Task
 from svfl_data.errors import UsageError
+from svfl_data.own_process import OwnProcess
 from svfl_data.top_view import EYE_M
 from svfl_data.topdown import topdown_frame
 from svfl_data.windows import WINDOW
@@ -31,7 +32,7 @@ from svfl_data.windows import WINDOW
 View = Literal["camera", "top"]
 
 
-class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
+class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
     """One task with a sparse reward: 1 at success, which ends the episode, 0 before.
 
     Observation, all float32:
@@ -48,6 +49,9 @@ class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
 
     ``info["success"]`` says whether the task is achieved now. Vectors are in base axes: `image_axes` takes them to
     those of the image (docs/simulation.md).
+
+    It works in the process that made it only, and can be neither pickled nor copied: give vectorised environments a
+    function that makes one, as `gymnasium.make_vec` does.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - as gymnasium wants it
@@ -111,6 +115,7 @@ class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
             seed: Seed of this episode, and of those after it that are begun without one.
             options: ``{"seed_sequence": numpy.random.SeedSequence}`` gives a dataset's episode instead.
         """
+        self.check_process()
         super().reset(seed=seed)
         drawn = np.random.SeedSequence(int(self.np_random.integers(2**63)))
         self.task = self._task_class.begin(self.world, (options or {}).get("seed_sequence", drawn))
@@ -125,6 +130,7 @@ class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
         Raises:
             UsageError: Before the first `reset`, or if the action is not five finite numbers.
         """
+        self.check_process()
         if self.task is None:
             raise UsageError("step before reset: call reset() to begin an episode")
         self.world.step(action)
@@ -143,18 +149,20 @@ class Environment(gymnasium.Env[Any, NDArray[np.float32]]):
         Raises:
             UsageError: Before the first `reset`.
         """
+        self.check_process()
         if self.task is None:
             raise UsageError("expert before reset: call reset() to begin an episode")
         return self.task.expert(Hand(self.world, np.random.default_rng(seed), noise))
 
     def render(self) -> NDArray[np.uint8] | None:
         """The first camera's colour picture, (H, W, 3) uint8, if `render_mode` is "rgb_array"."""
+        self.check_process()
         if self.render_mode is None or self._seen is None:
             return None
         return next(iter(self._seen.frames.values())).color
 
     def close(self) -> None:
-        """Release the world."""
+        """Release the world; closing twice is harmless."""
         self.world.close()
 
     def _observe(self) -> dict[str, NDArray[np.float32]]:

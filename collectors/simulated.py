@@ -1,7 +1,6 @@
 """What collectors in simulation share: one world for all their episodes, and how an episode follows from its seed."""
 
 from dataclasses import fields
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,10 +23,13 @@ class Simulated:
 
     world: WorldConfig
 
-    @cached_property
+    @property
     def opened(self) -> World:
         """The world of this process; a reset brings it back exactly, so that what was done in it does not matter."""
-        return World(self.world)
+        kept: World | None = vars(self).get("_opened")
+        if kept is None or not kept.in_own_process:
+            kept = vars(self)["_opened"] = World(self.world)
+        return kept
 
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from collectors.simulation.bullet import pybullet
+from svfl_data.own_process import OwnProcess
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -57,7 +58,7 @@ def quat_from_yaw(yaw: float) -> Quaternion:
     return (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
 
 
-class Bodies:
+class Bodies(OwnProcess):
     """Puts bodies into one world."""
 
     def __init__(self, client: int) -> None:
@@ -90,6 +91,7 @@ class Bodies:
         Returns:
             The body id.
         """
+        self.check_process()
         assert len(parts) <= MAX_PARTS, f"{len(parts)} parts"
         client = self._client
         visual = pybullet.createVisualShapeArray(**_arrays(parts, True), physicsClientId=client)
@@ -114,6 +116,7 @@ class Bodies:
         Returns:
             The body id; mass and friction are the URDF's until `set_dynamics`.
         """
+        self.check_process()
         if isinstance(urdf, str) and urdf.lstrip().startswith("<"):
             with tempfile.NamedTemporaryFile("w", suffix=".urdf") as file:
                 file.write(urdf)
@@ -126,6 +129,7 @@ class Bodies:
 
     def set_dynamics(self, body: int, link: int = -1, **values: float) -> None:
         """Set PyBullet's dynamics of a link by its own names, such as ``mass=0.1, lateralFriction=0.6``."""
+        self.check_process()
         pybullet.changeDynamics(body, link, **values, physicsClientId=self._client)
 
 

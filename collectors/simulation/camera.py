@@ -7,6 +7,7 @@ import numpy as np
 
 from collectors.contract import Calibration, Frame
 from collectors.simulation.bullet import pybullet
+from svfl_data.own_process import OwnProcess
 
 Vector3 = tuple[float, float, float]
 
@@ -64,7 +65,7 @@ def calibration(config: CameraConfig) -> Calibration:
     return Calibration(intrinsics, T_base_camera, np.array([[x, y], [-y, x]]), config.depth_scale)
 
 
-class Camera:
+class Camera(OwnProcess):
     """Renders colour and depth of one PyBullet world with its software renderer, both in a single call."""
 
     def __init__(self, config: CameraConfig, client: int) -> None:
@@ -93,6 +94,7 @@ class Camera:
             Colour (height, width, 3) uint8 RGB, and depth (height, width) uint16 along the optical axis in units of
             `depth_scale`, 0 where nothing was seen.
         """
+        self.check_process()
         c = self._config
         _, _, rgba, buffer, _ = pybullet.getCameraImage(
             c.width,

@@ -20,6 +20,7 @@ from collectors.simulation.panda import LEFT_FINGER, RIGHT_FINGER, Panda
 from collectors.simulation.reference import Reference
 from collectors.simulation.wrist_sensor import FEEDBACK_MODE, wrench_from_reaction
 from svfl_data.errors import CollectError, UsageError
+from svfl_data.own_process import OwnProcess
 from svfl_data.windows import WINDOW
 
 RENEWED = 1000
@@ -45,8 +46,10 @@ class _Home:
     wrenches: NDArray[np.float64]
 
 
-class World:
+class World(OwnProcess):
     """One PyBullet world in this process, with its own client: others are not disturbed.
+
+    It works in the process that made it only, and can be neither pickled nor copied.
 
     ```python
     with World(WorldConfig()) as world:
@@ -72,8 +75,8 @@ class World:
         self._connect()
 
     def _connect(self) -> None:
-        self.client: int = pybullet.connect(pybullet.DIRECT)
-        if self.client < 0:
+        self._client: int = pybullet.connect(pybullet.DIRECT)
+        if self._client < 0:
             raise CollectError("PyBullet opened no client: too many worlds are open in this process; close some")
         self._cameras = {name: Camera(camera, self.client) for name, camera in self.config.cameras.items()}
         self._home: _Home | None = None
@@ -86,13 +89,27 @@ class World:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        if self.in_own_process:
+            self.close()
+
+    @property
+    def client(self) -> int:
+        """PyBullet's client id, for what `World` does not offer.
+
+        Raises:
+            UsageError: If the world is closed, or belongs to another process.
+        """
+        self.check_process()
+        if self._client < 0:
+            raise UsageError("this World is closed; make another one")
+        return self._client
 
     def close(self) -> None:
         """Release the client; the world cannot be used afterwards. Closing twice is harmless."""
-        if self.client >= 0:
-            pybullet.disconnect(self.client)
-            self.client = -1
+        self.check_process()
+        if self._client >= 0:
+            pybullet.disconnect(self._client)
+            self._client = -1
 
     def reset(self, seed: int) -> None:
         """Empty table, arm at home, gripper open, clock at 0, then a moment of rest.
@@ -106,6 +123,7 @@ class World:
         Raises:
             UsageError: If the seed is negative.
         """
+        self.check_process()
         if seed < 0:
             raise UsageError(f"seed must be >= 0, got {seed}")
         if self._resets == RENEWED:
@@ -182,6 +200,7 @@ class World:
         Meant for right after `reset` (and after objects were added): the arm is at home and at rest. A load that
         touches the hand now will be missing from every tared reading.
         """
+        self.check_process()
         self.tare_offset = self.wrench[-self.config.tare_readings :].mean(axis=0, dtype=np.float64).astype(np.float32)
 
     def step(self, action: ArrayLike) -> None:
@@ -198,6 +217,7 @@ class World:
         Raises:
             UsageError: If the action is not five finite numbers.
         """
+        self.check_process()
         wanted = np.asarray(action, np.float64)
         if wanted.shape != (5,) or not np.isfinite(wanted).all():
             raise UsageError(f"an action is 5 finite numbers (opening, dx, dy, dz, dtheta), got {action!r}")
@@ -276,6 +296,7 @@ class World:
         Args:
             render: Whether to take pictures; without, `frames` is empty and the step costs about half.
         """
+        self.check_process()
         panda = self._panda
         return Observation(
             t_ns=int(self.wrench_t_ns[-1]),
