@@ -5,7 +5,7 @@ be written.
 """
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -20,10 +20,11 @@ def compiled(function: Function) -> Function:
     Floats are added and multiplied in the order of the source, without fused operations, so that every processor
     computes the same.
     """
-    folder, usual = cache_folder("numba"), numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(folder or "")  # read when a function is decorated
+    folder = cache_folder("numba")
+    settings: Any = numba.config  # whose attributes come from the environment
+    usual = settings.CACHE_DIR
+    settings.CACHE_DIR = str(folder or "")  # read when a function is decorated
     try:
-        decorated: Function = numba.njit(cache=folder is not None)(function)
+        return cast(Function, numba.njit(cache=folder is not None)(function))
     finally:
-        numba.config.CACHE_DIR = usual
-    return decorated
+        settings.CACHE_DIR = usual
