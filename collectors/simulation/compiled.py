@@ -5,7 +5,7 @@ be written.
 """
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -20,11 +20,11 @@ def compiled(function: Function) -> Function:
     Floats are added and multiplied in the order of the source, without fused operations, so that every processor
     computes the same.
     """
-    settings: Any = numba.config  # Numba declares no types for them
-    folder, usual = cache_folder("numba"), settings.CACHE_DIR
+    folder = cache_folder("numba")
+    settings: Any = numba.config  # whose attributes come from the environment
+    usual = settings.CACHE_DIR
     settings.CACHE_DIR = str(folder or "")  # read when a function is decorated
     try:
-        decorated: Any = numba.njit(cache=folder is not None)(function)
-        return decorated  # it is called as the function is
+        return cast(Function, numba.njit(cache=folder is not None)(function))
     finally:
         settings.CACHE_DIR = usual
