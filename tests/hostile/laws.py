@@ -10,6 +10,8 @@ from tests.hostile.commands import Command
 from tests.hostile.kind import TRACES, Kind
 
 LINE_CHARACTERS = 4000
+NOTICE = re.compile(r"episodes have warnings, which svfl-data validate names")
+"""What is said beside a complaint, or where there is none."""
 OUT_OF_MEMORY = re.compile(rb"unable to allocate|MemoryError|Cannot allocate memory|std::bad_alloc", re.IGNORECASE)
 
 
@@ -49,7 +51,7 @@ def endings(ended: Ended, command: Command, kind: Kind) -> Iterator[str]:
     elif OUT_OF_MEMORY.search(ended.err + ended.out):
         yield f"asked for more memory than there is: {_last_line(ended.err)}"
     elif not ended.hung and ended.code >= 0:
-        lines = ended.err.decode(errors="replace").splitlines()
+        lines = [line for line in ended.err.decode(errors="replace").splitlines() if not NOTICE.search(line)]
         if len(lines) != (ended.code != 0):
             yield f"{len(lines)} lines of complaint with exit code {ended.code}: {lines[:3]}"[:400]
         elif lines and len(lines[0]) > LINE_CHARACTERS:

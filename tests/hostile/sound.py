@@ -40,12 +40,13 @@ def sound_models(campaign, folder: Path) -> Path:
     from svfl_data.replay import ReplayBuffer
     from tests.hostile.commands import COMMANDS, Command
 
+    shutil.rmtree(folder, ignore_errors=True)  # of an attempt that failed
     folder.mkdir()
     by_name = {one.name: one for one in COMMANDS}
     campaign.prepare(None)
     for name in ("centering", "bc", "latent"):
         ended = campaign.run(by_name[name])
-        assert ended.code == 0, ended.err
+        assert ended.code == 0, (name, ended)
         made = campaign.box / "out" / "made"
         shutil.copy(made / "checkpoint.ckpt", folder / f"{name}.ckpt")
         shutil.copytree(made, folder / f"{name}_run")
