@@ -76,7 +76,7 @@ def test_save_names_that_cannot_work_are_one_line(command, dataset, tmp_path):
     for target, code, said in (
         (tmp_path / "out.txt", 2, "must end in .rrd"),
         (tmp_path / "missing" / "out.rrd", 1, "No such file or directory"),
-        (tmp_path / "folder.rrd", 1, "Is a directory"),
+        (tmp_path / "folder.rrd", 1, "no ordinary file"),
     ):
         found, _, err = command("view", dataset.path, "--save", target)
         assert found == code
