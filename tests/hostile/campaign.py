@@ -18,8 +18,8 @@ MODELS = frozenset(
     {"centering.ckpt", "bc.ckpt", "latent.ckpt", "policy.pt2", "buffer.replay", "bc.ckpt_run", "latent.ckpt_run"}
 )
 """Concerns that stand beside the dataset."""
-HANG_S = float(os.environ.get("SVFL_HOSTILE_HANG_S", "120"))
-"""Only a guard: a machine under load must not fail a test, and what waits for ever is found all the same."""
+HANG_S = float(os.environ.get("SVFL_HOSTILE_HANG_S", "30"))
+"""A command hangs that stands still for so long: it neither computes nor waits for the processor."""
 CPU_S = 10.0
 MEMORY_BYTES = 200 * 2**20
 LOOKED_AT = 64 * 2**20
