@@ -102,19 +102,19 @@ def test_what_cannot_be_preloaded_is_named(tmp_path):
     ("other", "message"),
     [
         ({"task": "pushing"}, r"000001\.hdf5: its task is pushing, but picking in episode 0; one replay buffer holds"),
-        ({"size": 20}, r"its size is \(20, 20\), but \(16, 16\)"),
+        ({"size": 20}, "cameras/front/(color|depth) is uint"),
         (
             {"config": {"world": {"max_move": 0.05, "max_turn": 0.2}}},
             r"its action_bounds is \(0\.05, 0\.2\), but \(0\.",
         ),
         ({"config": {}}, r"its action_bounds is None"),
-        ({"arrays": {"cameras/front/image_axes": np.eye(2)}}, r"its image_axes\[0\] is \(1\.0, 0\.0\), but \(0\.0, "),
-        ({"arrays": {"cameras/front/depth_scale": np.array(1e-3)}}, r"its depth_scale is 0\.001, but 0\.0001"),
+        ({"arrays": {"cameras/front/image_axes": np.eye(2)}}, "cameras/front/image_axes is 1"),
+        ({"arrays": {"cameras/front/depth_scale": np.array(1e-3)}}, r"cameras/front/depth_scale is 0\.001"),
         (
             {"arrays": {"cameras/front/T_base_camera": moved(0.01)}},
-            r"its T_base_camera\[2\] is .*, but .* in episode 0",
+            "cameras/front/T_base_camera is ",
         ),
-        ({"arrays": {"cameras/front/intrinsics": np.diag([2.0, 2.0, 1.0])}}, r"its intrinsics\[0\] is \(2\.0, "),
+        ({"arrays": {"cameras/front/intrinsics": np.diag([2.0, 2.0, 1.0])}}, "cameras/front/intrinsics is 2"),
     ],
 )
 def test_episodes_of_different_kinds_are_not_mixed(tmp_path, other, message):
