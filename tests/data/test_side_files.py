@@ -243,4 +243,4 @@ def test_a_resealed_file_keeps_the_bounds(tmp_path):
     with h5py.File(file, "a") as content:
         content.attrs["history"] = "[" * 3000
     with pytest.raises(FormatError, match="history"):
-        resealed_bytes(file.read_bytes(), {"tool": "repair"})
+        resealed_bytes(file, {"tool": "repair"})
