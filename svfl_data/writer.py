@@ -327,7 +327,7 @@ class EpisodeWriter(OwnProcess):
         self._behind.flush()
         self._growth.check_whole(self._behind.stored, late, f"episode {meta.index}")
         meta = self._log.closed(meta, despite_faults)
-        if self._agreement:
+        if self._agreement and self._folder.in_place:  # if not, `_publish` says so when all is written down
             self._agreement.confirm(late)
         self._append_constants(late)
         self._behind.record({"end": asdict(meta)})
