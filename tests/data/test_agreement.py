@@ -91,7 +91,7 @@ OTHERS = {
     "turned camera": (changed(POSE, lambda pose: np.block([[QUARTER @ pose[:3, :3], pose[:3, 3:]], [pose[3:]]])), POSE),
     "moved by 0.1 mm": (changed(POSE, moved_by(1e-4)), POSE),
     "axes": (changed("cameras/front/image_axes", lambda axes: axes[::-1].copy()), "cameras/front/image_axes"),
-    "lens": (changed("cameras/front/intrinsics", lambda lens: lens + np.eye(3)), "cameras/front/intrinsics"),
+    "lens": (changed("cameras/front/intrinsics", lambda lens: lens + np.diag([1, 1, 0])), "cameras/front/intrinsics"),
     "depth scale": (changed("cameras/front/depth_scale", lambda scale: scale * 10), "cameras/front/depth_scale"),
     "workspace": (changed("workspace", lambda bounds: bounds + 0.1), "workspace"),
     "image size": (lambda seed: arrays_of(seed, size=20), "cameras/front/color"),
