@@ -1,8 +1,9 @@
 """An array of an episode on disk, of which rows are read when they are asked for."""
 
 import math
+import operator
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +52,7 @@ class StoredArray:
         field = field_at(self.path)
         return field.unit if field else "-"
 
-    def __getitem__(self, rows: int | slice | tuple[()] | np.ndarray) -> np.ndarray:
+    def __getitem__(self, rows: int | slice | tuple[()] | Sequence[int] | np.ndarray) -> np.ndarray:
         """Read one row, a range of rows, some rows, or (with ``[()]`` or ``[:]``) everything.
 
         Raises:
@@ -60,15 +61,16 @@ class StoredArray:
         """
         if not self.shape:
             return np.asarray(self.placement.value)
-        if isinstance(rows, tuple):
+        if isinstance(rows, tuple) and not rows:
             rows = slice(None)
         if isinstance(rows, slice):
             start, stop, stride = rows.indices(len(self))
             return self.rows(start, max(start, stop))[::stride] if stride > 0 else self.rows(0, len(self))[rows]
-        if isinstance(rows, np.ndarray) and rows.ndim:
-            found = [self[int(row)] for row in np.arange(len(self))[rows]]
+        if not isinstance(rows, slice) and np.ndim(rows):
+            found = [self[int(row)] for row in np.arange(len(self))[np.asarray(rows)]]
             return np.stack(found) if found else np.empty((0, *self.shape[1:]), self.dtype)
-        row = int(rows) + len(self) if rows < 0 else int(rows)
+        row = operator.index(rows)  # type: ignore[arg-type] # what has no dimensions is one row
+        row += len(self) if row < 0 else 0
         if not 0 <= row < len(self):
             raise IndexError(f"{self.path} of {self.extent}: no row {rows}; it has {len(self)}")
         return self.rows(row, row + 1)[0]
