@@ -1,5 +1,6 @@
 """What holds for all tests: on a slow or busy machine they take longer, and a cache of their own is left to nobody."""
 
+import os
 import signal
 
 import pytest
@@ -14,6 +15,10 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a suite in the backgrou
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
+    """One for all workers of a run, which would otherwise each compile and compute the same."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "cache"
+    folder.mkdir(mode=0o700, exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SVFL_CACHE_DIR", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("SVFL_CACHE_DIR", str(folder))
         yield

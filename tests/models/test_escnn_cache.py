@@ -38,7 +38,8 @@ def sealed(tmp_path):
 
 
 def python(code, **environment):
-    env = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1", **environment}
+    usual = {name: value for name, value in os.environ.items() if name != "SVFL_CACHE_DIR"}
+    env = {**usual, "OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1", **environment}
     return subprocess.Popen([sys.executable, "-c", code], env=env, stdout=-1, stderr=-1, text=True)
 
 
@@ -81,6 +82,7 @@ def test_two_processes_may_start_on_an_empty_cache(tmp_path):
 
 
 def test_where_the_tables_go(monkeypatch, tmp_path):
+    monkeypatch.delenv("SVFL_CACHE_DIR")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     folder = escnn_cache.tables_folder.__wrapped__()
     assert folder.parent == tmp_path / "svfl"
