@@ -1,5 +1,6 @@
 """Running a command on a hostile dataset, and the laws of how it may end."""
 
+import contextlib
 import functools
 import json
 import os
@@ -38,10 +39,16 @@ class Zygote:
         """Run a command in a folder; says how it ended."""
         environment = {"CI": "1", "HOME": str(self.home), "TMPDIR": str(folder / "tmp"), "COLUMNS": "200"}
         request = {"words": words, "folder": str(folder), "out": str(out), "err": str(err), "seconds": HANG_S}
-        process = self.process or self._start()
-        process.stdin.write(json.dumps(request | {"environment": environment}) + "\n")
-        process.stdin.flush()
-        return json.loads(process.stdout.readline())
+        line = json.dumps(request | {"environment": environment}) + "\n"
+        for _ in range(2):  # the first may have been ended from outside, as by a system out of memory
+            process = self.process or self._start()
+            with contextlib.suppress(BrokenPipeError):
+                process.stdin.write(line)
+                process.stdin.flush()
+                if answer := process.stdout.readline():
+                    return json.loads(answer)
+            self.process = None
+        raise RuntimeError(f"{words}: the process that forks commands ended twice, with {process.wait()}")
 
     def _start(self) -> subprocess.Popen:
         environment = {**os.environ, **ONE_THREAD, "CI": "1", "HOME": str(self.home), "MPLBACKEND": "agg"}

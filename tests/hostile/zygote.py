@@ -105,8 +105,12 @@ def become(request):
     code = 70
     try:
         os.setsid()
-        for number, name, flags in ((0, os.devnull, os.O_RDONLY), (1, request["out"], os.O_RDWR | os.O_CREAT),
-                                    (2, request["err"], os.O_RDWR | os.O_CREAT)):  # fmt: skip
+        fresh = os.O_RDWR | os.O_CREAT | os.O_TRUNC
+        for number, name, flags in (
+            (0, os.devnull, os.O_RDONLY),
+            (1, request["out"], fresh),
+            (2, request["err"], fresh),
+        ):
             os.dup2(os.open(name, flags, 0o600), number)
         status = Path("/proc/self/status").read_text()
         taken = int(status.partition("VmData:")[2].split()[0]) * 1024
