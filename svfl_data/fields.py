@@ -16,6 +16,8 @@ EXTRA = "extra/"
 """Arrays below this group are the user's own: any name and shape, kept by every tool."""
 PLAIN_KINDS = "biufcS"
 """NumPy's kinds of types that they may have: others have no bytes of their own, or none that all software reads."""
+PATH_LENGTH, PATH_PARTS = 1000, 16
+"""Characters and parts of a dataset path at most."""
 LARGEST = 1e6
 """Bound of every declared number, in its unit. No arm, sensor or camera comes near it (the largest six-axis sensors
 measure 4e4 N), and the sum of a thousand million squares of it is still finite in float32."""
@@ -219,6 +221,13 @@ def is_image(path: str) -> bool:
 def camera_names(paths: Iterable[str]) -> list[str]:
     """Names of the cameras among dataset paths, sorted."""
     return sorted({path.split("/")[1] for path in paths if path.startswith("cameras/")})
+
+
+def harmless(path: str) -> bool:
+    """Whether a dataset path can be the name of an array: no way up, nothing empty, nothing that cannot be printed."""
+    parts = path.split("/")
+    whole = all(part not in ("", ".", "..") for part in parts)
+    return whole and len(path) <= PATH_LENGTH and len(parts) <= PATH_PARTS and path.isprintable()
 
 
 def shape_words(field: Field) -> str:

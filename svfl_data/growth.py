@@ -10,12 +10,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from svfl_data.errors import FieldError
-from svfl_data.fields import CAMERA, EXTRA, FIELDS, PLAIN_KINDS, Field, camera_names, field_at
+from svfl_data.fields import CAMERA, EXTRA, FIELDS, PLAIN_KINDS, Field, camera_names, field_at, harmless
 from svfl_data.printable import printable
 from svfl_data.validity import check_array, check_arrays
-
-PATH_LENGTH, PATH_PARTS = 1000, 16
-"""Characters and parts of a dataset path at most."""
 
 
 def grows(field: Field) -> bool:
@@ -137,13 +134,6 @@ def _check_rows(path: str, array: np.ndarray, sizes: dict[str, tuple[int, str]])
             raise FieldError(f"{path} has shape {array.shape}, expected {count} rows as {owner}")
     else:
         raise FieldError(f"{path}: {'is a constant' if field else 'unknown stream'}; {_known(path)}")
-
-
-def harmless(path: str) -> bool:
-    """Whether a dataset path can be the name of an array: no way up, nothing empty, nothing that cannot be printed."""
-    parts = path.split("/")
-    whole = all(part not in ("", ".", "..") for part in parts)
-    return whole and len(path) <= PATH_LENGTH and len(parts) <= PATH_PARTS and path.isprintable()
 
 
 def _check_own(path: str, array: np.ndarray) -> None:

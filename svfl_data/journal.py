@@ -29,8 +29,8 @@ import numpy as np
 
 from svfl_data.episode import Meta, canonical_json
 from svfl_data.errors import StorageError
-from svfl_data.fields import EXTRA, PLAIN_KINDS, field_at
-from svfl_data.growth import grows, harmless
+from svfl_data.fields import EXTRA, PLAIN_KINDS, field_at, harmless
+from svfl_data.growth import grows
 from svfl_data.own_process import OwnProcess
 from svfl_data.sink import write_all
 

@@ -132,7 +132,7 @@ def copy(
         f"{verb} these episodes",
         "if it differs on purpose, allow it with --varies {name}",
     )
-    check_streams(sources, may_vary)
+    _check_rates(kept, may_vary)
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
         clear_folders(destination.parent)
@@ -206,13 +206,14 @@ def readable(dataset: Dataset) -> list[Entry]:
     return found
 
 
-def check_streams(sources: Sequence[Dataset], varies: Collection[str]) -> None:
-    """Check that datasets have the same streams, at about the same rates, which the setups of episodes cannot say.
+def _check_rates(chosen: Sequence[Chosen], varies: Collection[str]) -> None:
+    """Check that episodes of several datasets have the same streams, at about the same rates; setups do not say so.
 
     Raises:
         DatasetError: If they do not.
     """
-    first, *others = [(source.path, dict(_rates(readable(source)))) for source in sources]
+    sources = {one.source.path: [other.entry for other in chosen if other.source is one.source] for one in chosen}
+    first, *others = [(path, dict(_rates(found))) for path, found in sources.items()]
     for path, rates in others:
         for name in sorted((first[1].keys() | rates.keys()) - set(varies)):
             here, there = rates.get(name), first[1].get(name)

@@ -26,8 +26,10 @@ from svfl_data.fields import (
     Field,
     camera_names,
     field_at,
+    harmless,
     shape_words,
 )
+from svfl_data.printable import printable
 
 UNIT = 1e-3
 """How far the norm of a quaternion, or the product of a rotation with its transpose, may be off: rounding."""
@@ -77,6 +79,10 @@ def faults(arrays: Mapping[str, Readable], values: bool = True) -> Iterator[Faul
         values: Whether to judge numbers as well, rather than types, shapes and sizes only.
     """
     for path, array in arrays.items():
+        if not harmless(path):
+            yield Fault(
+                path, f"{printable(path, 80)!r} is not a name for an array; parts are printable, not empty, . or .."
+            )
         if field_at(path) is None and not path.startswith(EXTRA):
             known = ", ".join(field.path for field in FIELDS)
             yield Fault(path, f"unknown field {path!r}; an episode has {known} and anything below {EXTRA}")

@@ -209,6 +209,7 @@ ELSEWHERE = {
     "svfl_models/export.py": "a program in memory",
     "svfl_models/exported_policy.py": "a program in memory",
     "svfl_data/plot.py": "a figure in memory",
+    "svfl_data/header_cache.py": "a cache, whose entries carry their own hash",
 }
 """Files that may use what replaces a file at once, and why."""
 AT_ONCE = {"write_text", "write_bytes", "savefig", "imwrite", "copyfile", "tofile", "savez"}

@@ -59,9 +59,9 @@ def folder(tmp_path):
         )
         named = {path.replace("cameras/front/", f"cameras/{HOSTILE.replace('/', '')}/"): values
                  for path, values in episode.arrays.items()}  # fmt: skip
-        for content in (replace(episode, meta=meta, arrays=named), replace(episode, meta=meta)):
+        for arrays in (named, episode.arrays):
             try:
-                write_episode(content, dataset.episode_path(index))
+                write_episode(replace(episode, meta=meta, arrays=arrays), dataset.episode_path(index))
                 break
             except SvflError:  # such a camera is refused: then the rest is tried
                 continue

@@ -11,9 +11,10 @@ import rerun as rr
 from rerun.urdf import UrdfJoint, UrdfTree
 
 from svfl_data.errors import FormatError
+from svfl_data.printable import printable
 from svfl_data.viewer.names import SCENE, send
+from svfl_data.viewer.urdf import mesh_file, numbers, read_urdf
 
-PACKAGE = "package://"
 FRAMES = ("parent_frame", "child_frame")  # Rerun's own names for links; here the entity tree says what hangs on what
 SHADE = (0.78, 0.78, 0.80, 0.4)
 
@@ -39,12 +40,12 @@ class Robot:
         Raises:
             FormatError: If it is not one.
         """
+        links = read_urdf(file).iterfind("link")
         try:
             joints = tuple(UrdfTree.from_file_path(file).joints())
-            links = ElementTree.parse(file).getroot().iterfind("link")
-        except (OSError, RuntimeError, ValueError, ElementTree.ParseError) as error:
-            raise FormatError(f"{file}: not a URDF ({' '.join(str(error).split())[:200]})") from error
-        return cls(file, joints, tuple(mesh for link in links for mesh in _meshes(file, link)))
+            return cls(file, joints, tuple(mesh for link in links for mesh in _meshes(file, link)))
+        except (OSError, RuntimeError, ValueError) as error:
+            raise FormatError(f"{file}: not a URDF ({printable(' '.join(str(error).split()), 200)})") from error
 
     @property
     def moving(self) -> list[UrdfJoint]:
@@ -130,24 +131,11 @@ def _meshes(file: Path, link: ElementTree.Element) -> list[tuple[str, Path, tupl
     for visual in link.iterfind("visual"):
         mesh, origin = visual.find("geometry/mesh"), visual.find("origin")
         name = "" if mesh is None else mesh.get("filename", "")
-        path = next((place for place in _places(file, name.replace("visual", "collision")) if place.is_file()), None)
-        path = path or next((place for place in _places(file, name) if place.is_file()), None)
+        path = mesh_file(file, name.replace("visual", "collision")) or mesh_file(file, name)
         if path and name:
-            at = [_numbers(origin.get(key) if origin is not None else None) for key in ("xyz", "rpy")]
+            at = [numbers(origin.get(key) if origin is not None else None) for key in ("xyz", "rpy")]
             found.append((link.get("name", ""), path, at[0], at[1]))
     return found
-
-
-def _places(file: Path, name: str) -> list[Path]:
-    """Where a mesh may be: a path, or one inside a package, some folder above the URDF being the package's."""
-    if not name.startswith(PACKAGE):
-        return [file.parent / name]
-    inside = name.removeprefix(PACKAGE)
-    return [folder / inside for folder in (file.parent, *file.parent.parents[:3])]
-
-
-def _numbers(text: str | None) -> tuple[float, ...]:
-    return tuple(float(part) for part in text.split()) if text else (0.0, 0.0, 0.0)
 
 
 def _quaternion(rpy: tuple[float, ...]) -> np.ndarray:

@@ -172,10 +172,11 @@ def _expect_same(environment: Any, workplace: Workplace, name: str) -> None:  # 
     Raises:
         TrainingError: Saying what differs.
     """
-    step_ms = 1000 / environment.metadata["render_fps"]
-    if workplace.step_ms and not 1 / OTHER_RATE < workplace.step_ms / step_ms < OTHER_RATE:
+    rate = environment.metadata.get("render_fps")  # environments of others may not say
+    if rate and workplace.step_ms and not 1 / OTHER_RATE < workplace.step_ms * rate / 1000 < OTHER_RATE:
         raise TrainingError(
-            f"{name}: learned from steps of {workplace.step_ms:.1f} ms, those of the environment last {step_ms:.1f} ms"
+            f"{name}: learned from steps of {workplace.step_ms:.1f} ms, those of the environment last "
+            f"{1000 / rate:.1f} ms"
         )
     if not workplace.camera:
         return  # it does not look

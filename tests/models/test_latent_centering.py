@@ -171,7 +171,7 @@ def test_what_was_trained_opens_without_the_pretraining(samples, tmp_path):
     assert again.tolist() == predicted
     page = (tmp_path / "run" / "report.md").read_text()
     assert "V+F+P VTT fine-tuned, 8 training samples" in page
-    assert f"pretrained {STEPS} steps on `data/picking`, preset svfl_2023; it goes on learning" in page
+    assert f"pretrained {STEPS} steps on data/picking, preset svfl_2023; it goes on learning" in page
 
 
 def test_samples_are_observations_as_the_pretraining_saw_them(tmp_path):
