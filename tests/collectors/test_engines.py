@@ -1,11 +1,15 @@
 """Worker processes: what they make does not depend on them, and a dead one costs nothing but time."""
 
+import errno
+import multiprocessing.synchronize
+import os
+
 import pytest
 
 from collectors.dataset import collect_dataset
 from collectors.engines.worker import FAILURES
 from svfl_data.dataset import Dataset
-from svfl_data.errors import CollectError
+from svfl_data.errors import CollectError, StorageError
 from tests.collectors.conftest import Made, contents
 
 
@@ -38,6 +42,17 @@ def test_a_collectors_error_ends_it_and_keeps_what_is_finished(dataset):
         collect_dataset(dataset, 5, 1, Made(fails_at=2))
     assert {0, 1} <= set(dataset.indices)
     assert 2 not in dataset.indices
+
+
+def test_no_room_for_semaphores_is_one_line(dataset, monkeypatch):
+    """Python keeps the semaphores of its worker processes in /dev/shm, which may be full."""
+
+    def refuse(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(multiprocessing.synchronize.SemLock, "__init__", refuse)
+    with pytest.raises(StorageError, match=r"No space left on device; .* /dev/shm"):
+        collect_dataset(dataset, 1, 1, Made())
 
 
 def test_only_what_is_missing_is_collected(dataset):
