@@ -3,8 +3,9 @@
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar
 
+import msgspec
 import numpy as np
 
 from collectors import centering
@@ -16,10 +17,36 @@ from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
 from collectors.tasks import TASKS, task_class
 from svfl_data.episode import Episode, Meta, canonical_json
-from svfl_data.errors import DatasetError, FormatError
+from svfl_data.errors import DatasetError, FormatError, UsageError
+from svfl_data.printable import printable
 
 Config = TypeVar("Config")
 State = Callable[[], Mapping[str, np.ndarray]]
+Number = Annotated[int, msgspec.Meta(ge=0)]
+
+
+class Recorded(msgspec.Struct):
+    """What the configuration of a simulated episode says about its scene.
+
+    Attributes:
+        attempt: Number of the attempt.
+        index: Number of the episode, where it is not that of the dataset.
+    """
+
+    attempt: Number
+    index: Number | None = None
+
+
+class CameFrom(msgspec.Struct):
+    """Where a tool took an episode from."""
+
+    index: Number
+
+
+class Change(msgspec.Struct):
+    """What a tool did to an episode."""
+
+    came_from: CameFrom | None = None
 
 
 @dataclass(frozen=True)
@@ -55,8 +82,10 @@ def replay(episode: Episode) -> Replayed:
         raise DatasetError(
             f"{episode.name}: not recorded in this simulation (source {meta.source!r}); nothing to replay"
         )
+    config = from_json(WorldConfig, meta.config["world"], f"{episode.name}: config.world")
+    _refuse_more_than_recorded(episode, config)
     actions = iter(episode.action)
-    with World(from_json(WorldConfig, meta.config["world"], f"{episode.name}: config.world")) as world:
+    with World(config) as world:
         state, drawn = _begin(meta, world, episode.name)
         again = record(world, lambda _: next(actions, None), len(episode), state=state)
     installed = software_versions(*VERSIONS)
@@ -64,7 +93,7 @@ def replay(episode: Episode) -> Replayed:
         {path: _difference(episode.arrays.get(path), values) for path, values in sorted(again.items())},
         json.loads(canonical_json(drawn)) == meta.config.get("drawn"),
         {
-            name: (str(meta.software.get(name)), version)
+            name: (printable(meta.software.get(name), 50), version)
             for name, version in installed.items()
             if meta.software.get(name) != version
         },
@@ -73,22 +102,42 @@ def replay(episode: Episode) -> Replayed:
 
 def _begin(meta: Meta, world: World, where: str) -> tuple[State, dict[str, Any]]:
     """Set the episode's scene up; returns how to read the true state, and the scene."""
-    index, attempt = _index(meta), meta.config["attempt"]
+    index, attempt = _index(meta, where), from_json(Recorded, meta.config, f"{where}: config").attempt
+    if meta.seed < 0:
+        raise FormatError(f"{where}: seed {meta.seed} is below 0; no simulated episode has such a one")
     if meta.task == centering.TASK:
-        config = from_json(CenteringConfig, meta.config["scene"], f"{where}: config.scene")
+        config = from_json(CenteringConfig, meta.config.get("scene"), f"{where}: config.scene")
         scene, block = centering.begin(world, config, meta.seed, index, attempt)
         return lambda: {OBJECT: world.pose(block)}, asdict(scene)
     if meta.task not in TASKS:
-        raise DatasetError(f"{where}: no task {meta.task!r} here; the tasks are {', '.join([centering.TASK, *TASKS])}")
+        raise DatasetError(
+            f"{where}: no task {printable(meta.task)!r} here; the tasks are {', '.join([centering.TASK, *TASKS])}"
+        )
     task = task_class(meta.task).begin(world, attempt_seed(meta.seed, index, attempt))
     return task.state, task.drawn()
 
 
-def _index(meta: Meta) -> int:
+def _refuse_more_than_recorded(episode: Episode, config: WorldConfig) -> None:
+    """Refuse to simulate what the file does not hold: a strange configuration could ask for any number of steps."""
+    readings = len(episode.arrays.get("streams/wrench/t_ns", ()))
+    asked = (config.settle_steps + len(episode)) * config.physics_steps
+    if asked > readings:
+        raise FormatError(f"{episode.name}: config.world makes {asked} readings or more, the file has {readings}")
+    made = {name: (camera.height, camera.width) for name, camera in config.cameras.items()}
+    seen = {name: camera.color.shape[1:3] for name, camera in episode.cameras.items()}
+    if made != seen:
+        raise FormatError(
+            f"{episode.name}: config.world has cameras {printable(made)}, the file pictures of {printable(seen)}"
+        )
+
+
+def _index(meta: Meta, where: str) -> int:
     """The number that an episode was made with, whatever number merging gave it since."""
-    moved = [entry["came_from"]["index"] for entry in meta.history if "came_from" in entry]
-    found: int = meta.config.get("index", moved[0] if moved else meta.index)
-    return found
+    own = from_json(Recorded, meta.config, f"{where}: config").index
+    if own is not None:
+        return own
+    changes = [from_json(Change, entry, f"{where}: history") for entry in meta.history]
+    return next((change.came_from.index for change in changes if change.came_from), meta.index)
 
 
 def _difference(recorded: np.ndarray | None, again: np.ndarray) -> float:
@@ -103,28 +152,32 @@ def from_json(kind: type[Config], values: Any, where: str) -> Config:  # noqa: A
     """A configuration from its JSON values; what is not there has its default.
 
     Args:
-        kind: A dataclass of numbers, strings, tuples, dataclasses, and dicts of those by name.
+        kind: A dataclass with declared bounds (`collectors.simulation.bounds`) or a `msgspec.Struct`.
         values: What `dataclasses.asdict` and JSON made of one.
         where: What to name in the error.
 
     Raises:
         FormatError: If it is something else.
     """
-    hints = get_type_hints(kind)
-    names = {field.name for field in fields(kind)}  # type: ignore[arg-type]
-    unknown = values.keys() - names if isinstance(values, dict) else {"(not an object)"}
+    try:
+        read = msgspec.convert(values, kind)
+    except (msgspec.ValidationError, UsageError) as error:
+        raise FormatError(f"{where}: {printable(error)}") from None
+    if is_dataclass(read):
+        _refuse_unknown(read, values, where)
+    return read
+
+
+def _refuse_unknown(read: Any, values: dict[str, Any], where: str) -> None:  # noqa: ANN401
+    """Refuse names that a dataclass, or one inside it, does not have: they meant something to whoever recorded."""
+    unknown = sorted(values.keys() - {field.name for field in fields(read)})
     if unknown:
-        raise FormatError(f"{where}: this software does not know {', '.join(sorted(unknown))}; was it a newer one?")
-    return kind(**{name: _value(hints[name], value, f"{where}.{name}") for name, value in values.items()})
-
-
-def _value(kind: Any, value: Any, where: str) -> Any:  # noqa: ANN401
-    if is_dataclass(kind) and isinstance(kind, type):
-        return from_json(kind, value, where)
-    if get_origin(kind) is dict and isinstance(value, dict):
-        return {name: _value(get_args(kind)[1], item, f"{where}.{name}") for name, item in value.items()}
-    return _tuple(value)
-
-
-def _tuple(value: Any) -> Any:  # noqa: ANN401
-    return tuple(map(_tuple, value)) if isinstance(value, list) else value
+        named = printable(", ".join(unknown))
+        raise FormatError(f"{where}: this software does not know {named}; was it another version?")
+    for name, value in values.items():
+        inside = getattr(read, name)
+        if is_dataclass(inside):
+            _refuse_unknown(inside, value, f"{where}.{name}")
+        elif isinstance(inside, dict):
+            for key, member in inside.items():
+                _refuse_unknown(member, value[key], printable(f"{where}.{name}.{key}"))

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 
-from collectors.engines.worker import Collected, Deaths, Worker
+from collectors.engines.worker import SHARED_MEMORY, Collected, Deaths, Worker
 from svfl_data.errors import StorageError
 
 _worker: Worker  # of this worker process
@@ -32,12 +32,13 @@ def _pool(
     waiting: deque[int], unfinished: set[int], workers: int, worker: Worker, deaths: Deaths
 ) -> Iterator[Collected]:
     """Collect until nothing waits, or a process dies: then `unfinished` are the indices that were being worked on."""
-    # Fresh processes: a forked one would inherit the parent's threads and locks.
-    context = multiprocessing.get_context("spawn")
     try:
-        pool = ProcessPoolExecutor(min(workers, len(waiting)), context, _start_worker, (worker,))
+        # Fresh processes: a forked one would inherit the parent's threads and locks.
+        pool = ProcessPoolExecutor(
+            min(workers, len(waiting)), multiprocessing.get_context("spawn"), _start_worker, (worker,)
+        )
     except OSError as error:
-        raise StorageError(f"cannot start workers, which need room in /dev/shm: {error.strerror or error}") from error
+        raise StorageError(f"no worker process can be started: {error.strerror}; {SHARED_MEMORY}") from error
     running: dict[Future[Collected], int] = {}
     try:
         while waiting or running:

@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from collectors.simulation.bounds import NotNegative, Positive
+
 Vector3 = tuple[float, float, float]
 ZERO: Vector3 = (0.0, 0.0, 0.0)
 
@@ -23,11 +25,11 @@ class AdmittanceConfig:
             of a blocked hand to K times this.
     """
 
-    stiffness: float = 2500.0
-    damping: float = 100.0
-    mass: float = 2.0
-    filter_hz: float = 30.0
-    max_deviation: float = 0.03
+    stiffness: Positive = 2500.0
+    damping: NotNegative = 100.0
+    mass: Positive = 2.0
+    filter_hz: Positive = 30.0
+    max_deviation: Positive = 0.03
 
 
 class Admittance:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from collectors.contract import Calibration, Frame
+from collectors.simulation.bounds import Degrees, Pixels, Point, Positive
 from collectors.simulation.bullet import pybullet
+from svfl_data.errors import UsageError
 from svfl_data.own_process import OwnProcess
-
-Vector3 = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -28,15 +28,30 @@ class CameraConfig:
         depth_scale: Metres per unit of the stored depth, [m].
     """
 
-    height: int = 76
-    width: int = 76
-    eye: Vector3 = (1.1, 0.0, 0.6)
-    target: Vector3 = (0.55, 0.0, 0.0)
-    up: Vector3 = (-1.0, 0.0, 0.0)
-    fov_deg: float = 40.0
-    near: float = 0.1
-    far: float = 3.0
-    depth_scale: float = 1e-4
+    height: Pixels = 76
+    width: Pixels = 76
+    eye: Point = (1.1, 0.0, 0.6)
+    target: Point = (0.55, 0.0, 0.0)
+    up: Point = (-1.0, 0.0, 0.0)
+    fov_deg: Degrees = 40.0
+    near: Positive = 0.1
+    far: Positive = 3.0
+    depth_scale: Positive = 1e-4
+
+    def __post_init__(self) -> None:
+        """Refuse what is no camera.
+
+        Raises:
+            UsageError: If nothing lies between near and far, 16 bits do not reach to far, or the line of sight or `up`
+                has no direction.
+        """
+        if self.far > self.depth_scale * np.iinfo(np.uint16).max:
+            raise UsageError(f"a depth of {self.far} m in units of {self.depth_scale} m does not fit into 16 bits")
+        if not (self.near < self.far and 0.0 < self.fov_deg < 180.0):
+            raise UsageError("a camera sees from near to a larger far, within more than 0 and less than 180 degrees")
+        forward = np.subtract(self.target, self.eye)
+        if not np.linalg.norm(np.cross(forward, self.up)) > 1e-9:
+            raise UsageError("a camera looks from eye to another point, and up is not along that line")
 
 
 CAMERAS = {

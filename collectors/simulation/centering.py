@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from collectors.simulation.bounds import Degrees, NotNegative, PositiveRange
 from collectors.simulation.world import World
 from svfl_data.symmetry import OFFSET_PARTS, act, border_distance, element, nearest_direction
 
@@ -36,15 +37,15 @@ class CenteringConfig:
         margin: Distance of the block's centre from the border of the workspace, [m].
     """
 
-    border_deg: float = 5.0
-    block_half: tuple[float, float] = (0.019, 0.031)
-    block_mass: tuple[float, float] = (0.05, 0.15)
-    block_friction: tuple[float, float] = (0.4, 1.0)
-    block_turn_deg: float = 20.0
-    lateral: tuple[float, float] = (0.015, 0.055)
-    sideways_deg: float = 3.0
-    push: tuple[float, float] = (0.004, 0.012)
-    margin: float = 0.09
+    border_deg: Degrees = 5.0
+    block_half: PositiveRange = (0.019, 0.031)
+    block_mass: PositiveRange = (0.05, 0.15)
+    block_friction: PositiveRange = (0.4, 1.0)
+    block_turn_deg: Degrees = 20.0
+    lateral: PositiveRange = (0.015, 0.055)
+    sideways_deg: Degrees = 3.0
+    push: PositiveRange = (0.004, 0.012)
+    margin: NotNegative = 0.09
 
 
 @dataclass(frozen=True)

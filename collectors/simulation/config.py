@@ -4,11 +4,12 @@ import math
 from dataclasses import dataclass, field
 
 from collectors.simulation.admittance import AdmittanceConfig
+from collectors.simulation.bounds import Color, Count, Nanoseconds, NotNegative, Point, Positive, Range
 from collectors.simulation.camera import CameraConfig
 from collectors.simulation.noise import NoiseConfig
 from collectors.simulation.panda import PandaConfig
-
-Vector3 = tuple[float, float, float]
+from svfl_data.errors import UsageError
+from svfl_data.windows import WINDOW
 
 
 @dataclass(frozen=True)
@@ -37,21 +38,34 @@ class WorldConfig:
         cameras: The cameras, by name; the first one is what a policy sees.
     """
 
-    physics_dt_ns: int = 2_000_000
-    physics_steps: int = 25
-    max_acceleration: float = 3.25
-    smoothing_steps: int = 20
-    settle_steps: int = 4
-    tare_readings: int = 50
-    workspace: tuple[tuple[float, float], ...] = ((0.35, 0.75), (-0.2, 0.2), (-0.01, 0.25))
-    max_yaw: float = math.pi / 2
-    home: Vector3 = (0.55, 0.0, 0.2)
-    max_move: float = 0.025
-    max_turn: float = math.pi / 16
-    table_friction: float = 0.5
-    table_color: Vector3 = (0.62, 0.55, 0.47)
-    solver_iterations: int = 50
+    physics_dt_ns: Nanoseconds = 2_000_000
+    physics_steps: Count = 25
+    max_acceleration: Positive = 3.25
+    smoothing_steps: Count = 20
+    settle_steps: Count = 4
+    tare_readings: Count = 50
+    workspace: tuple[Range, Range, Range] = ((0.35, 0.75), (-0.2, 0.2), (-0.01, 0.25))
+    max_yaw: NotNegative = math.pi / 2
+    home: Point = (0.55, 0.0, 0.2)
+    max_move: Positive = 0.025
+    max_turn: Positive = math.pi / 16
+    table_friction: NotNegative = 0.5
+    table_color: Color = (0.62, 0.55, 0.47)
+    solver_iterations: Count = 50
     panda: PandaConfig = field(default_factory=PandaConfig)
     admittance: AdmittanceConfig = field(default_factory=AdmittanceConfig)
     noise: NoiseConfig = field(default_factory=NoiseConfig)
     cameras: dict[str, CameraConfig] = field(default_factory=lambda: {"front": CameraConfig()})
+
+    def __post_init__(self) -> None:
+        """Refuse what no world can be made of.
+
+        Raises:
+            UsageError: If the workspace is empty or its home is outside, or rest is too short for a window of readings.
+        """
+        if not all(low < high for low, high in self.workspace):
+            raise UsageError(f"a workspace has a low and a higher bound of x, y and z, got {self.workspace}")
+        if not all(low <= at <= high for at, (low, high) in zip(self.home, self.workspace, strict=True)):
+            raise UsageError(f"home {self.home} is outside the workspace {self.workspace}")
+        if self.settle_steps * self.physics_steps < max(WINDOW, self.tare_readings):
+            raise UsageError(f"the rest after a reset must have at least {max(WINDOW, self.tare_readings)} readings")

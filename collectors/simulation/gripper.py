@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from collectors.simulation.bounds import NotNegative, Positive
+
 
 @dataclass(frozen=True)
 class GripperConfig:
@@ -15,11 +17,11 @@ class GripperConfig:
         damping: Force per speed of a finger, [N s/m].
     """
 
-    stroke: float = 0.04
-    speed: float = 0.2
-    force: float = 20.0
-    stiffness: float = 5000.0
-    damping: float = 30.0
+    stroke: Positive = 0.04
+    speed: Positive = 0.2
+    force: Positive = 20.0
+    stiffness: Positive = 5000.0
+    damping: NotNegative = 30.0
 
 
 class Gripper:

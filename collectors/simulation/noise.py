@@ -7,7 +7,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-Six = tuple[float, float, float, float, float, float]
+from collectors.simulation.bounds import NotNegative
+
+Six = tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative]
 ZEROS: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -36,7 +38,7 @@ class NoiseConfig:
     white: Six = (0.033, 0.033, 0.133, 0.0017, 0.0017, 0.00033)
     drift: Six = (0.005, 0.005, 0.01, 0.00025, 0.00025, 0.00025)
     step: Six = (0.01, 0.01, 0.01, 0.001, 0.001, 0.001)
-    cutoff_hz: float = 150.0
+    cutoff_hz: NotNegative = 150.0
 
     @classmethod
     def none(cls) -> "NoiseConfig":

@@ -12,6 +12,7 @@ import numpy as np
 import pybullet_data
 from numpy.typing import NDArray
 
+from collectors.simulation.bounds import NotNegative, Positive
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.gripper import Gripper, GripperConfig
 from collectors.simulation.kinematics import POSTURE, hand_velocity, jacobian_array, joint_motion
@@ -40,9 +41,9 @@ class PandaConfig:
         gripper: The fingers' drive.
     """
 
-    friction: float = 1.0
-    pad_stiffness: float = 10_000.0
-    pad_damping: float = 50.0
+    friction: NotNegative = 1.0
+    pad_stiffness: Positive = 10_000.0
+    pad_damping: NotNegative = 50.0
     full_meshes: bool = False
     servo: ServoConfig = field(default_factory=ServoConfig)
     gripper: GripperConfig = field(default_factory=GripperConfig)

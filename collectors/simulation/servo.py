@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from collectors.simulation.bounds import NotNegative, Positive, Share
 from collectors.simulation.kinematics import servo_acceleration
 
 
@@ -22,11 +23,11 @@ class ServoConfig:
         posture_rate: How fast the elbow returns to its posture without moving the hand, [1/s].
     """
 
-    bandwidth: float = 60.0
-    damping_ratio: float = 0.7
-    correction: float = 0.05
-    ik_damping: float = 1e-3
-    posture_rate: float = 2.0
+    bandwidth: Positive = 60.0
+    damping_ratio: NotNegative = 0.7
+    correction: Share = 0.05
+    ik_damping: Positive = 1e-3
+    posture_rate: NotNegative = 2.0
 
 
 def rotation_error(theta: float, quat: tuple[float, float, float, float]) -> tuple[float, float, float]:

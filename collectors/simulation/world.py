@@ -274,6 +274,8 @@ class World(OwnProcess):
             The physical wrench on the hand, six numbers, [N] and [N m], base axes, about the sensor origin.
         """
         panda, admittance, dt = self._panda, self._admittance, self._dt
+        if not math.isfinite(sum(panda.joints)):
+            raise CollectError("the simulated arm is unstable: its gains do not fit the time step or the masses")
         reference, move = self._reference.pose, self._reference.step(self._aim(commanded))
         pose = [r + e for r, e in zip(reference, (*admittance.deviation, 0.0), strict=True)]
         motion = [m + rate * dt for m, rate in zip(move, (*admittance.rate, 0.0), strict=True)]
@@ -340,7 +342,13 @@ class World(OwnProcess):
 
     @property
     def camera(self) -> Calibration:
-        """Calibration of the first camera, whose picture a policy sees."""
+        """Calibration of the first camera, whose picture a policy sees.
+
+        Raises:
+            UsageError: If the world has none.
+        """
+        if not self._cameras:
+            raise UsageError("this World has no camera; name one in WorldConfig.cameras")
         return next(iter(self._cameras.values())).calibration
 
     @property

@@ -12,7 +12,7 @@ from collectors.simulation.bullet import pybullet
 from collectors.simulation.centering import FINGERTIP
 from collectors.simulation.world import World
 from collectors.tasks.hand import Hand, Moves, nearest_turn
-from collectors.tasks.task import Task
+from collectors.tasks.task import Task, two_apart
 
 HEIGHT = 0.05  # [m] of both blocks
 APART = 0.2  # [m] between the centres, at least; the largest blocks are 0.14 m across the corners
@@ -54,9 +54,7 @@ class BlockPulling(Task):
     def draw(cls, rng: np.random.Generator, world: World) -> Scene:
         """Both blocks anywhere on the workspace's table, redrawn until far enough apart."""
         low, high = world.workspace[:2, 0] + MARGIN, world.workspace[:2, 1] - MARGIN
-        xy = rng.uniform(low, high, (2, 2))
-        while math.dist(*xy) < APART:
-            xy = rng.uniform(low, high, (2, 2))
+        xy = two_apart(rng, low, high, APART)
 
         def two(low: float, high: float) -> tuple[float, float]:
             first, second = rng.uniform(low, high, 2).tolist()

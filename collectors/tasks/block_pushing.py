@@ -10,7 +10,7 @@ import numpy as np
 from collectors.simulation.bodies import RED, Box
 from collectors.simulation.world import World
 from collectors.tasks.hand import Hand, Moves, nearest_turn
-from collectors.tasks.task import Task
+from collectors.tasks.task import Task, two_apart
 
 REACHED = 0.05  # [m] horizontally from block to goal, less than
 LYING = 0.005  # [m] that the block's centre may be higher than on the table
@@ -55,9 +55,7 @@ class BlockPushing(Task):
     def draw(cls, rng: np.random.Generator, world: World) -> Scene:
         """Start and goal anywhere with room for the hand, redrawn until far enough apart."""
         low, high = world.workspace[:2, 0] + MARGIN, world.workspace[:2, 1] - MARGIN
-        start, goal = rng.uniform(low, high, (2, 2))
-        while math.dist(start, goal) < APART:
-            start, goal = rng.uniform(low, high, (2, 2))
+        start, goal = two_apart(rng, low, high, APART)
         return Scene(
             xy=(float(start[0]), float(start[1])),
             yaw=float(rng.uniform(-np.pi / 4, np.pi / 4)),

@@ -1,18 +1,47 @@
 """What a task is: a scene that is drawn, a world that is set up with it, a predicate that says when it is done."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from collectors.record import OBJECT
 from collectors.simulation.world import World
 from collectors.tasks.hand import Hand, Moves
+from svfl_data.errors import CollectError
 
+DRAWS = 1000
+"""Tries to draw a scene, of which the default workspace needs a few."""
 MAX_STEPS = 50
 """Longest episode (Kohler et al., CoRL 2023, section 5.1)."""
+
+
+def two_apart(
+    rng: np.random.Generator, low: NDArray[np.float64], high: NDArray[np.float64], apart: float
+) -> NDArray[np.float64]:
+    """Draw two places that are far enough apart.
+
+    Args:
+        rng: Source of all randomness.
+        low: Lowest x, y, (2,), [m].
+        high: Highest x, y, (2,), [m].
+        apart: Least distance, [m].
+
+    Returns:
+        The places, (2, 2), [m].
+
+    Raises:
+        CollectError: If there is no room for them.
+    """
+    for _ in range(DRAWS):
+        places: NDArray[np.float64] = rng.uniform(low, high, (2, 2))
+        if math.dist(*places) >= apart:
+            return places
+    raise CollectError(f"no two places {apart} m apart between {low.tolist()} and {high.tolist()} in {DRAWS} draws")
 
 
 class Task(ABC):

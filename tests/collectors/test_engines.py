@@ -1,8 +1,8 @@
 """Worker processes: what they make does not depend on them, and a dead one costs nothing but time."""
 
 import errno
+import multiprocessing.synchronize
 import os
-from multiprocessing import synchronize
 
 import pytest
 
@@ -11,8 +11,6 @@ from collectors.engines.worker import FAILURES
 from svfl_data.dataset import Dataset
 from svfl_data.errors import CollectError, StorageError
 from tests.collectors.conftest import Made, contents
-
-pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
@@ -46,15 +44,15 @@ def test_a_collectors_error_ends_it_and_keeps_what_is_finished(dataset):
     assert 2 not in dataset.indices
 
 
-def test_no_room_for_the_workers_is_one_line(dataset, monkeypatch):
-    """Processes share locks in /dev/shm, which can be full."""
+def test_no_room_for_semaphores_is_one_line(dataset, monkeypatch):
+    """Python keeps the semaphores of its worker processes in /dev/shm, which may be full."""
 
-    def full(*_, **__):
+    def refuse(*_, **__):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(synchronize._multiprocessing, "SemLock", full)
-    with pytest.raises(StorageError, match="cannot start workers, which need room in /dev/shm: No space left"):
-        collect_dataset(dataset, 3, 2, Made())
+    monkeypatch.setattr(multiprocessing.synchronize.SemLock, "__init__", refuse)
+    with pytest.raises(StorageError, match=r"No space left on device; .* /dev/shm"):
+        collect_dataset(dataset, 1, 1, Made())
 
 
 def test_only_what_is_missing_is_collected(dataset):

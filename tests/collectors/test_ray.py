@@ -1,10 +1,13 @@
 """The same data from a Ray cluster of two nodes, with and without a shared file system, and when a worker dies."""
 
+import contextlib
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import psutil
 import pytest
 import ray
 from ray._private import ray_constants
@@ -68,6 +71,45 @@ def test_a_collectors_error_arrives_in_one_line(cluster, tmp_path):
     dataset = Dataset.create_or_resume(tmp_path / "data", "made", 0, {})
     with pytest.raises(CollectError, match=r"^episode 0 cannot be made$"):
         collect_dataset(dataset, 1, 1, Made(fails_at=0), cluster)
+
+
+def listening(processes: list[psutil.Process]) -> dict[str, list[str]]:
+    """Addresses on which TCP sockets of processes wait for others, by process name."""
+    found: dict[str, list[str]] = {}
+    for process in processes:
+        with contextlib.suppress(psutil.NoSuchProcess, psutil.ZombieProcess):
+            for socket in process.net_connections("inet"):
+                if socket.status == psutil.CONN_LISTEN:
+                    found.setdefault(process.name(), []).append(socket.laddr.ip)
+    return found
+
+
+def test_a_cluster_of_its_own_is_heard_by_this_machine_only_and_ends_with_sigterm(tmp_path):
+    """While a command collects: sockets on the loopback interface alone. At SIGTERM: one line, 143, nobody left."""
+    command = (
+        "from collectors.cli import main; import sys; sys.argv[1:] = ['centering', '--samples', '1000', '--image-size',"
+        f" '64', '--engine', 'ray', '--out', {str(tmp_path / 'x')!r}]; sys.exit(main())"
+    )
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
+    running = subprocess.Popen(
+        [sys.executable, "-c", command], cwd=Path(__file__).parents[2], env=environment, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    begun = ""
+    while "1/1000" not in begun and (line := running.stdout.readline()):
+        begun += line
+    assert "1/1000" in begun
+    family = [psutil.Process(running.pid), *psutil.Process(running.pid).children(recursive=True)]
+    heard = listening(family)
+    running.send_signal(signal.SIGTERM)
+    output, _ = running.communicate(timeout=120)
+    assert {"raylet", "gcs_server"} <= heard.keys()
+    assert {ip.removeprefix("::ffff:") for ips in heard.values() for ip in ips} == {"127.0.0.1"}
+    assert running.returncode == 128 + signal.SIGTERM
+    said = [line for line in output.splitlines() if line and not line.startswith("centering: ")]
+    assert said == ["svfl-collect: interrupted; everything finished so far is on disk"]
+    _, alive = psutil.wait_procs(family, timeout=60)
+    assert not [process for process in alive if process.status() != psutil.STATUS_ZOMBIE]
 
 
 def test_without_ray_it_says_what_to_install(tmp_path):

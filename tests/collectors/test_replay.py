@@ -1,9 +1,14 @@
 """``svfl-collect replay``: exact for everything that the simulation recorded, and not for what was changed."""
 
+import json
+import re
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from collectors.centering import CenteringCollector
 from collectors.expert import ExpertCollector
@@ -13,7 +18,7 @@ from collectors.simulation.noise import NoiseConfig
 from collectors.tasks import TASKS
 from svfl_data.dataset import Dataset
 from svfl_data.episode import Episode
-from svfl_data.errors import DatasetError, FormatError
+from svfl_data.errors import CollectError, DatasetError, FormatError, SvflError
 from svfl_data.merge import merge
 from svfl_data.store import episode_bytes, read_episode, write_episode
 from tests.builders import make_episode
@@ -88,6 +93,120 @@ def test_a_configuration_of_another_software_is_refused(picked):
     with pytest.raises(FormatError, match=r"config.world.noise: this software does not know hum"):
         from_json(WorldConfig, {"noise": {"hum": 1.0}}, "config.world")
     assert from_json(WorldConfig, Dataset.open(picked).info["config"]["world"], "config.world") == SMALL
+
+
+JUNK = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.floats(allow_nan=True, allow_infinity=True),
+    st.integers(-(2**70), 2**70),
+    st.sampled_from([0, -1, 1e-300, 1e300, 10**400, "", "x", "\x1b[2J", [], {}, [[]], {"": 1}, {"\n": {}}]),
+    st.recursive(st.integers(), lambda inside: st.lists(inside, max_size=3) | st.dictionaries(st.text(), inside)),
+)
+
+
+def places(value: object, path: tuple = ()) -> list[tuple]:
+    """Path of every value inside JSON values, the outermost too."""
+    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [path, *(place for key, member in inside for place in places(member, (*path, key)))]
+
+
+def changed(config: dict, path: tuple, junk: object) -> dict:
+    """A configuration with something else in one place; without it, if `junk` is `...`."""
+    config = json.loads(json.dumps(config))
+    *way, last = path
+    holder = config
+    for key in way:
+        holder = holder[key]
+    if junk is ... and isinstance(holder, dict):
+        del holder[last]
+    else:
+        holder[last] = None if junk is ... else junk
+    return config
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_a_strange_configuration_is_replayed_or_refused_in_words(picked, centered, data):
+    """Whatever stands where the world, the scene, the attempt or the history was: an answer, or one error of ours."""
+    episode = data.draw(st.sampled_from([Dataset.open(picked).read(0), centered]))
+    asked = {name: episode.meta.config[name] for name in ("world", "attempt", "scene") if name in episode.meta.config}
+    path = data.draw(st.sampled_from([place for place in places(asked) if place]))
+    config = episode.meta.config | changed(asked, path, data.draw(st.just(...) | JUNK))
+    strange = Episode(
+        replace(episode.meta, config=config, history=data.draw(st.just([]) | st.lists(JUNK))), episode.arrays
+    )
+    with suppress(SvflError):
+        replay(strange)
+
+
+@pytest.fixture(scope="module")
+def centered() -> Episode:
+    collector = CenteringCollector(seed=5, world=SMALL)
+    episode = collector(1)
+    collector.opened.close()
+    return episode
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"world": []}, "config.world: Expected `object`, got `array`"),
+        ({"world": {"physics_steps": 10**9}}, "`int` <= 1000"),
+        ({"world": {"physics_steps": 1000}}, "readings or more, the file has"),
+        ({"world": {"cameras": {"front": {"height": 4000, "width": 4000}}}}, "config.world has cameras"),
+        (
+            {"world": {"cameras": {"front": {"tilt": 1}}}},
+            "config.world.cameras.front: this software does not know tilt",
+        ),
+        (
+            {"world": {"blend_steps": 10}},
+            "config.world: this software does not know blend_steps; was it another version",
+        ),
+        ({"world": {"admittance": {"mass": -1.0}}}, "admittance.mass"),
+        ({"world": {"home": [0.55, 0.0]}}, "length 3"),
+        ({"world": {"workspace": [[0.55, 0.35], [-0.2, 0.2], [-0.01, 0.25]]}}, "a workspace has a low and a higher"),
+        ({"attempt": -1}, "config: Expected `int` >= 0 - at `$.attempt`"),
+        ({"attempt": "first"}, "config: Expected `int`, got `str`"),
+        ({"index": [0]}, "config: Expected `int | null`, got `array`"),
+    ],
+)
+def test_a_strange_configuration_is_named(picked, change, message):
+    episode = Dataset.open(picked).read(0)
+    world = change.get("world", {})
+    config = episode.meta.config | change
+    if isinstance(world, dict):
+        config["world"] = episode.meta.config["world"] | world
+    with pytest.raises(FormatError, match=re.escape(message)):
+        replay(Episode(replace(episode.meta, config=config), episode.arrays))
+
+
+@pytest.mark.parametrize("task", ["block_pushing", "block_pulling"])
+def test_a_scene_without_room_is_refused(picked, task):
+    """A workspace in which nothing is far enough apart: an end, not a search for ever."""
+    episode = Dataset.open(picked).read(0)
+    narrow = episode.meta.config["world"] | {"workspace": [[0.45, 0.65], [-0.1, 0.1], [-0.01, 0.25]]}
+    meta = replace(episode.meta, task=task, config=episode.meta.config | {"world": narrow})
+    with pytest.raises(CollectError, match="no two places"):
+        replay(Episode(meta, episode.arrays))
+
+
+def test_an_unstable_arm_is_one_line(picked):
+    episode = Dataset.open(picked).read(0)
+    servo = {"panda": {"servo": {"bandwidth": 1e9, "damping_ratio": 0.0}}}
+    meta = replace(episode.meta, config=episode.meta.config | {"world": episode.meta.config["world"] | servo})
+    with pytest.raises(CollectError, match="unstable"):
+        replay(Episode(meta, episode.arrays))
+
+
+def test_a_strange_configuration_is_one_line_of_the_command(picked, tmp_path):
+    episode = Dataset.open(picked).read(1)
+    meta = replace(episode.meta, config=episode.meta.config | {"world": {"noise": "\x1b[2J"}})
+    (tmp_path / "e.hdf5").write_bytes(episode_bytes(Episode(meta, episode.arrays)))
+    done = collect("replay", tmp_path / "e.hdf5")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert done.stderr.startswith("svfl-collect: ")
+    assert "config.world" in done.stderr
 
 
 def test_the_command_says_exact_or_what_differs(picked, tmp_path):

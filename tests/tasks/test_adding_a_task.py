@@ -46,7 +46,7 @@ def test_the_documented_task_works_everywhere(documented):
 
 def test_an_impact_is_no_success(documented):
     """A threshold of force must hold for a while: one reading above it does not do the task."""
-    with World(WorldConfig(noise=NoiseConfig.none(), cameras={})) as world:
+    with World(WorldConfig(noise=NoiseConfig.none(), cameras={"front": CameraConfig(24, 24)})) as world:
         task = task_class(documented).begin(world, np.random.SeedSequence([3]))
         hand = Hand(world, np.random.default_rng(0), noise=0.0)
         world.finger_contacts = lambda body: (True, True)  # what is felt alone decides
