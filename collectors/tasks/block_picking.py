@@ -73,7 +73,7 @@ class BlockPicking(Task):
             yield from hand.go(x, y, top + 0.015, theta)
             yield from hand.go(z=max(z - 0.005, 0.012), exact=True, until=partial(self._astray, pose))
             if not self._astray(pose):
-                yield from hand.grip(0.0, steps=4, until=self._held)
+                yield from hand.grip(0.0, steps=5, until=self._held)
                 yield from hand.go(z=z + LIFTED + 0.03, until=lambda: not self._held())
             yield from hand.grip(1.0, steps=2)
 

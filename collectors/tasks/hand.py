@@ -24,6 +24,18 @@ def never() -> bool:
     return False
 
 
+class Lasting:
+    """A condition that holds when another one has been found to hold two times in a row."""
+
+    def __init__(self, condition: Callable[[], bool]) -> None:
+        self._condition, self._held = condition, False
+
+    def __call__(self) -> bool:
+        """Ask the other one."""
+        before, self._held = self._held, self._condition()
+        return before and self._held
+
+
 def nearest_turn(theta: float, period: float, near: float = 0.0) -> float:
     """The angle nearest to `near` that equals `theta` up to multiples of `period` and that the hand can turn to.
 
@@ -125,10 +137,10 @@ class Hand:
         Args:
             opening: Gripper opening from now on, 0 closed to 1 open.
             steps: How long the hand rests meanwhile; full travel takes 4.
-            until: Ends the wait early.
+            until: Ends the wait early, when it holds after two steps in a row: fingers may touch and part again.
         """
         self.opening = opening
-        yield from self.rest(steps, until)
+        yield from self.rest(steps, Lasting(until))
 
     def rest(self, steps: int, until: Callable[[], bool] = never) -> Moves:
         """Stay for some steps."""

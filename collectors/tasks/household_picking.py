@@ -100,7 +100,7 @@ class HouseholdPicking(Task):
             yield from hand.go(*grasp.xyz[:2], over - 0.005, theta)
             yield from hand.go(z=grasp.xyz[2], exact=True, until=partial(self._astray, pose))
             if not self._astray(pose):
-                yield from hand.grip(0.0, steps=5, until=self._held)
+                yield from hand.grip(0.0, steps=6, until=self._held)
                 yield from hand.go(z=grasp.xyz[2] + LIFTED + 0.04, until=lambda: not self._held())
             yield from hand.grip(1.0, steps=1)
             failures += 1

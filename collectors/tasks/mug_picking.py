@@ -103,7 +103,7 @@ class MugPicking(Task):
             yield from hand.go(x, y, rim + 0.01, theta)
             yield from hand.go(z=max(z, rim - PALM), exact=True, until=partial(self._astray, pose))
             if not self._astray(pose):
-                yield from hand.grip(0.0, steps=4, until=self.by_handle)
+                yield from hand.grip(0.0, steps=5, until=self.by_handle)
                 yield from hand.go(z=z + LIFTED + 0.06, until=lambda: not self.by_handle())
             yield from hand.grip(1.0, steps=2)
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from collectors.tasks.block_picking import LIFTED, MARGIN, BlockPicking
 from tests.simulation.conftest import hold, move
-from tests.tasks.conftest import begin, perform, place
+from tests.tasks.conftest import AGAIN, begin, perform, place
 
 
 def test_scenes_cover_the_ranges(world):
@@ -63,5 +63,5 @@ def test_the_expert_tries_again_after_a_slip(world):
             place(world, task.body, (x - 0.05, y - 0.08, task.scene.half))
             taken.append(step)
 
-    assert perform(task, disturb=take) is not None
+    assert perform(task, steps=AGAIN, disturb=take) is not None
     assert taken

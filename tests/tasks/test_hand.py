@@ -64,3 +64,12 @@ def test_what_is_outside_the_workspace_is_not_asked_for(world):
     for action in hand.go(x=2.0):
         world.step(action)
     assert abs(world.target[0] - world.workspace[0, 1]) < 1e-9
+
+
+def test_a_grip_does_not_trust_one_touch(world):
+    """Fingers that touch at one step and part at the next have not gripped: the hand goes on closing."""
+    world.reset(seed=0)
+    touches = iter([False, True, False, True, True])
+    moves = list(Hand(world, np.random.default_rng(0), 0.0).grip(0.0, steps=9, until=lambda: next(touches)))
+    assert len(moves) == 4
+    assert next(touches, None) is None
