@@ -67,7 +67,10 @@ def parse_meta(attributes: Mapping[str, Any], where: object) -> Meta:
         FormatError: If one is missing or of another type, is not JSON, or says what nothing can be made of.
     """
     try:
-        return _checked({key: _attribute(attributes, key) for key in (*PLAIN_ATTRIBUTES, *JSON_ATTRIBUTES)})
+        meta = _checked({key: _attribute(attributes, key) for key in (*PLAIN_ATTRIBUTES, *JSON_ATTRIBUTES)})
+        if meta.index < 0:  # a writer may leave its choice open, a file may not
+            raise FormatError(f"attribute index is {meta.index}; episodes are numbered from 0")
+        return meta
     except FormatError as error:
         raise FormatError(f"{where}: not a readable episode ({error})") from error
 
