@@ -12,6 +12,7 @@ LISTS = ("transforms", "annotations", "history")
 ATTRIBUTES = ("config", "software", *LISTS)
 HIDDEN = "\x1b]0;owned\x07\x1b[2J\x1b[31m\r\nsvfl-data: fine\u202e\u2066\u200b\ue000\x00\x9b"
 FREE = "any two numbers are an interval, if an empty one, and who found it is free JSON"
+NO_RATES = "what is no rate declares none"
 OWN = "a config is the recorder's own"
 SHOWN = "text is data, and shown harmlessly"
 
@@ -55,8 +56,8 @@ ODD = {  # attribute, value, why it may stand
     "config_100000_keys": ("config", {f"k{k}": k for k in range(100_000)}, "many, but keys"),
     "config_duplicate_keys": ("config", '{"a": 1, "a": 2}', "the last one counts, says Python"),
     "config_escapes": ("config", {HIDDEN: HIDDEN}, SHOWN),
-    "config_rates": ("config", {"rates_hz": {"streams/wrench": "fast", "x": None, "observations": -1}}, "what is no rate declares none"),
-    "config_rates_no_object": ("config", {"rates_hz": [1, 2]}, "what is no rate declares none"),
+    "config_rates": ("config", {"rates_hz": {"streams/wrench": "fast", "x": None, "observations": -1}}, NO_RATES),
+    "config_rates_no_object": ("config", {"rates_hz": [1, 2]}, NO_RATES),
     "config_max_move": ("config", {"world": {"max_move": "far"}, "max_move": [None]}, OWN),
     "config_max_move_far": ("config", {"world": {"max_move": -1e308}, "max_move": 1e308}, OWN),
     "config_shoves": ("config", {"shoves": 7, "camera": [], "robot": {}}, OWN),
