@@ -1,9 +1,9 @@
 """The law for files from strangers: every command refuses them in one line, in bounded time and memory, harmlessly.
 
-``SVFL_HOSTILE=all`` tries every command on every kind, which takes hours. With ``SVFL_HOSTILE=some`` a part of the kinds
-meet one command each, others from kind to kind. Without it only the sound files are tried: some kinds are still accepted
-where they need not be, which is looked at by hand. ``python -m tests.hostile.table`` does
-any part of it and prints a table.
+``SVFL_HOSTILE=all`` tries every command on every kind, which takes hours. With ``SVFL_HOSTILE=some`` a part of the
+kinds meets one command each, others from kind to kind. Without it only sound files are tried: some kinds are still
+accepted where they need not be, which is looked at by hand. ``python -m tests.hostile.table`` does any part of it and
+prints a table.
 """
 
 import os
