@@ -30,7 +30,7 @@ def constant_time(arrays):
 
 def milliseconds(arrays):
     arrays["observations/t_ns"] //= 1_000_000
-    return "observations/t_ns", None, "error", "21 time stamps within 0.001 ms: are they microseconds or milliseconds"
+    return "observations/t_ns", None, "error", "they must be nanoseconds, not microseconds or milliseconds"
 
 
 def backward_time(arrays):
@@ -75,8 +75,13 @@ def drop_outs(arrays):
 def foreign_clock(arrays):
     for path in arrays:
         if path.endswith("t_ns"):
-            arrays[path] = arrays[path] + 1_700_000_000 * 10**9
+            arrays[path] = arrays[path] + 86_400 * 10**9
     return "observations/t_ns", 0, "warning", "the clock does not start with the episode"
+
+
+def clock_of_the_epoch(arrays):
+    arrays["observations/t_ns"] = arrays["observations/t_ns"] + 1_700_000_000 * 10**9
+    return "observations/t_ns", None, "error", "has time stamps 19676 days from the episode's beginning"
 
 
 def late_start(arrays):
@@ -189,7 +194,8 @@ def label_inconsistent(arrays):
 
 SPOILERS = [
     duplicate_time, constant_time, backward_time, clock_set_back, clock_set_forward, camera_clock_set_forward, gap,
-    jitter, drop_outs, milliseconds, foreign_clock, late_start, early_end, empty_stream, saturation, stuck, no_sensor,
+    jitter, drop_outs, milliseconds, foreign_clock, clock_of_the_epoch, late_start, early_end, empty_stream,
+    saturation, stuck, no_sensor,
     tare_missing, tare_of_another_day, black_image, grey_image, frozen_picture, depth_holes, no_depth, constant_depth,
     action_too_large, opening_too_large, turn_too_large, hand_far_away, gripper_opening_in_metres, label_missing,
     label_inconsistent,
