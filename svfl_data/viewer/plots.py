@@ -1,6 +1,7 @@
 """Curves over time: wrench at its native rate, marks, proprioception, action commanded and achieved, reward."""
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ FORCES, TORQUES = ("fx, N", "fy, N", "fz, N"), ("mx, N m", "my, N m", "mz, N m")
 MARK_COLORS = ((86, 180, 233), LABEL, TORQUE, (0, 158, 115), FORCE)
 """Of the names of annotations, in their order; contact is the first."""
 FIRST = ("contact",)
+MOST_NAMES = 100
+OTHERS = "other annotations"
 
 
 def log_styles(recording: rr.RecordingStream, root: str) -> None:
@@ -108,10 +111,19 @@ def send_reward(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, succ
     send_curve(recording, root + names.REWARD, t_ns, values)
 
 
-def mark_colors(annotations: Sequence[Mapping[str, Any]]) -> dict[str, tuple[int, int, int]]:
-    """A colour for each name of an annotation."""
-    found = dict.fromkeys([*FIRST, *sorted({str(one["name"]) for one in annotations})])
-    return {name: MARK_COLORS[number % len(MARK_COLORS)] for number, name in enumerate(found)}
+def marks_by_name(annotations: Sequence[Mapping[str, Any]]) -> dict[str, list[tuple[int, int]]]:
+    """Start and end of the annotated intervals, [ns], by name: contacts first, at most `MOST_NAMES` names.
+
+    A viewer with thousands of curves ends, and nobody could tell them apart: names beyond these are one, `OTHERS`.
+    """
+    found: dict[str, list[tuple[int, int]]] = {}
+    for one in annotations:
+        found.setdefault(str(one["name"]), []).append((one["start_ns"], one["end_ns"]))
+    ordered = [*FIRST, *sorted(found.keys() - set(FIRST))]
+    marks = {name: found[name] for name in ordered[:MOST_NAMES] if name in found}
+    if rest := [span for name in ordered[MOST_NAMES:] for span in found[name]]:
+        marks[OTHERS] = sorted(rest)
+    return marks
 
 
 def send_marks(
@@ -125,12 +137,11 @@ def send_marks(
         annotations: With name, start_ns and end_ns.
         level: At which height of the force plot, [N].
     """
-    for name, color in mark_colors(annotations).items():
-        spans = [(one["start_ns"], one["end_ns"]) for one in annotations if one["name"] == name]
-        if not spans:
-            continue
+    marks = marks_by_name(annotations)
+    colors = dict(zip(dict.fromkeys([*FIRST, *marks]), cycle(MARK_COLORS), strict=False))
+    for name, spans in marks.items():
         t_ns = np.array([(start, max(start, end - 1), end) for start, end in spans]).reshape(-1)
         values = np.tile([level, level, np.nan], len(spans))  # NaN lifts the pen
         path = f"{root}{names.MARKS}/{rr.escape_entity_path_part(name)}"
-        recording.log(path, rr.SeriesLines(names=[printable(name)], colors=[color], widths=7.0), static=True)
+        recording.log(path, rr.SeriesLines(names=[printable(name)], colors=[colors[name]], widths=7.0), static=True)
         send_curve(recording, path, t_ns, values[:, None])

@@ -1,4 +1,5 @@
 import io
+import itertools
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,7 +14,7 @@ from rerun.chunk import RrdReader
 from svfl_data.episode import Episode, Meta
 from svfl_data.fields import OF_EPISODE
 from svfl_data.transforms import LowPass, Tare, as_record, processed_wrench
-from svfl_data.viewer import recording, scene, show
+from svfl_data.viewer import plots, recording, scene, show
 from svfl_data.viewer.about import about
 from svfl_data.viewer.blueprint import axis_range
 from svfl_data.viewer.shown import Shown
@@ -161,6 +162,15 @@ def test_recorded_contacts_are_shown_as_recorded(episode, tmp_path):
     save(Episode(replace(episode.meta, annotations=[mark]), episode.arrays), tmp_path / "marked.rrd")
     t_ns, _ = logged(tmp_path / "marked.rrd", "wrench/marks/contact", "Scalars:scalars")
     assert (t_ns[0], t_ns[-1]) == (mark["start_ns"], mark["end_ns"])
+
+
+@pytest.mark.parametrize("number", [1, plots.MOST_NAMES - 1, plots.MOST_NAMES, 50_000])
+def test_however_many_names_annotations_have_all_are_shown_on_few_curves(number):
+    annotations = [{"name": f"a{one:05d}", "start_ns": one, "end_ns": one + 1} for one in range(number)]
+    marks = plots.marks_by_name([*annotations, {"name": "contact", "start_ns": 0, "end_ns": 9}])
+    assert len(marks) <= plots.MOST_NAMES + 1
+    assert next(iter(marks)) == "contact"
+    assert sorted(itertools.chain(*marks.values())) == sorted([(0, 9), *((one, one + 1) for one in range(number))])
 
 
 def test_path_is_brightest_where_the_force_is_largest(saved):
