@@ -144,9 +144,10 @@ def check_format(attributes: Mapping[str, Any], where: object) -> None:
         raise FormatError(
             f"{where}: an HDF5 file, but not an episode (attribute format is {_short(found)}, not {FORMAT!r})"
         )
-    version, ours = str(attributes.get("format_version")), FORMAT_VERSION.split(".")[0]
-    if version.split(".")[0] != ours:
-        raise FormatError(f"{where}: format version {printable(version, 40)}; this software reads {ours}.x")
+    version, ours = attributes.get("format_version"), FORMAT_VERSION.split(".")[0]
+    if not isinstance(version, str) or version.split(".")[0] != ours:
+        found = printable(version if isinstance(version, str) else repr(version), 40)
+        raise FormatError(f"{where}: format version {found}; this software reads {ours}.x")
 
 
 def check_meaning(path: str, attributes: Mapping[str, Any], where: object) -> None:

@@ -20,6 +20,7 @@ from pathlib import Path
 from svfl_data.chunks import Extent, pread
 from svfl_data.errors import FormatError
 from svfl_data.printable import printable
+from svfl_data.stored_zip import leads_out
 
 PATTERN = "shard_*.zip"
 MEMBER = re.compile(r"episode_(\d{6}|[1-9]\d{6,17})\.hdf5", re.ASCII)
@@ -69,7 +70,7 @@ def _members(shard: Extent) -> dict[int, Member]:
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, struct.error) as error:
         raise FormatError(f"{shard}: not a readable shard ({printable(error)})") from error
     found: dict[int, Member] = {}
-    for info, after in zip(listed, [*(info.header_offset for info in listed[1:]), end], strict=True):
+    for info, after in zip(listed, [*(info.header_offset for info in listed), end][1:], strict=True):
         name = f"{shard}: {printable(info.filename, 100)}"
         _check_name(info.filename, name)
         if match := MEMBER.fullmatch(info.filename):
@@ -77,6 +78,8 @@ def _members(shard: Extent) -> dict[int, Member]:
             if int(match[1]) in found:
                 raise FormatError(f"{name} is a second episode {int(match[1])}, beside {found[int(match[1])].filename}")
             found[int(match[1])] = Member(info.filename, info.header_offset, info.file_size, after)
+    if not found:
+        raise FormatError(f"{shard}: a shard without episodes")
     return found
 
 
@@ -90,7 +93,7 @@ class _Careful(io.BufferedReader):
 
 
 def _check_name(filename: str, name: str) -> None:
-    if filename.startswith("/") or "\\" in filename or ".." in filename.split("/"):
+    if leads_out(filename):
         raise FormatError(f"{name}: a name that leads out of the folder; the shard is refused")
 
 

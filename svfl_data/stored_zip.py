@@ -77,5 +77,10 @@ def _check(member: zipfile.ZipInfo) -> None:
         raise zipfile.BadZipFile(f"{name} is compressed")
     if member.flag_bits & 1:
         raise zipfile.BadZipFile(f"{name} is encrypted")
-    if name.startswith("/") or "\\" in name or ".." in name.split("/"):
+    if leads_out(name):
         raise zipfile.BadZipFile(f"{name!r} is no name of a member")
+
+
+def leads_out(name: str) -> bool:
+    """Whether a member of this name would lie outside the folder that somebody unpacks the archive into."""
+    return name.startswith("/") or name[1:2] == ":" or "\\" in name or ".." in name.split("/")

@@ -53,7 +53,8 @@ def _data(name: str, *words: str, reads: frozenset[str] = ALL, **options) -> Com
 
 
 TINY = ("--preset", "tiny", "--epochs", "1")
-COPIES = {"episode": "it copies sealed bytes as they are; what they hold is judged by whoever reads the copy"}
+JUDGED_LATER = "it copies bytes as they are; what they hold is judged by whoever reads the copy"
+COPIES = {"episode": JUDGED_LATER, "split": JUDGED_LATER}
 LISTED = {"episode": TOLD, "damage": TOLD, "folder": TOLD}
 ONE = {"folder": ENTRIES}
 COMMANDS = (

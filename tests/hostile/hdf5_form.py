@@ -87,8 +87,8 @@ def _retyped(path, change):
 
 
 def _same(field, name):
-    """What would change nothing: the transpose of a vector, one column less of one dimension."""
-    return field in ("t_ns", "tare") and name in ("flat", "transposed")
+    """What would change nothing: the transpose of a vector, the byte order of single bytes."""
+    return (field in ("t_ns", "tare") and name in ("flat", "transposed")) or (field, name) == ("color", "big_endian")
 
 
 for field, path in FIELDS.items():

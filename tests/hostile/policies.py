@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tests.hostile.kind import outside, payload
+from tests.hostile.kind import payload
 from tests.hostile.models import POLICY, UNREAD, edited_json, members_with, pickled, register, rezipped, torch_saved
 
 
@@ -47,6 +47,7 @@ PROGRAM = {
     "graph_cut": ("model.json", lambda content: content[:1000]),
     "graph_calls_system": ("model.json", lambda content: content.replace(ADD, b"os.system")),
     "graph_calls_eval": ("model.json", lambda content: content.replace(ADD, b"builtins.eval")),
+    "graph_opens_a_file": ("model.json", lambda content: content.replace(ADD, b"torch.ops.aten.from_file.default")),
     "graph_calls_unknown": ("model.json", lambda content: content.replace(b"ops.aten.add", b"ops.evil.add")),
     "graph_calls_escapes": ("model.json", lambda content: content.replace(ADD, b"\\u001b[31m\\n")),
     "weights_pickled": ("weights_config", edited_json(_config(use_pickle=True))),
@@ -79,22 +80,7 @@ def _with_pickled_weights(source, target, folder):
     rezipped(source, target, edit)
 
 
-def _reads_a_file(source, target, folder):
-    """A whole program of the right form whose graph opens a file of the user's, which it may also create and extend."""
-    import torch
-
-    from svfl_models import exported_policy
-
-    class Reader(torch.nn.Module):
-        def forward(self, image, wrench, proprio):
-            found = torch.from_file(str(outside(folder)), shared=False, size=5, dtype=torch.float32)
-            return proprio + 0 * found + 0 * image.mean() + 0 * wrench.mean()
-
-    exported_policy.save(Reader(), target, (76, 76))
-
-
 register(POLICY, "weights_pickled_with_payload", _with_pickled_weights)
-register(POLICY, "program_opens_a_file", _reads_a_file)
 PARTS = (
     "model.json",
     "weights_config",

@@ -5,7 +5,6 @@ These are made of a dataset that the simulation has recorded (`tests.hostile.sou
 
 import json
 
-from svfl_data.episode import canonical_json
 from tests.hostile.json_attributes import HIDDEN
 from tests.hostile.kind import add
 from tests.hostile.making_episodes import reopened, text
@@ -92,7 +91,7 @@ for name, task in {
 def _history(entries):
     def make(folder):
         with reopened(folder) as file:
-            text(file, "history", canonical_json(entries))
+            text(file, "history", json.dumps(entries))
 
     return make
 

@@ -13,6 +13,7 @@ FILES = {
     "split": "splits/default.json",
     "statistics": "splits/default.statistics.json",
 }
+NAMED = "a split is named by its file"
 CACHE = "the index is a cache: what is wrong with it is worked out again from the episodes"
 
 
@@ -172,9 +173,9 @@ SPLIT = {
     "parts_strangers": (_split(parts={"train": [777], "valid": [0]}), ""),
     "parts_a_million": (_split(parts={"train": list(range(10**6))}), ""),
     "part_escapes": (_split(parts={HIDDEN: [0]}), ""),
-    "name_other": (_split(name="../../x"), ""),
-    "name_number": (_split(name=3), ""),
-    "name_escapes": (_split(name=HIDDEN), ""),
+    "name_other": (_split(name="../../x"), NAMED),
+    "name_number": (_split(name=3), NAMED),
+    "name_escapes": (_split(name=HIDDEN), NAMED),
     "seed_text": (_split(seed="x"), ""),
     "rule_list": (_split(rule=[]), ""),
     "hash_missing": (_without("sha256"), ""),
