@@ -21,7 +21,7 @@ from svfl_data.printable import printable
 from svfl_data.reader import EpisodeReader
 from svfl_data.regular_file import refuse_link
 from svfl_data.shards import MEMBER, member_extent, members, shard_files
-from svfl_data.side_files import Int64, parse_as, plain, read_side_file
+from svfl_data.side_files import Int64, check_format, parse_as, plain, read_side_file
 
 FORMAT = "svfl-dataset"
 FORMAT_VERSION = "1.0"
@@ -72,11 +72,7 @@ class Dataset:
             info = read_side_file(file)
         except FileNotFoundError as error:
             raise FormatError(f"{path}: not a dataset (it has no {INFO})") from error
-        if not isinstance(info, dict) or info.get("format") != FORMAT:
-            raise FormatError(f"{file}: does not describe a dataset (format is not {FORMAT!r})")
-        if str(info.get("format_version")).split(".")[0] != FORMAT_VERSION.split(".")[0]:
-            found, ours = printable(info.get("format_version"), 40), FORMAT_VERSION.split(".")[0]
-            raise FormatError(f"{file}: format version {found}; this software reads {ours}.x")
+        check_format(info, FORMAT, FORMAT_VERSION, file, "does not describe a dataset")
         parse_as(info, Info, file)
         return cls(path, info)
 

@@ -73,6 +73,26 @@ def parse_json(content: bytes | str, where: object, limit: int = SIZE_LIMIT) -> 
     return value
 
 
+def check_format(value: Any, name: str, version: str, where: object, what: str) -> None:  # noqa: ANN401 - any JSON value
+    """Refuse a JSON value that does not say that it is what was expected, in a version that can be read.
+
+    Args:
+        value: From `parse_json`.
+        name: What its key ``format`` must be.
+        version: Our version; the first number of its key ``format_version`` must be the same.
+        where: What to name in the error, such as the file.
+        what: What it does not, such as ``not a split``.
+
+    Raises:
+        FormatError: If it is something else, or of another version.
+    """
+    if not isinstance(value, dict) or value.get("format") != name:
+        raise FormatError(f"{where}: {what} (format is not {name!r})")
+    found, ours = value.get("format_version"), version.split(".")[0]
+    if not isinstance(found, str) or found.split(".")[0] != ours:
+        raise FormatError(f"{where}: format version {printable(found, 40)}; this software reads {ours}.x")
+
+
 def parse_as(value: Any, model: type[Model], where: object) -> Model:  # noqa: ANN401 - any JSON value
     """A JSON value as a declared model; keys that the model does not have are ignored.
 

@@ -21,9 +21,8 @@ from svfl_data.duplicates import copies, copies_words
 from svfl_data.episode import canonical_json
 from svfl_data.errors import DatasetError, FormatError, StorageError, UsageError
 from svfl_data.index import entries
-from svfl_data.printable import printable
 from svfl_data.regular_file import refuse_link
-from svfl_data.side_files import Count, Int64, parse_as, read_side_file
+from svfl_data.side_files import Count, Int64, check_format, parse_as, read_side_file
 
 FORMAT = "svfl-split"
 FORMAT_VERSION = "1.0"
@@ -167,11 +166,7 @@ def load_split(dataset: Dataset, name: str) -> Split:
     except FileNotFoundError as error:
         stored = sorted(other.stem for other in file.parent.glob("*.json") if NAME.fullmatch(other.stem))
         raise DatasetError(f"{dataset.path}: no split {name!r}; it has {_named(stored)}") from error
-    if not isinstance(found, dict) or found.get("format") != FORMAT:
-        raise FormatError(f"{file}: not a split (format is not {FORMAT!r})")
-    if str(found.get("format_version")).split(".")[0] != FORMAT_VERSION.split(".")[0]:
-        version = printable(found.get("format_version"), 40)
-        raise FormatError(f"{file}: format version {version}; this software reads 1.x")
+    check_format(found, FORMAT, FORMAT_VERSION, file, "not a split")
     whole = parse_as(found, SplitFile, f"{file}: not a whole split")
     split = Split(name, whole.seed, whole.rule, whole.parts)
     together = [index for part in split.parts.values() for index in part]

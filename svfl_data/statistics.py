@@ -12,6 +12,7 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -26,7 +27,7 @@ from svfl_data.printable import printable
 from svfl_data.progress import progress
 from svfl_data.reader import EpisodeReader
 from svfl_data.regular_file import refuse_link
-from svfl_data.side_files import parse_as, read_side_file
+from svfl_data.side_files import check_format, parse_as, read_side_file
 from svfl_data.split import Split, split_file
 from svfl_data.symmetry import Part
 
@@ -114,9 +115,9 @@ class FieldStatistics:
     """
 
     unit: str
-    count: int
+    count: Annotated[int, msgspec.Meta(ge=0)]
     mean: list[float]
-    scale: list[float]
+    scale: list[Annotated[float, msgspec.Meta(gt=0)]]
     min: list[float]
     max: list[float]
 
@@ -197,9 +198,11 @@ def load_statistics(dataset: Dataset, split: Split) -> dict[str, FieldStatistics
     file = statistics_file(dataset, split.name)
     refuse_link(file.parent)
     try:
-        found = parse_as(read_side_file(file), StatisticsFile, f"{file}: not readable as statistics")
+        content = read_side_file(file)
     except FileNotFoundError as error:
         raise DatasetError(f"{dataset.path}: no statistics of split {split.name!r} yet") from error
+    check_format(content, FORMAT, FORMAT_VERSION, file, "not readable as statistics")
+    found = parse_as(content, StatisticsFile, f"{file}: not readable as statistics")
     for path, field in found.fields.items():
         if len({len(field.mean), len(field.scale), len(field.min), len(field.max)}) > 1:
             raise FormatError(f"{file}: fields.{printable(path, 80)}: its lists have different lengths")

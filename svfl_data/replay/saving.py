@@ -19,6 +19,7 @@ from svfl_data.atomically import written_aside
 from svfl_data.episode import canonical_json
 from svfl_data.errors import FormatError, UsageError
 from svfl_data.printable import printable
+from svfl_data.side_files import check_format
 from svfl_data.stored_zip import Stored, stored
 
 FORMAT = "svfl-replay"
@@ -89,11 +90,7 @@ def reading(path: Path) -> Iterator[Saved]:
             if HEADER not in archive.members:
                 raise FormatError(f"{path}: a ZIP file, but not a saved replay buffer (it has no {HEADER})")
             header = json.loads(archive.read(HEADER))
-            if header["format"] != FORMAT:
-                raise FormatError(f"{path}: not a saved replay buffer (format is {printable(header['format'], 40)!r})")
-            if header["format_version"].split(".")[0] != FORMAT_VERSION.split(".")[0]:
-                found = printable(header["format_version"], 40)
-                raise FormatError(f"{path}: format version {found}; this software reads {FORMAT_VERSION[0]}.x")
+            check_format(header, FORMAT, FORMAT_VERSION, path, "not a saved replay buffer")
             yield Saved(archive, header)
     except DAMAGE as error:
         words = printable(" ".join(str(error).split()) or type(error).__name__, 200)

@@ -132,10 +132,10 @@ def test_foreign_files_are_refused(tmp_path):
     with pytest.raises(FormatError, match=r"a ZIP file, but not a saved replay buffer \(it has no replay\.json\)"):
         ReplayBuffer.load(tmp_path / "a.npz")
     for header, message in (
-        ({"format": "svfl-split"}, "format is 'svfl-split'"),
+        ({"format": "svfl-split"}, "format is not 'svfl-replay'"),
         ({"format": "svfl-replay", "format_version": "1.0"}, r"format version 1\.0; this software reads 2\.x"),
         ({"format": "svfl-replay", "format_version": "2.0"}, "damaged"),
-        ([1], "damaged"),
+        ([1], "format is not 'svfl-replay'"),
     ):
         with zipfile.ZipFile(tmp_path / "b.replay", "w") as archive:
             archive.writestr("replay.json", json.dumps(header))
