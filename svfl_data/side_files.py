@@ -50,6 +50,19 @@ def read_side_file(path: Path, limit: int = SIZE_LIMIT) -> Any:  # noqa: ANN401 
     return parse_json(content, path)
 
 
+def read_json(path: Path) -> Any:  # noqa: ANN401 - any JSON value
+    """The value of a JSON file that the user has named, or that a command of ours has left where the user said.
+
+    Args:
+        path: An ordinary file, or a link to one.
+
+    Raises:
+        FormatError: If it is no ordinary file, too large, not JSON, or beyond the limits above.
+        OSError: If it does not exist or cannot be read.
+    """
+    return parse_json(read_regular(path.resolve(), SIZE_LIMIT), path)
+
+
 def parse_json(content: bytes | str, where: object, limit: int = SIZE_LIMIT) -> Any:  # noqa: ANN401 - any JSON value
     """The value of a JSON text.
 

@@ -193,7 +193,7 @@ class TopView:
             )
         colors = color.reshape(-1, 3)[chosen].T
         places = points.reshape(3, -1)[:, chosen]
-        if count > 1:
+        if count > 1 and len(chosen):
             offsets = ((np.arange(count) - 0.5 * (count - 1)) / count).astype(np.float32)
             down, across = (self._towards(points, seen, axis, chosen, offsets, reach) for axis in (0, 1))
             places = (places[:, None, None] + down[:, :, None] + across[:, None]).reshape(3, -1)

@@ -77,6 +77,7 @@ def rebuilt(kind: type[Module], found: dict[str, Any], path: Path, training: typ
         _check_tensors(state, path)
         _check_shapes(kind, described, state)
         module = kind(**described)
+        _check_types(module, state)
         module.load_state_dict(state)
     except FormatError:
         raise
@@ -130,6 +131,13 @@ def _check_tensors(state: Mapping[str, Any], path: Path) -> None:
             raise FormatError(f"{path}: {name} is declared with {tensor.numel()} numbers, the file holds {held}")
         if not torch.isfinite(tensor).all():
             raise FormatError(f"{path}: {name} has numbers that are not finite")
+
+
+def _check_types(module: Module, state: Mapping[str, Tensor]) -> None:
+    """Compare with what was built: PyTorch would convert whatever it is given, complex numbers with a loss."""
+    for name, tensor in module.state_dict().items():
+        if name in state and state[name].dtype != tensor.dtype:
+            raise ValueError(f"{name} holds {state[name].dtype}, described is {tensor.dtype}")
 
 
 def _check_shapes(kind: type[Module], described: Mapping[str, Any], state: Mapping[str, Tensor]) -> None:

@@ -2,15 +2,15 @@
 
 import errno
 import fcntl
-import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from svfl_data.errors import StorageError, TrainingError
+from svfl_data.errors import FormatError, StorageError, TrainingError
 from svfl_data.leftovers import clear_files
+from svfl_data.side_files import read_json
 from svfl_models.writing import write_json
 
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
@@ -100,8 +100,8 @@ def _read_config(out: Path) -> dict[str, Any] | None:
     if not path.is_file():
         return None
     try:
-        found = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
+        found = read_json(path)
+    except (OSError, FormatError) as error:
         raise TrainingError(
             f"{path} is not the configuration of a training run ({error}); choose another --out"
         ) from error

@@ -1,4 +1,4 @@
-"""What programs leave for people, written whole or not at all: text, JSON, tables and figures."""
+"""What programs leave for people, written whole or not at all: text, JSON, tables (also read again) and figures."""
 
 import csv
 import io
@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from svfl_data.atomically import write_atomically
+from svfl_data.errors import FormatError
+from svfl_data.printable import printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,6 +34,36 @@ def write_rows(path: Path, rows: Iterable[Iterable[object]]) -> None:
     buffer = io.StringIO(newline="")
     csv.writer(buffer).writerows(rows)
     write_text(path, buffer.getvalue())
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Read a table that has a line of names, by these.
+
+    Raises:
+        FormatError: If it is no such table.
+        OSError: If it cannot be read.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file, restkey="", restval=""))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FormatError(f"{path}: not a table ({error})") from error
+    if any("" in row for row in rows):
+        raise FormatError(f"{path}: not a table (a line has more columns than the first one)")
+    return rows
+
+
+def read_numbers(path: Path) -> list[dict[str, float]]:
+    """Read a table of numbers; cells without one are left out.
+
+    Raises:
+        FormatError: If it is no such table.
+        OSError: If it cannot be read.
+    """
+    try:
+        return [{name: float(value) for name, value in row.items() if value} for row in read_rows(path)]
+    except ValueError as error:
+        raise FormatError(f"{path}: not a table of numbers ({printable(error)})") from error
 
 
 def write_figure(figure: "Figure", path: Path, dpi: int) -> None:

@@ -44,6 +44,23 @@ def test_some_libraries_have_few_owners(module, owners):
     assert sorted(str(file.relative_to(ROOT)) for file in users) == owners
 
 
+JSON_OF_OUR_OWN = {
+    "collectors/replay.py", "svfl_data/checks/verdicts.py", "svfl_data/examiner.py", "svfl_data/verbs/filter.py",
+    "svfl_models/escnn_cache.py",
+}  # fmt: skip
+"""Files that parse what they have made themselves, or one word of a command line."""
+
+
+def test_json_of_files_is_parsed_in_one_place_which_bounds_it():
+    users = {
+        str(file.relative_to(ROOT))
+        for package in FORBIDDEN
+        for file in (ROOT / package).rglob("*.py")
+        if "json.loads(" in file.read_text().replace("msgspec.json", "") or "json.load(" in file.read_text()
+    }
+    assert users == JSON_OF_OUR_OWN
+
+
 def test_nothing_in_the_store_needs_torch():
     users = [file.name for file in (ROOT / "svfl_data").rglob("*.py") if "svfl_data.torch_samples" in file.read_text()]
     assert users == []

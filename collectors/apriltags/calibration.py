@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from collectors.contract import Calibration
 from svfl_data.atomically import write_atomically
 from svfl_data.errors import FormatError, StorageError
+from svfl_data.side_files import read_json
 
 
 def image_axes(T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -69,12 +70,12 @@ def write_calibration(path: Path, name: str, calibration: Calibration, residuals
 
 def _cameras(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(path.read_text())
+        found = read_json(path)
         if found["format"] != "svfl-calibration":
             raise ValueError(f"format {found['format']!r}")
         return dict(found["cameras"])
     except OSError as error:
         raise StorageError(f"cannot read {path}: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (FormatError, ValueError, KeyError, TypeError) as error:
         why = f"{type(error).__name__}: {error}"
         raise FormatError(f"{path} is no calibration file of svfl-collect calibrate: {why}") from error

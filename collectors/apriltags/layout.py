@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from collectors.apriltags.native import CORRECTED
 from svfl_data.atomically import write_atomically
 from svfl_data.errors import FormatError, StorageError, UsageError
+from svfl_data.side_files import read_json
 
 CORNERS = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
 """Corners of a tag of size 1 in its own axes, in the order in which a detection has them: from lower left, against
@@ -145,14 +146,14 @@ class Layout:
             FormatError: If it holds no layout.
         """
         try:
-            found: dict[str, Any] = json.loads(path.read_text())
+            found: dict[str, Any] = read_json(path)
             tags = [
                 Tag(int(tag["id"]), float(tag["size"]), _pose(tag["T_body_tag"])) for tag in found["tags"]
             ]  # fmt: skip
             return cls.of(str(found["family"]), tags)
         except OSError as error:
             raise StorageError(f"cannot read {path}: {error.strerror}") from error
-        except (ValueError, KeyError, TypeError, UsageError) as error:
+        except (FormatError, ValueError, KeyError, TypeError, UsageError) as error:
             words = "it needs family and tags with id, size [m] and T_body_tag (4 x 4)"
             raise FormatError(f"{path} is no layout of tags; {words}: {type(error).__name__}: {error}") from error
 

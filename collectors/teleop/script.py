@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from collectors.teleop.device import Command, Device, reading
 from svfl_data.errors import FormatError, StorageError
+from svfl_data.side_files import parse_json
 
 FORMAT, VERSION = "svfl-teleop-log", 1
 
@@ -77,7 +78,7 @@ class Script(Device):
 
     def __init__(self, path: Path) -> None:
         try:
-            lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+            lines = [parse_json(line, path) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
             head, lines = lines[0], lines[1:]
             if head["format"] != FORMAT or head["version"] != VERSION:
                 raise FormatError(f"{path}: first line says {head}; expected {FORMAT!r}, version {VERSION}")

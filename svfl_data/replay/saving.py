@@ -5,7 +5,7 @@ a CRC-32, which is checked before anything in it is believed. Equal buffers give
 """
 
 import io
-import json
+import math
 import struct
 import zipfile
 from collections.abc import Iterable, Iterator
@@ -19,12 +19,13 @@ from svfl_data.atomically import written_aside
 from svfl_data.episode import canonical_json
 from svfl_data.errors import FormatError, UsageError
 from svfl_data.printable import printable
-from svfl_data.side_files import check_format
+from svfl_data.side_files import check_format, parse_json
 from svfl_data.stored_zip import Stored, stored
 
 FORMAT = "svfl-replay"
 FORMAT_VERSION = "2.0"
 HEADER = "replay.json"
+NPY_VERSION = (1, 0)
 EARLIEST = (1980, 1, 1, 0, 0, 0)  # times would make equal buffers differ
 DAMAGE = (
     zipfile.BadZipFile, struct.error, OSError, EOFError, RuntimeError,
@@ -49,7 +50,7 @@ def write(path: Path, header: dict[str, Any], arrays: Iterable[tuple[str, np.nda
         archive.writestr(zipfile.ZipInfo(HEADER, EARLIEST), text)
         for name, array in arrays:
             content = io.BytesIO()
-            np.lib.format.write_array(content, array, allow_pickle=False)
+            np.lib.format.write_array(content, np.asarray(array, order="C"), NPY_VERSION, allow_pickle=False)
             archive.writestr(zipfile.ZipInfo(f"{name}.npy", EARLIEST), content.getbuffer())
 
 
@@ -71,9 +72,16 @@ class Saved:
         return value
 
     def array(self, name: str) -> np.ndarray:
-        """An array by its name."""
-        content = io.BytesIO(self._archive.read(f"{name}.npy"))
-        return np.asarray(np.lib.format.read_array(content, allow_pickle=False))
+        """An array by its name, which takes no more memory than its member has bytes."""
+        content = self._archive.read(f"{name}.npy")
+        opened = io.BytesIO(content)
+        if np.lib.format.read_magic(opened) != NPY_VERSION:
+            raise ValueError(f"{name} is no array of NPY version 1.0")
+        shape, fortran_order, dtype = np.lib.format.read_array_header_1_0(opened)
+        size, held = math.prod(shape) * dtype.itemsize, len(content) - opened.tell()
+        if dtype.hasobject or fortran_order or size != held:
+            raise ValueError(f"{name} is declared as {size} bytes of {dtype}, the file holds {held}")
+        return np.frombuffer(content, dtype, offset=opened.tell()).reshape(shape)
 
 
 @contextmanager
@@ -89,7 +97,8 @@ def reading(path: Path) -> Iterator[Saved]:
         with stored(path) as archive:
             if HEADER not in archive.members:
                 raise FormatError(f"{path}: a ZIP file, but not a saved replay buffer (it has no {HEADER})")
-            header = json.loads(archive.read(HEADER))
+            content = archive.read(HEADER)
+            header = parse_json(content, path, limit=len(content))
             check_format(header, FORMAT, FORMAT_VERSION, path, "not a saved replay buffer")
             yield Saved(archive, header)
     except DAMAGE as error:

@@ -3,13 +3,13 @@
 Light to import, for a worker unpickles its first run before it knows what it needs.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from svfl_data.errors import StorageError, SvflError, TrainingError, UsageError
+from svfl_data.errors import FormatError, StorageError, SvflError, TrainingError, UsageError
+from svfl_data.side_files import read_json
 from svfl_models import run_folder
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.experiments.folder import RUNS, finished
@@ -120,8 +120,8 @@ def runs(
 
 def _read(file: Path) -> dict[str, Any] | None:
     try:
-        found = json.loads(file.read_text())
-    except (OSError, ValueError):
+        found = read_json(file)
+    except (OSError, FormatError):
         return None
     return found if isinstance(found, dict) else None
 

@@ -1,6 +1,5 @@
 """The page of a table of clonings: success by task and network, learning curves, and how it was made."""
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from svfl_models.cloning.table import GROUPS, Rate, Run
 from svfl_models.experiments.figures import MODEL_COLOURS, panels, save
 from svfl_models.experiments.page import duration, markdown
 from svfl_models.report import NAMES
-from svfl_models.writing import write_rows, write_text
+from svfl_models.writing import read_numbers, write_rows, write_text
 
 PICTURES = ("bc_success.png", "bc_curves.png")
 ERRORS = {"valid_gripper": "gripper wrong, %", "valid_xy_mm": "(dx, dy), mm", "valid_z_mm": "dz, mm"}
@@ -165,9 +164,8 @@ def _draw_curves(table: Table, file: Path) -> Path:
 
 
 def _metrics(folder: Path) -> dict[str, list[float]]:
-    with (folder / run_folder.METRICS).open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    return {name: [float(row[name]) for row in rows] for name in ("train_loss", "valid_loss")}
+    rows = read_numbers(folder / run_folder.METRICS)
+    return {name: [row[name] for row in rows] for name in ("train_loss", "valid_loss")}
 
 
 def _write_runs(table: Table, file: Path) -> Path:

@@ -1,6 +1,5 @@
 """Train a policy on demonstrations: load, split, fit; an interrupted training goes on where it was."""
 
-import json
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -9,6 +8,8 @@ import lightning.pytorch as pl
 import torch
 from rich.console import Console
 
+from svfl_data.errors import FormatError
+from svfl_data.side_files import read_json
 from svfl_models import run_folder
 from svfl_models.classifier import parameter_count
 from svfl_models.cloning.checkpoint import load_policy
@@ -109,8 +110,8 @@ def _interrupted(config: CloningConfig, out: Path) -> Path | None:
     if not checkpoint.exists() or (out / run_folder.RESULT).exists():
         return None
     try:
-        same = json.loads((out / run_folder.CONFIG).read_text()) == config.plain()
-    except (OSError, ValueError):
+        same = read_json(out / run_folder.CONFIG) == config.plain()
+    except (OSError, FormatError):
         return None  # `run_folder.claim` says what is wrong
     if same:
         load_policy(checkpoint)  # a damaged one is said before the training starts

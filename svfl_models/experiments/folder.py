@@ -1,13 +1,13 @@
 """The folder of an experiment: held by one process, claimed for one recipe and one state of the datasets."""
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from svfl_data.dataset import Dataset
-from svfl_data.errors import StorageError, TrainingError
+from svfl_data.errors import FormatError, StorageError, TrainingError
+from svfl_data.side_files import read_json
 from svfl_data.statistics import fingerprint
 from svfl_models import run_folder
 from svfl_models.config import TrainingConfig
@@ -90,9 +90,9 @@ def _check(out: Path, about: dict[str, Any]) -> None:
             raise TrainingError(f"{out} holds other files and no {ABOUT}; choose another --out")
         return
     try:
-        found = json.loads(file.read_text())
+        found = read_json(file)
         changes = _changes(found, about)
-    except (OSError, ValueError, AttributeError) as error:
+    except (OSError, FormatError, AttributeError) as error:
         raise TrainingError(f"{file} does not describe an experiment ({error}); choose another --out") from error
     if changes and any(finished(run) for run in (out / RUNS).glob("*")):  # else nothing of worth is lost
         raise TrainingError(f"{out} holds runs with {'; '.join(changes)}; choose another --out or delete it")
@@ -121,7 +121,7 @@ def _changes(found: dict[str, Any], now: dict[str, Any]) -> list[str]:
 def finished(folder: Path) -> dict[str, Any] | None:
     """The numbers that a finished run left, see `report.write_report`; None if it has not finished."""
     try:
-        found = json.loads((folder / run_folder.RESULT).read_text())
-    except (OSError, ValueError):
+        found = read_json(folder / run_folder.RESULT)
+    except (OSError, FormatError):
         return None
     return found if isinstance(found, dict) and {"config", "result"} <= found.keys() else None

@@ -1,6 +1,5 @@
 """Where networks err: near the border of two classes, at long or short offsets, or in one class more than in others."""
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -17,6 +16,7 @@ from svfl_models.experiments.figures import ENCODER_COLOURS, WIDTH_IN, save
 from svfl_models.experiments.page import markdown
 from svfl_models.experiments.results import Cell
 from svfl_models.report import NAMES
+from svfl_models.writing import read_rows
 
 BORDER_DEG = np.arange(0, 50, 5)
 LENGTH_MM = np.arange(0, 105, 5)
@@ -49,8 +49,7 @@ class Predictions:
         rows = []
         for run in cell.runs:
             if run.result:
-                with (run.folder / run_folder.PREDICTIONS).open(newline="") as file:
-                    rows += list(csv.DictReader(file))
+                rows += read_rows(run.folder / run_folder.PREDICTIONS)
         samples = "fresh" if any(row["samples"] == "fresh" for row in rows) else "test"
         rows = [row for row in rows if row["samples"] == samples]
 

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from svfl_data.errors import TrainingError
+from svfl_data.errors import FormatError, TrainingError
+from svfl_data.side_files import read_json
 from svfl_models.config import TrainingConfig
 from svfl_models.experiments.folder import ABOUT, RUNS, finished
 
@@ -27,9 +28,9 @@ def take_from(other: Path, about: dict[str, Any], out: Path, runs: Mapping[str, 
         TrainingError: If there is no experiment, or it is one on other data.
     """
     try:
-        found = json.loads((other / ABOUT).read_text())
+        found = read_json(other / ABOUT)
         differ = [option for option in ("data", "fresh") if found[option] != about[option]]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, FormatError, KeyError, TypeError) as error:
         raise TrainingError(f"{other} holds no experiment to take runs from ({error!r})") from error
     if differ:
         raise TrainingError(

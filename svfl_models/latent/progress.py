@@ -1,14 +1,16 @@
 """Callbacks that write down and show how a pretraining goes, leg by leg."""
 
-import csv
+from collections.abc import Iterator
 from pathlib import Path
 
 import lightning.pytorch as pl
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from svfl_data.errors import FormatError
 from svfl_models.latent.module import LatentModule, columns
 from svfl_models.progress import Bar, MetricsFile
+from svfl_models.writing import read_numbers
 
 Row = dict[str, float]
 
@@ -22,19 +24,20 @@ class LegsFile(MetricsFile):
     """
 
     def __init__(self, path: Path, done: int = 0) -> None:
-        super().__init__(path, columns(), (row for row in read_rows(path) if row["step"] <= done))
+        super().__init__(path, columns(), _kept(path, done))
 
     def place(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> Row:
         """Where in the training a row belongs."""
         return {"step": steps_of(pl_module)}
 
 
-def read_rows(path: Path) -> list[Row]:
-    """Rows of a metrics file; none if there is no file."""
-    if not path.is_file():
-        return []
-    with path.open(newline="") as file:
-        return [{name: float(value) for name, value in row.items() if value} for row in csv.DictReader(file)]
+def _kept(path: Path, done: int) -> Iterator[Row]:
+    """Rows of a metrics file up to a step; none if there is no file."""
+    for row in read_numbers(path) if path.is_file() else []:
+        if "step" not in row:
+            raise FormatError(f"{path}: not the metrics of a training (a line has no step)")
+        if row["step"] <= done:
+            yield row
 
 
 def steps_of(module: pl.LightningModule) -> int:

@@ -1,5 +1,6 @@
 """A saved buffer goes on as it would have, and a file that is not one, or not whole, is refused in one line."""
 
+import io
 import json
 import zipfile
 
@@ -172,4 +173,20 @@ def test_a_header_with_impossible_numbers_is_refused(saved, path, value):
         assert len(ReplayBuffer.load(other)) == 11  # larger than needed is possible
         return
     with pytest.raises(FormatError, match=r"impossible\.replay: not a saved replay buffer, or damaged \([^\n]+\)$"):
+        ReplayBuffer.load(other)
+
+
+@pytest.mark.parametrize(
+    ("shape", "dtype"), [((10**13,), "u1"), ((2**70, 0, 2), "u1"), ((3,), "O"), ((-5,), "f4"), ((0,), "f4")]
+)
+def test_an_array_of_another_size_than_its_member_is_refused(saved, shape, dtype):
+    """NumPy alone would allocate what is declared."""
+    file, _ = saved
+    other = file.with_name("declared.replay")
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": f"|{dtype}", "fortran_order": False, "shape": shape})
+    with zipfile.ZipFile(file) as archive, zipfile.ZipFile(other, "w") as forged:
+        for member in archive.namelist():
+            forged.writestr(member, header.getvalue() + b"x" * 64 if member == "priority.npy" else archive.read(member))
+    with pytest.raises(FormatError, match=r"declared\.replay: not a saved replay buffer, or damaged \([^\n]+\)$"):
         ReplayBuffer.load(other)

@@ -182,16 +182,21 @@ class Campaign:
                     continue  # the attacker had it already
                 if trace := leaked(content):
                     yield f"leak: {name} holds {trace!r}"
-                if path.suffix in (".md", ".csv", ".txt", ".html") and (hidden := hidden_characters(content)):
+                text = content.replace(b"\r\n", b"\n") if path.suffix == ".csv" else content  # RFC 4180
+                if path.suffix in (".md", ".csv", ".txt", ".html") and (hidden := hidden_characters(text)):
                     yield f"hidden characters in {name}: {hidden}"
 
 
 def targets(kind: Kind, commands: Iterable[Command]) -> list[Command]:
-    """The commands that a kind is tried on: of a model, those that read it; else all that are given a dataset."""
+    """The commands that a kind is tried on: of a model, those that read it; else all that are given a dataset.
+
+    Rerun asks an importer about files that are there only, and the episodes of a shard are none.
+    """
     special = MODELS | {"config", "urdf"}
     if kind.concern in special:
         return [one for one in commands if kind.concern in one.reads]
-    return [one for one in commands if not one.reads & special]
+    able = [one for one in commands if not one.reads & special]
+    return [one for one in able if one.name != "importer"] if kind.concern == "shard" else able
 
 
 def in_turn(number: int, kind: Kind, commands: Iterable[Command], turns: int) -> list[Command]:

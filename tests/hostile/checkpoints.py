@@ -105,6 +105,7 @@ def _resumed(file, name, make):
     def spoil(folder):
         made = folder.parent / "out" / "made"
         shutil.copytree(folder.parent / "models" / file.replace(".ckpt", "_run"), made)
+        (made / "result.json").unlink(missing_ok=True)
         make(folder.parent / "models" / file, made / "checkpoint.ckpt", folder)
 
     add("resumed", f"{file.partition('.')[0]}_{name}", f"{file}_run", spoil)

@@ -8,6 +8,9 @@ EPISODE = frozenset({"episode", "damage", "info", "folder"})
 """What a command reads that opens the first episode of a dataset folder."""
 ALL = EPISODE | {"shard", "index"}
 ONE_FILE = frozenset({"episode", "damage"})
+ORDER = frozenset({"order"})
+"""Read by what trains: time stamps that do not ascend; ``order_aside`` are those that no training reads."""
+JUDGED = frozenset({"order", "order_aside"})
 
 
 @dataclass(frozen=True)
@@ -62,9 +65,9 @@ COMMANDS = (
     _data("info_json", "info", "data", "--json", spared=LISTED),
     _data("info_episode", "info", "data", "--episode", "0", reads=EPISODE | {"shard"}, spared=ONE),
     _data("info_file", "info", FILE, reads=ONE_FILE),
-    _data("validate", "validate", "data"),
-    _data("validate_json", "validate", "data", "--json"),
-    _data("validate_file", "validate", FILE, reads=ONE_FILE),
+    _data("validate", "validate", "data", reads=ALL | JUDGED),
+    _data("validate_json", "validate", "data", "--json", reads=ALL | JUDGED),
+    _data("validate_file", "validate", FILE, reads=ONE_FILE | JUDGED),
     _data("plot", "plot", "data", "--episode", "0", "--out", "out/p.png", reads=EPISODE | {"shard"}, spared=ONE),
     _data("plot_file", "plot", FILE, "--out", "out/p.png", reads=ONE_FILE),
     _data("topdown", "topdown", "data", "--episode", "0", "--out", "out/t.png", reads=EPISODE | {"shard"}, spared=ONE),
@@ -81,25 +84,26 @@ COMMANDS = (
     _data("pack", "pack", "data", "out/made", reads=ALL | {"split"}, spared=COPIES),
     _data("unpack", "unpack", "data", "out/made", reads=ALL | {"split"}, spared=COPIES),
     _data("split", "split", "data", reads=frozenset({"info", "folder", "split", "shard"}), changes=True),
-    _data("stats", "stats", "data", reads=EPISODE | {"shard", "split"}, spared=ONE, changes=True),
+    _data("stats", "stats", "data", reads=EPISODE | ORDER | {"shard", "split"}, spared=ONE, changes=True),
     _data("repair", "repair", "data", reads=frozenset({"info", "damage", "journal"}), changes=True,
           codes=frozenset({1, 2, 3}), spared={"damage": "what it can set aside is dealt with", "journal": "likewise"}),
     Command("importer", ("rerun-importer-svfl", FILE), frozenset({"episode"}), binary=True),
     *(
         Command(name, ("library", name, "data"), reads, heavy=name == "torch_samples", spared=ONE)
         for name, reads in (
-            ("samples", EPISODE | {"shard"}), ("torch_samples", EPISODE | {"shard"}), ("buffer", EPISODE | {"shard"}),
+            ("samples", EPISODE | ORDER | {"shard"}), ("torch_samples", EPISODE | ORDER | {"shard"}),
+            ("buffer", EPISODE | ORDER | {"shard"}),
             ("words", EPISODE | {"shard"}), ("load_statistics", frozenset({"info", "split", "statistics"})),
         )
     ),
     Command("centering", ("svfl-train", "centering", "--data", "data", "--encoder", "vf", "--model", "cnn",
             "--train-samples", "2", "--test-samples", "8", *TINY, "--out", "out/made"),
-            EPISODE | {"shard"}, heavy=True, spared=ONE),
+            EPISODE | ORDER | {"shard"}, heavy=True, spared=ONE),
     Command("bc", ("svfl-train", "bc", "--data", "data", "--episodes", "10", "--model", "cnn", "--batch-size", "8",
-            *TINY, "--out", "out/made"), EPISODE | {"shard"}, heavy=True, spared=ONE),
+            *TINY, "--out", "out/made"), EPISODE | ORDER | {"shard"}, heavy=True, spared=ONE),
     Command("latent", ("svfl-train", "latent", "--model", "poe", "--preset", "vtt_2022", "--contact-n", "0.5", "--data",
             "data", "--split", "default", "--steps", "1", "--batch-size", "1", "--sequence", "2", "--out", "out/made"),
-            EPISODE | {"shard", "split"}, heavy=True, spared=ONE),
+            EPISODE | ORDER | {"shard", "split"}, heavy=True, spared=ONE),
 )  # fmt: skip
 BY_NAME = {one.name: one.words for one in COMMANDS}
 VIEWED = ("svfl-data", "view", "data", "--episode", "0", "--save", "out/v.rrd", "--checkpoint")

@@ -29,7 +29,8 @@ class Kind:
         name: Theme and name.
         concern: What is spoilt, so that commands that never read it may succeed: ``episode`` (the first one's bytes),
             ``shard``, ``folder`` (its entries), ``info`` (dataset.json), ``index``, ``split``, ``statistics``,
-            ``journal``, ``config`` (of a simulated episode), ``urdf``, or the name of a model's file.
+            ``journal``, ``order`` (of time stamps: such an episode can be looked at), ``config`` (of a simulated
+            episode), ``urdf``, or the name of a model's file.
         make: Does it.
         legal: Why a command may nevertheless accept it; empty if it must not.
         slow: Whether making it takes seconds.

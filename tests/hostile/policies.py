@@ -64,8 +64,13 @@ PROGRAM = {
     "constants_objects": ("constants_config", lambda content: content.replace(b"tensor_", b"custom_obj_")),
     "format_escapes": ("archive_format", lambda content: b"\x1b[31m"),
 }  # fmt: skip
+LAWFUL = {
+    "weights_device": "whoever loads a program chooses the device", "format_escapes": "this text is never read",
+    "sample_inputs": UNREAD, "archive_format": "this text is never read",
+    "weight_0": "its bytes are taken for numbers, whatever they are",
+}  # fmt: skip
 for name, (part, change) in PROGRAM.items():
-    register(POLICY, name, _program(part, change))
+    register(POLICY, name, _program(part, change), LAWFUL.get(name, ""))
 
 
 def _with_pickled_weights(source, target, folder):
@@ -93,5 +98,4 @@ PARTS = (
 for part in PARTS:
     for form, packed in (("pickle", pickled), ("torch", torch_saved)):
         there = members_with("system", lambda member, part=part: part in member, packed)
-        legal = UNREAD if part == "sample_inputs" else ""
-        register(POLICY, f"payload_{form}_in_{part}".replace(".", "_"), there, legal)
+        register(POLICY, f"payload_{form}_in_{part}".replace(".", "_"), there, LAWFUL.get(part, ""))

@@ -56,7 +56,7 @@ for name, value in VALUES.items():
     add("replayed", f"cameras_{name}", "config", _at("world.cameras", value), legal=DIFFERS if name == "object" else "")
     add("replayed", f"camera_{name}", "config", _at("world.cameras.front", value))
     add("replayed", f"camera_height_{name}", "config", _at("world.cameras.front.height", value))
-    add("replayed", f"index_{name}", "config", _at("index", value), legal=DIFFERS if name == "zero" else "")
+    add("replayed", f"index_{name}", "config", _at("index", value), legal=DIFFERS if name in ("zero", "null") else "")
 for name in ("zero", "negative", "huge"):
     add("replayed", f"every_number_{name}", "config", _every_number(VALUES[name]))
     add("replayed", f"every_number_{name}_as_float", "config", _every_number(float(VALUES[name])))

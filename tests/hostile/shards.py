@@ -160,7 +160,7 @@ FORMS = {
     "half_a_directory": (_patched(_without_two_entries), ""),
     "truncated": (_patched(lambda content: content.__delitem__(slice(len(content) // 2, None))), ""),
     "count_lies": (_patched(lambda content: content.__setitem__(slice(-12, -10), b"\xff\xff")), "it is counted again"),
-    "zip64_lies": (_zip64, ""),
+    "zip64_lies": (_zip64, "an episode that lies beyond its shard is listed as one that cannot be read"),
     "bomb": (_bomb, ""),
     "prepended": (lambda folder, found: b"#!/bin/sh\n" * 100 + _zipped(found.items()), "a ZIP file may begin later"),
     "a_secret_between": (lambda folder, found: _zipped(found.items()) + b"x" * 100, "a ZIP file may have a tail"),

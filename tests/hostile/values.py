@@ -99,11 +99,17 @@ LAWFUL = {
 }  # fmt: skip
 """Where a warning of validate will do; that no command fails over them remains the law."""
 
+OUT_OF_ORDER = dict.fromkeys(
+    ("times_constant", "times_backward", "times_repeated", "wrench_times_constant", "wrench_times_backward",
+     "camera_times_backward"), "order",
+) | {"object_times_backward": "order_aside"}  # fmt: skip
+"""What can be looked at, but is unfit for training; of the object, no training reads the times."""
+
 for name, (path, change) in CHANGED.items():
     add(
         "values",
         name,
-        "episode",
+        OUT_OF_ORDER.get(name, "episode"),
         lambda folder, path=path, change=change: rows(folder, path, change),
         LAWFUL.get(name, ""),
     )

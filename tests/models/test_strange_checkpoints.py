@@ -161,6 +161,13 @@ def test_a_number_that_is_none_is_named(kind, good, tmp_path, value):
     assert f"{name} has numbers that are not finite" in refusal(kind, path)
 
 
+@pytest.mark.parametrize("dtype", [torch.complex64, torch.float64, torch.int32, torch.bool], ids=str)
+def test_numbers_of_another_type_are_named(kind, good, tmp_path, dtype):
+    name, weight = next((name, weight) for name, weight in good["state_dict"].items() if weight.is_floating_point())
+    path = saved(good | {"state_dict": {**good["state_dict"], name: weight.to(dtype)}}, tmp_path / "checkpoint.ckpt")
+    assert f"{name} holds {dtype}, described is torch.float32" in refusal(kind, path)
+
+
 @pytest.mark.parametrize("lie", ["expanded", "meta", "sparse", "text", "None"])
 def test_what_is_no_tensor_of_the_file_is_named(kind, good, tmp_path, lie):
     name = next(iter(good["state_dict"]))
