@@ -18,19 +18,19 @@ from collectors.apriltags.detector import TagDetector, grayscale
 from collectors.apriltags.edges import Edges
 from collectors.apriltags.layout import Layout
 from collectors.apriltags.pose import body_pose
-from collectors.apriltags.simulated import watched
 from collectors.apriltags.tracker import Tracker
-from collectors.contract import Calibration
-from collectors.simulated import attempt_seed
 from collectors.simulation.bodies import quat_from_yaw
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.camera import Camera, CameraConfig, calibration
 from collectors.simulation.config import WorldConfig
-from collectors.simulation.tagged_block import largest_tag, wear_tags
 from collectors.simulation.world import World
+from collectors.sources.simulated import attempt_seed
+from collectors.sources.tagged_block import largest_tag, wear_tags
+from collectors.sources.tagged_expert import watched
 from collectors.tasks import task_class
 from collectors.tasks.hand import Hand
 from collectors.tasks.task import MAX_STEPS
+from svfl_data.schema.robot import Calibration
 
 HALF, DISTANCE = 0.025, 0.6  # [m] of the cube, and from it to the camera
 

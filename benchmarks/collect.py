@@ -25,17 +25,17 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from collectors.expert import ExpertCollector
 from collectors.simulation import world as world_module
 from collectors.simulation.admittance import Admittance
+from collectors.simulation.arms.panda import MOVING, SENSED, Panda
 from collectors.simulation.camera import Camera
 from collectors.simulation.noise import SensorNoise
-from collectors.simulation.panda import MOVING, SENSED, Panda
 from collectors.simulation.world import World
+from collectors.sources.expert import ExpertCollector
 from collectors.tasks import TASKS, task_class
 from collectors.tasks.task import Task
-from svfl_data import store
-from svfl_data.store import write_episode
+from svfl_data.storage import store
+from svfl_data.storage.store import write_episode
 
 PYBULLET = world_module.pybullet
 PARTS = (

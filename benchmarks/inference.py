@@ -17,10 +17,11 @@ import numpy as np
 import onnxruntime
 import torch
 
-from svfl_models.classifier import CenteringClassifier
-from svfl_models.config import ENCODERS
-from svfl_models.export import plain, random_batch, save_onnx, save_program
-from svfl_models.presets import PRESETS
+from svfl_models.centering.classifier import CenteringClassifier
+from svfl_models.deployment.export import random_batch, save_onnx, save_program
+from svfl_models.networks.inputs import ENCODERS
+from svfl_models.networks.presets import PRESETS
+from svfl_models.symmetry.ordinary import plain
 
 WARM_UP = 20
 

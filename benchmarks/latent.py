@@ -24,7 +24,8 @@ from torch.profiler import ProfilerActivity, profile
 
 from svfl_models.latent.config import MODELS, PRESETS, LatentConfig
 from svfl_models.latent.losses import Objective
-from svfl_models.latent.network import LatentNetwork, parameter_count
+from svfl_models.latent.networks.network import LatentNetwork
+from svfl_models.training.trainer import parameter_count
 
 BATCH, FRAMES = 32, 9
 PUBLISHED = {  # CPU seconds: step (mean of two runs), step of foreign pairs

@@ -31,16 +31,17 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from svfl_data.symmetry import WRENCH_PARTS
-from svfl_models import planar_escnn  # before escnn itself
-from svfl_models.classifier import CenteringClassifier, parameter_count
-from svfl_models.config import ENCODERS
-from svfl_models.encoders import ForceEncoder
-from svfl_models.export import plain
-from svfl_models.groups import GROUPS
-from svfl_models.kits import SymmetricLayers
-from svfl_models.layers import SymmetricConv
-from svfl_models.presets import PRESETS
-from svfl_models.representations import stored
+from svfl_models.centering.classifier import CenteringClassifier
+from svfl_models.networks.encoders import ForceEncoder
+from svfl_models.networks.inputs import ENCODERS
+from svfl_models.networks.layer_factory import SymmetricLayers
+from svfl_models.networks.presets import PRESETS
+from svfl_models.symmetry import planar_escnn  # before escnn itself
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.symmetry.layers import SymmetricConv
+from svfl_models.symmetry.ordinary import plain
+from svfl_models.symmetry.representations import stored
+from svfl_models.training.trainer import parameter_count
 
 from escnn.nn import GeometricTensor, R2Conv  # isort: skip
 

@@ -20,13 +20,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 
 SETTLED_S = 3.0  # files that have just been written are not remembered
 LOOK = """
 import resource, sys, time
-from svfl_data.dataset import Dataset
-from svfl_data.samples import Samples
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.sampling.samples import Samples
 def cpu():
     used = resource.getrusage(resource.RUSAGE_SELF)
     return used.ru_utime + used.ru_stime

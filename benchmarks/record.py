@@ -23,10 +23,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from svfl_data.claims import NEXT
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Meta
-from svfl_data.writer import EpisodeWriter
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.recording.index_locks import NEXT
+from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.schema.episode import Meta
 
 STEPS_PER_MINUTE = 20 * 60
 READINGS = 25  # of the wrench per step: 500 Hz

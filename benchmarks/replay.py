@@ -29,10 +29,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.replay import Layout, ReplayBuffer, ReplayConfig
-from svfl_data.windows import WINDOW, wrench_window
+from svfl_data.sampling.windows import WINDOW, wrench_window
+from svfl_data.schema.episode import Episode
 
 BATCH, CROP = 64, 64
 ALPHA, BETA, GAMMA = 0.6, 0.4, 0.99

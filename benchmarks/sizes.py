@@ -15,13 +15,13 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from svfl_models.config import TrainingConfig
-from svfl_models.experiments.figures import save
-from svfl_models.experiments.folder import RUNS, claimed, describe
-from svfl_models.experiments.grid import Grid
+from svfl_models.centering.config import TrainingConfig
 from svfl_models.experiments.page import markdown
 from svfl_models.experiments.results import Cell, Results
-from svfl_models.experiments.training import Training, run_name
+from svfl_models.experiments.runs.folder import RUNS, claimed, describe
+from svfl_models.experiments.runs.grid import Grid
+from svfl_models.experiments.runs.training import Training, run_name
+from svfl_models.training.figures import save
 
 NETWORKS = [  # preset, group, epochs
     ("tiny", "D4", (50, 150, 500)),

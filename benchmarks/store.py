@@ -23,12 +23,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from svfl_data.chunks import Extent
-from svfl_data.dataset import Dataset
-from svfl_data.episode import canonical_json
-from svfl_data.index import INDEX, describe
-from svfl_data.pack import pack
-from svfl_data.samples import Samples
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.index import INDEX, describe
+from svfl_data.maintenance.pack import pack
+from svfl_data.sampling.samples import Samples
+from svfl_data.schema.episode import canonical_json
+from svfl_data.storage.chunks import Extent
 
 BATCH = 64
 CROP = 64
@@ -149,14 +149,14 @@ def reading(folder: Path, rounds: int, scratch: Path) -> None:
 
 MEASURE = """
 import sys, time
-import svfl_data.index
-from svfl_data.dataset import Dataset
+import svfl_data.datasets.index
+from svfl_data.datasets.dataset import Dataset
 peak = lambda: int(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1]) / 1024
 before, start, cpu = peak(), time.perf_counter(), time.process_time()
 if sys.argv[2] == "open":
     repr(Dataset.open(sys.argv[1]))
 else:
-    svfl_data.index.summary(Dataset.open(sys.argv[1]))
+    svfl_data.datasets.index.summary(Dataset.open(sys.argv[1]))
 print(time.perf_counter() - start, time.process_time() - cpu, peak(), peak() - before)
 """
 

@@ -2,8 +2,8 @@
 
     .venv/bin/python benchmarks/viewer.py EPISODE.hdf5 ...
 
-An hour-long one comes from ``benchmarks/record.py``'s steps through `svfl_data.writer.EpisodeWriter`. Each episode is
-converted in a process of its own.
+An hour-long one comes from ``benchmarks/record.py``'s steps through `svfl_data.recording.writer.EpisodeWriter`. Each
+episode is converted in a process of its own.
 """
 
 import argparse
@@ -18,14 +18,14 @@ from pathlib import Path
 os.environ["CI"] = "1"  # no usage statistics
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from svfl_data.reader import EpisodeReader
+from svfl_data.storage.reader import EpisodeReader
 
 
 def convert(file: Path) -> None:
     """Convert one episode and print a row of the table."""
     start, cpu = time.perf_counter(), time.process_time()
     from svfl_data.viewer import show
-    from svfl_data.viewer.shown import Shown
+    from svfl_data.viewer.episode_source import Shown
 
     loading = time.perf_counter() - start
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

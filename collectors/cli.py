@@ -1,8 +1,8 @@
 """The command ``svfl-collect``."""
 
-from collectors.verbs import calibrate, centering, expert, policy, replay, tags, teleop
-from svfl_data.cli import Parser
-from svfl_data.cli import main as run
+from collectors.commands import calibrate, centering, expert, policy, replay, tags, teleop
+from svfl_data.system.command_line import Parser
+from svfl_data.system.command_line import main as run
 
 PROGRAM = "svfl-collect"
 VERBS = (expert, centering, policy, replay, teleop, tags, calibrate)

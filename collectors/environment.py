@@ -17,17 +17,17 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from collectors.contract import Observation
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
 from collectors.tasks import TASKS, task_class
 from collectors.tasks.hand import Hand, Moves
 from collectors.tasks.task import MAX_STEPS, Task
 from svfl_data.errors import UsageError
-from svfl_data.own_process import OwnProcess
-from svfl_data.top_view import EYE_M
-from svfl_data.topdown import topdown_frame
-from svfl_data.windows import WINDOW
+from svfl_data.sampling.windows import WINDOW
+from svfl_data.schema.robot import Observation
+from svfl_data.signals.top_view import EYE_M
+from svfl_data.signals.topdown import topdown_frame
+from svfl_data.system.own_process import OwnProcess
 
 View = Literal["camera", "top"]
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from svfl_data.centering import load_centering
+from svfl_data.sampling.centering_samples import load_centering
 
 FACTS = "svfl_centering.json"  # what the file says about itself
 Network = Callable[[dict[str, np.ndarray]], np.ndarray]
@@ -25,7 +25,7 @@ def load_program(path: Path) -> tuple[Network, dict[str, Any]]:
     """
     import torch
 
-    from svfl_models.program import read
+    from svfl_models.programs.program import read
 
     program, facts = read(path, FACTS)
 

@@ -8,16 +8,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from collectors.apriltags.paper import picture
-from collectors.apriltags.sheet import board_page
-from collectors.apriltags.simulated import watched
+from collectors.apriltags.print_files import picture
+from collectors.apriltags.print_layout import board_page
 from collectors.apriltags.watch import Watch
-from collectors.contract import Calibration
 from collectors.simulation import PandaConfig, World, WorldConfig
 from collectors.simulation.bullet import pybullet
+from collectors.sources.tagged_expert import watched
 from collectors.tasks.block_picking import BlockPicking
 from collectors.tasks.hand import Hand
 from svfl_data.errors import CollectError
+from svfl_data.schema.robot import Calibration
 
 FOLDER = Path(__file__).parent / "images"
 AXES = ((220, 40, 40), (40, 170, 40), (60, 90, 255))  # RGB of x, y, z

@@ -18,7 +18,7 @@ class FormatError(SvflError):
 
 
 class FieldError(SvflError):
-    """An array does not fit its declaration in `svfl_data.fields`: missing, shape, dtype or value."""
+    """An array does not fit its declaration in `svfl_data.schema.fields`: missing, shape, dtype or value."""
 
 
 class DatasetError(SvflError):

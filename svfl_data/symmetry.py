@@ -1,7 +1,8 @@
 """How a planar rotation or reflection acts on the numbers of an episode.
 
 Let R be the 2 x 2 orthogonal matrix of the group element and s = det R = +-1. Every field of an episode declares
-in `svfl_data.fields` of which parts it is made; each part is one of the kinds below. The same action serves three
+in `svfl_data.schema.fields` of which parts it is made; each part is one of the kinds below. The same action serves
+three
 purposes: it moves vectors from base axes to image-aligned axes, augments data, and states the law that networks
 are tested against.
 

@@ -1,8 +1,8 @@
 """The ``svfl-train`` command."""
 
-from svfl_data.cli import Parser
-from svfl_data.cli import main as run
-from svfl_models.verbs import bc, bc_table, centering, check, evaluate, experiments, export, latent, latent_eval
+from svfl_data.system.command_line import Parser
+from svfl_data.system.command_line import main as run
+from svfl_models.commands import bc, bc_table, centering, check, evaluate, experiments, export, latent, latent_eval
 
 PROGRAM = "svfl-train"
 VERBS = (centering, check, experiments, export, bc, bc_table, evaluate, latent, latent_eval)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from svfl_data.episode import Episode, Meta
+from svfl_data.schema.episode import Episode, Meta
 from svfl_data.symmetry import OFFSET_PARTS, act, nearest_direction
 
 IMAGE_AXES = np.array([[0.0, 1.0], [-1.0, 0.0]])

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from svfl_data.dataset import Dataset
-from svfl_data.store import write_episode
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.storage.store import write_episode
 from tests.builders import make_episode
 
 
@@ -81,7 +81,7 @@ COMMANDS = {"svfl-data": data_commands, "svfl-train": train_commands, "svfl-coll
 def verbs_of(program: str) -> set[str]:
     """All verbs that a program has."""
     from collectors.cli import build_parser as collect
-    from svfl_data.__main__ import build_parser as data
+    from svfl_data.cli import build_parser as data
     from svfl_models.cli import build_parser as train
 
     root = {"svfl-data": data, "svfl-train": train, "svfl-collect": collect}[program]()

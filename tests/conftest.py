@@ -9,8 +9,11 @@ from hypothesis import HealthCheck, settings
 settings.register_profile("svfl", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("svfl")
 
-if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # a suite in the background: programs under test would ignore it
+# A suite in the background or under nohup ignores what it is sent, and so would the programs under test.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -11,8 +11,8 @@ import numba
 import pytest
 
 from collectors.simulation.compiled import compiled
-from svfl_data.cache_folder import VARIABLE
-from svfl_data.library_caches import FOLDERS, confine_caches
+from svfl_data.system.cache_folder import VARIABLE
+from svfl_data.system.library_caches import FOLDERS, confine_caches
 from tests.command_lines import COMMANDS, make_data, verbs_of
 
 pytestmark = pytest.mark.slow
@@ -33,12 +33,12 @@ def watch(event, details):
         written.add(os.fsdecode(details[0]))
 
 sys.addaudithook(watch)
-from svfl_data.library_caches import confine_caches
+from svfl_data.system.library_caches import confine_caches
 confine_caches()
 modules, lines = json.loads(sys.stdin.read())
 for module in modules:
     importlib.import_module(module)
-mains = {"svfl-data": "svfl_data.__main__", "svfl-train": "svfl_models.cli", "svfl-collect": "collectors.cli"}
+mains = {"svfl-data": "svfl_data.cli", "svfl-train": "svfl_models.cli", "svfl-collect": "collectors.cli"}
 for program, verb in lines:
     sys.argv = [program, verb, "--help"]
     try:
@@ -105,7 +105,7 @@ def outside(tmp_path_factory):
 MAIN = "import sys; from {} import main; sys.exit(main())"
 LINES = {
     "collectors.cli": ["centering", "--samples", "1", "--image-size", "16", "--out", "collected"],
-    "svfl_data.__main__": ["plot", "data", "--out", "picture.png"],
+    "svfl_data.cli": ["plot", "data", "--out", "picture.png"],
     "svfl_models.cli": [
         "centering", "--data", "data", "--train-samples", "1", "--test-samples", "1", "--epochs", "1",
         "--preset", "tiny", "--image-size", "16", "--out", "trained",
@@ -122,12 +122,12 @@ def test_a_user_without_a_home_on_a_read_only_installation_can_work(outside, mod
 
 
 def test_where_nothing_can_be_written_only_outputs_are_missed(outside):
-    words = LINES["svfl_data.__main__"]
+    words = LINES["svfl_data.cli"]
     shut = {"TMPDIR": "/nonexistent", "SVFL_CACHE_DIR": "/nonexistent"}
-    done = nobody(shut, MAIN.format("svfl_data.__main__"), "info", "data", cwd=outside)
+    done = nobody(shut, MAIN.format("svfl_data.cli"), "info", "data", cwd=outside)
     assert (done.returncode, done.stderr) == (0, "")
     (outside / "shut").mkdir()
-    done = nobody({}, MAIN.format("svfl_data.__main__"), *words[:-1], "shut/picture.png", cwd=outside)
+    done = nobody({}, MAIN.format("svfl_data.cli"), *words[:-1], "shut/picture.png", cwd=outside)
     assert done.returncode == 1
     assert "Permission denied" in done.stderr
     assert done.stderr.count("\n") == 1

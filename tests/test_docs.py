@@ -8,11 +8,11 @@ import h5py
 import numpy as np
 import pytest
 
-from svfl_data.__main__ import main
 from svfl_data.checks import check_episode
-from svfl_data.dataset import Dataset
-from svfl_data.fields import markdown_table
-from svfl_data.store import read_episode, write_episode
+from svfl_data.cli import main
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.schema.fields import markdown_table
+from svfl_data.storage.store import read_episode, write_episode
 from tests.builders import make_episode
 
 ROOT = Path(__file__).parents[1]
@@ -43,7 +43,7 @@ def test_there_are_commands_to_check():
 @pytest.mark.parametrize("command", COMMANDS)
 def test_documented_commands_parse(command):
     from collectors.cli import build_parser as collect
-    from svfl_data.__main__ import build_parser as data
+    from svfl_data.cli import build_parser as data
     from svfl_models.cli import build_parser as train
 
     program, *arguments = shlex.split(command, comments=True)

@@ -24,10 +24,11 @@ before = dict(matplotlib.rcParams)
 
 import numpy as np
 
-from svfl_data import plot
-from svfl_models import report
-from svfl_models.experiments import figures, mistakes
-from svfl_models.latent.evaluation import album
+from svfl_data.reports import plot
+from svfl_models.centering import report
+from svfl_models.experiments import figures
+from svfl_models.experiments import error_analysis
+from svfl_models.latent.evaluation.pages import sample_figures
 from tests.builders import make_episode
 
 out = Path(sys.argv[1])

@@ -18,29 +18,31 @@ import torch
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from collectors.apriltags import paper
+from collectors.apriltags import print_files
 from collectors.apriltags.layout import Layout
-from svfl_data import plot
-from svfl_data.atomically import write_atomically
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import StorageError, SvflError
-from svfl_data.store import write_episode
+from svfl_data.reports import plot
+from svfl_data.storage.store import write_episode
+from svfl_data.system.atomic_io import write_atomically
 from svfl_data.viewer import show
-from svfl_data.viewer.shown import Shown
-from svfl_models import export, exported_policy, progress, run_folder, writing
-from svfl_models.checkpoint import load_centering
-from svfl_models.checkpoint_io import WholeCheckpoints
-from svfl_models.classifier import CenteringClassifier
+from svfl_data.viewer.episode_source import Shown
+from svfl_models.centering.checkpoint import load_centering
+from svfl_models.centering.classifier import CenteringClassifier
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.centering.train import train_centering
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.evaluate import Evaluation
 from svfl_models.cloning.train import train_cloning
-from svfl_models.config import TrainingConfig
+from svfl_models.deployment import export
 from svfl_models.latent import config as presets
 from svfl_models.latent.checkpoint import load_latent
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.train import train_latent
-from svfl_models.train import train_centering
+from svfl_models.programs import exported_policy
+from svfl_models.training import progress, run_folder, writing
+from svfl_models.training.checkpoint_plugin import WholeCheckpoints
 from tests.builders import make_episode
 from tests.data.replay_episodes import agent_buffer
 from tests.models.demonstrations import demonstrations
@@ -118,7 +120,7 @@ WRITERS = {
     "episode.png": lambda file: plot.save(make_episode(0), file),
     "episode.hdf5": lambda file: write_episode(make_episode(0), file),
     "evaluation.json": lambda file: Evaluation("x", "y", 0, [True], [3]).save(file),
-    "sheet.pdf": lambda file: paper.write([], file),
+    "sheet.pdf": lambda file: print_files.write([], file),
     "layout.json": lambda file: Layout.grid(2, 2, 0.02, 0.03).write(file),
     "page.md": lambda file: writing.write_text(file, "page"),
     "result.json": lambda file: writing.write_json(file, {}),
@@ -196,20 +198,20 @@ def test_a_full_disk_before_anything_begins_is_one_line(trainings, disk, monkeyp
 
 
 ELSEWHERE = {
-    "collectors/teleop/script.py": "a log that is written while a session goes on",
-    "collectors/simulation/panda.py": "a file in a temporary folder, gone a moment later",
-    "collectors/simulation/tagged_block.py": "likewise",
+    "collectors/teleop/devices/script.py": "a log that is written while a session goes on",
+    "collectors/simulation/arms/panda.py": "a file in a temporary folder, gone a moment later",
+    "collectors/sources/tagged_block.py": "likewise",
     "collectors/tasks/household_objects.py": "the table of this package itself, made by its authors",
-    "svfl_models/progress.py": "a row is appended",
-    "svfl_models/experiments/reuse.py": "a folder is copied, then renamed",
+    "svfl_models/training/progress.py": "a row is appended",
+    "svfl_models/experiments/runs/run_cache.py": "a folder is copied, then renamed",
     "svfl_data/viewer/images.py": "a picture in memory",
-    "svfl_models/experiments/figures.py": "a figure in memory",
-    "svfl_models/writing.py": "a figure in memory",
-    "svfl_models/checkpoint_io.py": "a checkpoint in memory",
-    "svfl_models/export.py": "a program in memory",
-    "svfl_models/exported_policy.py": "a program in memory",
-    "svfl_data/plot.py": "a figure in memory",
-    "svfl_data/header_cache.py": "a cache, whose entries carry their own hash",
+    "svfl_models/training/figures.py": "a figure in memory",
+    "svfl_models/training/writing.py": "a figure in memory",
+    "svfl_models/training/checkpoint_plugin.py": "a checkpoint in memory",
+    "svfl_models/deployment/export.py": "a program in memory",
+    "svfl_models/programs/exported_policy.py": "a program in memory",
+    "svfl_data/reports/plot.py": "a figure in memory",
+    "svfl_data/storage/header_cache.py": "a cache, whose entries carry their own hash",
 }
 """Files that may use what replaces a file at once, and why."""
 AT_ONCE = {"write_text", "write_bytes", "savefig", "imwrite", "copyfile", "tofile", "savez"}

@@ -11,14 +11,14 @@ import rerun as rr
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from svfl_data import cli
-from svfl_data.__main__ import build_parser
-from svfl_data.dataset import Dataset
+from svfl_data.cli import build_parser
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import SvflError
-from svfl_data.printable import ESCAPED, markdown, printable, say
-from svfl_data.store import read_episode, write_episode
+from svfl_data.storage.store import read_episode, write_episode
+from svfl_data.system import command_line
+from svfl_data.system.printable import ESCAPED, markdown, printable, say
 from svfl_data.viewer import show
-from svfl_data.viewer.shown import Shown
+from svfl_data.viewer.episode_source import Shown
 from tests.builders import make_episode
 from tests.command_lines import data_commands
 from tests.test_output_errors import VERBS, refused  # noqa: F401 - a fixture
@@ -87,10 +87,10 @@ def drawn(monkeypatch):
 def test_every_command_shows_names_as_visible_text(folder, tmp_path, capsys, drawn, verb):
     lines = data_commands(folder, tmp_path)
     if verb == "stats":
-        cli.main(build_parser(), lines["split"])
+        command_line.main(build_parser(), lines["split"])
         capsys.readouterr()
     for words in (lines[verb], [*lines[verb], *(["--episode", "1"] if verb == "info" else [])]):
-        cli.main(build_parser(), words)
+        command_line.main(build_parser(), words)
         out, err = capsys.readouterr()
         assert_harmless(out, words)
         assert_harmless(err, words)
@@ -103,15 +103,15 @@ def test_every_command_shows_names_as_visible_text(folder, tmp_path, capsys, dra
 
 def test_machine_readable_output_says_the_same_in_escapes(folder, tmp_path, capsys):
     for verb in ("info", "validate", "repair"):
-        cli.main(build_parser(), [*data_commands(folder, tmp_path)[verb], "--json"])
+        command_line.main(build_parser(), [*data_commands(folder, tmp_path)[verb], "--json"])
         assert_harmless(capsys.readouterr().out, verb)
 
 
 @pytest.mark.filterwarnings("ignore:Glyph")
 def test_a_page_says_where_a_dataset_comes_from(folder, tmp_path, capsys):
     lines = data_commands(folder, tmp_path)
-    assert cli.main(build_parser(), lines["merge"]) == 0
-    assert cli.main(build_parser(), ["card", f"{tmp_path}/merged"]) == 0
+    assert command_line.main(build_parser(), lines["merge"]) == 0
+    assert command_line.main(build_parser(), ["card", f"{tmp_path}/merged"]) == 0
     text = (tmp_path / "merged" / "README.md").read_text()
     assert "FORGED: all is well" in text
     assert_harmless(text, "card")
@@ -168,5 +168,5 @@ def test_markup_is_escaped(text):
 
 def test_folders_of_hostile_names_are_printed_harmlessly(tmp_path, capsys):
     folder = tmp_path / os.fsdecode(b"\x1b[2J\xff\nFORGED")
-    cli.main(build_parser(), ["info", str(folder)])
+    command_line.main(build_parser(), ["info", str(folder)])
     assert_harmless(capsys.readouterr().err, folder)

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from collectors.cli import build_parser as collect
-from svfl_data import cli
-from svfl_data.__main__ import build_parser as data
-from svfl_data.refused import POSSIBLE, refusal
+from svfl_data.cli import build_parser as data
+from svfl_data.system import command_line
+from svfl_data.system.refused import POSSIBLE, refusal
 from svfl_models.cli import build_parser as train
 from tests.command_lines import COMMANDS, data_commands, make_data, verbs_of
 
@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 PARSERS = {"svfl-data": data, "svfl-train": train, "svfl-collect": collect}
 REFUSED = sorted({*POSSIBLE, errno.ENOENT, errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTEMPTY})
 VERBS = [(program, verb) for program in COMMANDS for verb in sorted(verbs_of(program))]
-PROGRAM = "import sys; from svfl_data.__main__ import main; sys.exit(main())"
+PROGRAM = "import sys; from svfl_data.cli import main; sys.exit(main())"
 
 
 def verb_parser(program, verb):
@@ -42,7 +42,7 @@ def refused(monkeypatch, tmp_path, capsys):
             raise error
 
         parser.set_defaults(command=work)
-        return cli.main(root, COMMANDS[program](tmp_path / "data", tmp_path)[verb]), capsys.readouterr().err
+        return command_line.main(root, COMMANDS[program](tmp_path / "data", tmp_path)[verb]), capsys.readouterr().err
 
     return run
 
@@ -131,7 +131,7 @@ def test_no_file_takes_the_place_of_a_closed_stream(dataset, tmp_path, closed):
         words = data_commands(dataset, tmp_path / f"{closed}")[verb]
         (tmp_path / f"{closed}").mkdir(exist_ok=True)
         assert run(*words, preexec_fn=closing).returncode == 0
-    code = "import os; from svfl_data import standard_streams as s; s.prepare(); "
+    code = "import os; from svfl_data.system import standard_streams as s; s.prepare(); "
     code += "print(os.open('x', os.O_CREAT | os.O_WRONLY), file=open('told', 'w'))"
     subprocess.run(
         [sys.executable, "-c", code],

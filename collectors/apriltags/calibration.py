@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from collectors.contract import Calibration
-from svfl_data.atomically import write_atomically
 from svfl_data.errors import FormatError, StorageError
-from svfl_data.side_files import read_json
+from svfl_data.schema.robot import Calibration
+from svfl_data.system.atomic_io import write_atomically
+from svfl_data.system.side_files import read_json
 
 
 def image_axes(T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:

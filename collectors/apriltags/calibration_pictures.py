@@ -82,7 +82,7 @@ def of_episode(arguments: argparse.Namespace) -> Pictures:
     Raises:
         UsageError: If it has no such camera.
     """
-    from svfl_data.verbs.source import read
+    from svfl_data.commands.source import read
 
     episode = read(arguments.path, arguments.episode)
     if arguments.camera not in episode.cameras:

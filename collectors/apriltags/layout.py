@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collectors.apriltags.native import CORRECTED
-from svfl_data.atomically import write_atomically
 from svfl_data.errors import FormatError, StorageError, UsageError
-from svfl_data.side_files import read_json
+from svfl_data.system.atomic_io import write_atomically
+from svfl_data.system.side_files import read_json
 
 CORNERS = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
 """Corners of a tag of size 1 in its own axes, in the order in which a detection has them: from lower left, against

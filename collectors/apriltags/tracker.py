@@ -11,7 +11,7 @@ from collectors.apriltags.detector import TagDetector, grayscale
 from collectors.apriltags.edges import Edges
 from collectors.apriltags.layout import Layout
 from collectors.apriltags.pose import body_pose
-from collectors.contract import Calibration
+from svfl_data.schema.robot import Calibration
 
 
 @dataclass(frozen=True)

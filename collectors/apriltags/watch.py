@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collectors.apriltags.tracker import Track, Tracker
-from collectors.contract import Calibration
 from svfl_data.errors import CollectError
+from svfl_data.schema.robot import Calibration
 
 MAX_AGE = 0.15  # [s] of a pose that success may rest on: three steps in which the hand hid the object
 LOOKS = 20  # of a reset, before a person is asked

@@ -1,10 +1,10 @@
 """Block worlds in PyBullet: a Panda with a compliant hand, a wrist force-torque sensor and a fixed RGB-D camera."""
 
 from collectors.simulation.admittance import AdmittanceConfig
+from collectors.simulation.arms.panda import PandaConfig
 from collectors.simulation.camera import CameraConfig
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.noise import NoiseConfig
-from collectors.simulation.panda import PandaConfig
 from collectors.simulation.world import World
 
 __all__ = [

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from collectors.simulation.bullet import pybullet
-from svfl_data.own_process import OwnProcess
+from svfl_data.system.own_process import OwnProcess
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]

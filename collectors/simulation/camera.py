@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from collectors.contract import Calibration, Frame
 from collectors.simulation.bounds import Degrees, Pixels, Point, Positive
 from collectors.simulation.bullet import pybullet
 from svfl_data.errors import UsageError
-from svfl_data.own_process import OwnProcess
+from svfl_data.schema.robot import Calibration, Frame
+from svfl_data.system.own_process import OwnProcess
 
 
 @dataclass(frozen=True)

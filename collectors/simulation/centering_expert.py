@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from collectors.contract import Observation
 from collectors.simulation.centering import Scene
+from svfl_data.schema.robot import Observation
 
 STEP = np.array([0.025, 0.025, 0.025, np.pi / 16])  # bounds of the action: dx, dy, dz [m], dtheta [rad] (paper, 5.1)
 OPEN = 1.0  # gripper opening all along

@@ -9,7 +9,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
-from svfl_data.cache_folder import cache_folder
+from svfl_data.system.cache_folder import cache_folder
 
 Function = TypeVar("Function", bound=Callable[..., object])
 

@@ -4,12 +4,12 @@ import math
 from dataclasses import dataclass, field
 
 from collectors.simulation.admittance import AdmittanceConfig
+from collectors.simulation.arms.panda import PandaConfig
 from collectors.simulation.bounds import Color, Count, Nanoseconds, NotNegative, Point, Positive, Range
 from collectors.simulation.camera import CameraConfig
 from collectors.simulation.noise import NoiseConfig
-from collectors.simulation.panda import PandaConfig
 from svfl_data.errors import UsageError
-from svfl_data.windows import WINDOW
+from svfl_data.sampling.windows import WINDOW
 
 
 @dataclass(frozen=True)

@@ -9,19 +9,19 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from collectors.contract import Calibration, Observation
 from collectors.simulation.admittance import Admittance
+from collectors.simulation.arms.panda import LEFT_FINGER, RIGHT_FINGER, Panda
 from collectors.simulation.bodies import RED, Bodies, Box, Vector3
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.camera import Camera
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.noise import SensorNoise
-from collectors.simulation.panda import LEFT_FINGER, RIGHT_FINGER, Panda
 from collectors.simulation.reference import Reference
 from collectors.simulation.wrist_sensor import FEEDBACK_MODE, wrench_from_reaction
 from svfl_data.errors import CollectError, UsageError
-from svfl_data.own_process import OwnProcess
-from svfl_data.windows import WINDOW
+from svfl_data.sampling.windows import WINDOW
+from svfl_data.schema.robot import Calibration, Observation
+from svfl_data.system.own_process import OwnProcess
 
 RENEWED = 1000
 """Resets after which the world is built anew: PyBullet keeps the shapes of removed bodies, up to 0.1 MB a reset."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from collectors.record import OBJECT
+from collectors.recording.loop import OBJECT
 from collectors.simulation.bodies import Box, Vector3, quat_from_yaw
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.world import World

@@ -8,9 +8,9 @@ import numpy as np
 import pybullet_data
 from numpy.typing import ArrayLike, NDArray
 
+from collectors.simulation.arms.panda import LEFT_FINGER, RIGHT_FINGER
 from collectors.simulation.bodies import quat_from_yaw
 from collectors.simulation.bullet import pybullet
-from collectors.simulation.panda import LEFT_FINGER, RIGHT_FINGER
 from collectors.simulation.world import World
 from collectors.tasks.hand import Hand, Moves, nearest_turn
 from collectors.tasks.task import Task

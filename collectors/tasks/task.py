@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from collectors.record import OBJECT
+from collectors.recording.loop import OBJECT
 from collectors.simulation.world import World
 from collectors.tasks.hand import Hand, Moves
 from svfl_data.errors import CollectError

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from collectors.contract import Observation, Rig
-from collectors.record import OBJECT
-from svfl_data.own_process import OwnProcess
-from svfl_data.writer import EpisodeWriter
+from collectors.recording.loop import OBJECT
+from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.schema.robot import Observation, Rig
+from svfl_data.system.own_process import OwnProcess
 
 
 def constants(rig: Rig) -> dict[str, np.ndarray]:

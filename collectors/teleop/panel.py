@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from collectors.teleop.device import Command
+from collectors.teleop.devices.device import Command
+from collectors.teleop.devices.sdl import pygame
 from collectors.teleop.picture import AXES, HAND, Color, draw_picture
-from collectors.teleop.sdl import pygame
 from collectors.teleop.view import CONTACT_N, View
 
 SIZE = (1080, 720)

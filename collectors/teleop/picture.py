@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from collectors.teleop.sdl import pygame
+from collectors.teleop.devices.sdl import pygame
 from collectors.teleop.view import View, pixel
 
 Color = tuple[int, int, int]

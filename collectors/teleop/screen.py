@@ -2,7 +2,7 @@
 
 from typing import Any, Protocol
 
-from collectors.teleop.device import Command, Device
+from collectors.teleop.devices.device import Command, Device
 from collectors.teleop.view import View
 
 

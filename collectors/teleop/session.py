@@ -9,28 +9,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from collectors.contract import Observation
-from collectors.dataset import software_versions
-from collectors.live import shown
-from collectors.record import record
-from collectors.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
+from collectors.recording.collection import software_versions
+from collectors.recording.live_view import shown
+from collectors.recording.loop import record
 from collectors.simulation.config import WorldConfig
+from collectors.sources.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
 from collectors.tasks import task_class
+from collectors.teleop.action_mapper import Pilot
 from collectors.teleop.clock import Clock, steadiness
-from collectors.teleop.device import Command, Device, DeviceLostError
+from collectors.teleop.devices.device import Command, Device, DeviceLostError
+from collectors.teleop.devices.script import InputLog
 from collectors.teleop.journaled import Journaled, constants
-from collectors.teleop.pilot import Pilot
 from collectors.teleop.screen import Screen
-from collectors.teleop.script import InputLog
 from collectors.teleop.view import View, felt, in_contact
-from svfl_data.claims import INFLIGHT, NEXT
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode, Meta
-from svfl_data.journal import SUFFIX
-from svfl_data.printable import say
-from svfl_data.repair import repair_dataset
-from svfl_data.store import write_episode
-from svfl_data.writer import EpisodeWriter
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.maintenance.repair import repair_dataset
+from svfl_data.recording.index_locks import INFLIGHT, NEXT
+from svfl_data.recording.journal import SUFFIX
+from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.robot import Observation
+from svfl_data.storage.store import write_episode
+from svfl_data.system.printable import say
 
 ATTEMPT = ATTEMPTS + 1
 """Number of the attempt in every episode: its scene is one that no expert and no policy has."""

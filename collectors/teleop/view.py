@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from collectors.contract import Calibration, Observation
+from svfl_data.schema.robot import Calibration, Observation
 
 FELT = 25
 """Readings whose mean is shown, and taken for contact: those of one action."""
 CONTACT_N, RELEASE_N = 5.0, 2.5
-"""Forces at which contact begins and ends, [N]: those of `svfl_data.contact.ContactRule`."""
+"""Forces at which contact begins and ends, [N]: those of `svfl_data.signals.contact.ContactRule`."""
 
 
 @dataclass(frozen=True)

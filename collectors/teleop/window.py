@@ -4,9 +4,9 @@ import os
 import sys
 from typing import Any
 
-from collectors.teleop.device import Command, Device
+from collectors.teleop.devices.device import Command, Device
+from collectors.teleop.devices.sdl import pygame
 from collectors.teleop.panel import COMMANDS, SIZE, Panel
-from collectors.teleop.sdl import pygame
 from collectors.teleop.view import View
 from svfl_data.errors import CollectError
 

@@ -1,7 +1,7 @@
 """What can be wrong with recorded data, as small functions that say so in words.
 
-A check takes a valid episode (`svfl_data.validity`) and yields findings. That it is valid, and that the file is whole,
-is checked when it is read; `check_file` turns what reading says into findings too.
+A check takes a valid episode (`svfl_data.schema.validity`) and yields findings. That it is valid, and that the file is
+whole, is checked when it is read; `check_file` turns what reading says into findings too.
 """
 
 import re
@@ -12,12 +12,12 @@ from svfl_data.checks.between import Between
 from svfl_data.checks.finding import Finding, Severity
 from svfl_data.checks.judging import check_episode
 from svfl_data.checks.usable import check_usable, sound
-from svfl_data.claims import INFLIGHT
-from svfl_data.damage import damaged_arrays
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, SvflError
-from svfl_data.journal import SUFFIX
-from svfl_data.reader import read_episode
+from svfl_data.recording.index_locks import INFLIGHT
+from svfl_data.recording.journal import SUFFIX
+from svfl_data.storage.damage import damaged_arrays
+from svfl_data.storage.reader import read_episode
 
 __all__ = ["Finding", "Severity", "check_dataset", "check_episode", "check_file", "check_usable", "sound"]
 

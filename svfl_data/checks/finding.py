@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from svfl_data.episode import Episode
+from svfl_data.schema.episode import Episode
 
 Severity = Literal["error", "warning", "note"]
 """error: do not use as it is; warning: probably not what was meant; note: good to know."""

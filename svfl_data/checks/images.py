@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from svfl_data.checks.finding import Finding, error, longest_run, places, seconds, travel_m, warning
-from svfl_data.episode import Camera, Episode
+from svfl_data.schema.episode import Camera, Episode
 
 HOLES = 0.5  # share of a depth image without measurement that is worth a warning
 FROZEN_FRAMES, FROZEN_TRAVEL_M = 5, 0.01  # identical images in a row, while the hand moves this far

@@ -7,7 +7,7 @@ from svfl_data.checks.images import check_color, check_depth
 from svfl_data.checks.motion import check_action, check_label, check_proprio, check_records
 from svfl_data.checks.timestamps import check_coverage, check_gaps, check_jitter, check_order, check_rates
 from svfl_data.checks.wrench import check_saturation, check_stuck, check_tare
-from svfl_data.episode import Camera, Episode
+from svfl_data.schema.episode import Camera, Episode
 
 STREAM_CHECKS: tuple[Callable[[Episode], Iterator[Finding]], ...] = (
     check_order, check_rates, check_gaps, check_jitter, check_coverage,

@@ -5,13 +5,13 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from svfl_data.action_bounds import ActionBounds
 from svfl_data.checks.finding import Finding, error, warning
-from svfl_data.episode import Episode
 from svfl_data.errors import FormatError
-from svfl_data.fields import FARTHEST_NS
+from svfl_data.schema.action_bounds import ActionBounds
+from svfl_data.schema.episode import Episode
+from svfl_data.schema.fields import FARTHEST_NS
+from svfl_data.signals.transforms import recorded_transforms
 from svfl_data.symmetry import DIRECTIONS, OFFSET_PARTS, act, points_towards
-from svfl_data.transforms import recorded_transforms
 
 OUTSIDE_M = 0.03  # an admittance controller lets contact push the hand out of the workspace by up to this
 OPENING = 0.05  # fingers stop a little before or after their nominal range

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from svfl_data.checks.finding import Finding
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 
 
 def check_place(dataset: Dataset, index: int) -> Iterator[Finding]:

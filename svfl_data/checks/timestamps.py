@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from svfl_data.checks.finding import SHOWN, Finding, error, note, places, seconds, warning
-from svfl_data.clocks import declared_gaps, mean_hz, without_gaps
-from svfl_data.episode import Episode
-from svfl_data.fields import field_at
-from svfl_data.rates import declared_hz, rate_fault, rate_words
+from svfl_data.schema.clocks import declared_gaps, mean_hz, without_gaps
+from svfl_data.schema.episode import Episode
+from svfl_data.schema.fields import field_at
+from svfl_data.schema.rates import declared_hz, rate_fault, rate_words
 
 GAP = 1.5  # periods; beyond it a reading is missing
 REGULAR = 0.25  # of a period; 9 of 10 intervals of a regular stream are this near the period

@@ -10,10 +10,10 @@ from svfl_data.checks.finding import Finding
 from svfl_data.checks.judging import check_images, check_streams
 from svfl_data.checks.placing import check_place
 from svfl_data.checks.verdicts import Verdicts
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, SvflError
-from svfl_data.progress import progress
-from svfl_data.reader import EpisodeReader
+from svfl_data.storage.reader import EpisodeReader
+from svfl_data.system.progress import progress
 
 STREAMS = "streams"
 """Name of the part of a verdict that looks at no image; the others have the names of the cameras."""
@@ -30,7 +30,7 @@ def check_usable(dataset: Dataset, episodes: Sequence[int], uses: Collection[str
 
     Raises:
         DatasetError: If one is unfit for training.
-        FieldError: If one is invalid (`svfl_data.validity`).
+        FieldError: If one is invalid (`svfl_data.schema.validity`).
         FormatError: If one is damaged.
     """
     unfit: list[Finding] = []

@@ -4,22 +4,16 @@ A verdict holds for the content of an episode (its seal) and for the rules that 
 checks), and is kept in the user's own cache. Wherever that fails, the episode is judged again.
 """
 
-import functools
-import hashlib
 import json
 import sqlite3
 from contextlib import closing, suppress
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import svfl_data
-from svfl_data.cache_folder import cache_folder
 from svfl_data.checks.finding import Finding
+from svfl_data.system.cache_folder import cache_folder, source_hash
 
-RULES = (
-    "checks", "validity.py", "fields.py", "episode.py", "clocks.py", "action_bounds.py", "symmetry.py", "transforms.py",
-)  # fmt: skip
+RULES = ("checks", "schema", "signals/transforms.py", "symmetry.py")
 """Files and folders of this package on which a verdict depends."""
 TABLE = "CREATE TABLE IF NOT EXISTS verdict (rules, seal, part, findings, PRIMARY KEY (rules, seal, part))"
 PATIENCE_S = 1.0
@@ -48,7 +42,7 @@ class Verdicts:
             return
         with closing(self._database), suppress(*TROUBLE):  # nothing is lost but time
             if self._new:
-                self._database.execute("DELETE FROM verdict WHERE rules != ?", (_rules(),))
+                self._database.execute("DELETE FROM verdict WHERE rules != ?", (source_hash(*RULES),))
                 self._database.executemany("INSERT OR REPLACE INTO verdict VALUES (?, ?, ?, ?)", self._new)
                 self._database.commit()
 
@@ -62,22 +56,11 @@ class Verdicts:
         """
         question = "SELECT findings FROM verdict WHERE rules = ? AND seal = ? AND part = ?"
         with suppress(*TROUBLE):
-            row = self._database and self._database.execute(question, (_rules(), seal, part)).fetchone()
+            row = self._database and self._database.execute(question, (source_hash(*RULES), seal, part)).fetchone()
             return [Finding(name, *found) for found in json.loads(row[0])] if row else None
         return None
 
     def keep(self, seal: str, part: str, findings: list[Finding]) -> None:
         """Remember a verdict."""
         plain = [(found.field, found.index, found.severity, found.words) for found in findings]
-        self._new.append((_rules(), seal, part, json.dumps(plain)))
-
-
-@functools.cache
-def _rules() -> str:
-    """SHA-256 of the source of everything that a verdict depends on."""
-    folder, digest = Path(svfl_data.__file__).parent, hashlib.sha256()
-    for name in RULES:
-        path = folder / name
-        for file in sorted(path.glob("*.py")) if path.is_dir() else [path]:
-            digest.update(file.read_bytes())
-    return digest.hexdigest()
+        self._new.append((source_hash(*RULES), seal, part, json.dumps(plain)))

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from svfl_data.checks.finding import Finding, error, longest_run, note, seconds, travel_m, warning
-from svfl_data.episode import Episode
+from svfl_data.schema.episode import Episode
 
 PATH, TARE = "streams/wrench/wrench", "streams/wrench/tare"
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")

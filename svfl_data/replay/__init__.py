@@ -14,6 +14,6 @@ Example, with one of the environments of `collectors.environment`::
 
 from svfl_data.replay.buffer import ReplayBuffer
 from svfl_data.replay.config import ReplayConfig
-from svfl_data.replay.layout import Layout
+from svfl_data.replay.replay_spec import Layout
 
 __all__ = ["Layout", "ReplayBuffer", "ReplayConfig"]

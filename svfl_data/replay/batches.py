@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from svfl_data.replay.recorded import Recorded
-from svfl_data.replay.turns import Turns
+from svfl_data.replay.stored_episode import Recorded
+from svfl_data.replay.symmetry_augmentation import Turns
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS
 
 Batch = dict[str, np.ndarray]

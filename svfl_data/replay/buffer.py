@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, UsageError
-from svfl_data.frames import corners
 from svfl_data.replay import demos, saving
 from svfl_data.replay.batches import Batch, images, turned, vectors
 from svfl_data.replay.config import ReplayConfig
-from svfl_data.replay.growing import Growing, Observation
-from svfl_data.replay.layout import Layout
+from svfl_data.replay.episode_builder import Growing, Observation
 from svfl_data.replay.priorities import Priorities
-from svfl_data.replay.recorded import ARRAYS, Recorded
+from svfl_data.replay.replay_spec import Layout
 from svfl_data.replay.ring import Ring
-from svfl_data.replay.turns import Turns
+from svfl_data.replay.stored_episode import ARRAYS, Recorded
+from svfl_data.replay.symmetry_augmentation import Turns
+from svfl_data.sampling.frames import corners
 
 CAPACITY = 50_000
 """Transitions; with images of 76 x 76 pixels 1.5 GB when full."""

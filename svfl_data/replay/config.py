@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from numbers import Integral
 
 from svfl_data.errors import UsageError
-from svfl_data.windows import WINDOW
+from svfl_data.sampling.windows import WINDOW
 
 COUNTS = {"crop": 1, "frames": 1, "window": 1, "n_step": 1, "beta_samples": 1, "turns": 1, "seed": 0}
 """The least that each whole number may be."""
@@ -27,7 +27,7 @@ class ReplayConfig:
         expert_bonus: What a demonstration's error counts more, whatever its size.
         rotate: Turn and mirror each transition of a batch by a random element of D_turns.
         turns: Rotations to choose from; there are as many reflections. 4 moves pixels onto pixels; others, such as 8
-            or 12, interpolate images (`svfl_data.replay.turns`), but turn vectors exactly, too.
+            or 12, interpolate images (`svfl_data.replay.symmetry_augmentation`), but turn vectors exactly, too.
         seed: Of everything that is drawn.
 
     Source of alpha, beta and the bonus: Kohler et al., CoRL 2023, section 5 and published code.

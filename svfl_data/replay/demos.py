@@ -4,14 +4,14 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from numbers import Integral
 
-from svfl_data.agreement import check_agreement
 from svfl_data.checks import check_usable
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Camera, Episode
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, UsageError
-from svfl_data.progress import progress
-from svfl_data.replay.layout import Layout
-from svfl_data.replay.recorded import Recorded
+from svfl_data.recording.consistency import check_agreement
+from svfl_data.replay.replay_spec import Layout
+from svfl_data.replay.stored_episode import Recorded
+from svfl_data.schema.episode import Camera, Episode
+from svfl_data.system.progress import progress
 
 
 def choose(dataset: Dataset, episodes: int | Sequence[int], failures: bool) -> list[int]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from svfl_data.errors import UsageError
-from svfl_data.replay.recorded import Recorded
+from svfl_data.replay.stored_episode import Recorded
 
 
 class Ring:

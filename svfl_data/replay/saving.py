@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from svfl_data.atomically import written_aside
-from svfl_data.episode import canonical_json
 from svfl_data.errors import FormatError, UsageError
-from svfl_data.printable import printable
-from svfl_data.side_files import check_format, parse_json
-from svfl_data.stored_zip import Stored, stored
+from svfl_data.schema.episode import canonical_json
+from svfl_data.system.atomic_io import written_aside
+from svfl_data.system.printable import printable
+from svfl_data.system.side_files import check_format, parse_json
+from svfl_data.system.stored_zip import Stored, stored
 
 FORMAT = "svfl-replay"
 FORMAT_VERSION = "2.0"

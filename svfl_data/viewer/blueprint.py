@@ -6,15 +6,15 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from svfl_data.printable import printable
+from svfl_data.sampling.windows import WINDOW
 from svfl_data.symmetry import element
+from svfl_data.system.printable import printable
 from svfl_data.viewer import names
+from svfl_data.viewer.episode_source import ACTION, PROPRIO, TIMES, WRENCH_TIMES, Shown
 from svfl_data.viewer.images import camera_entity, crop_range
 from svfl_data.viewer.names import CAMERAS, SCENE, TIMELINE
-from svfl_data.viewer.opinion import Opinion
+from svfl_data.viewer.predictions import Opinion
 from svfl_data.viewer.recording import Summary
-from svfl_data.viewer.shown import ACTION, PROPRIO, TIMES, WRENCH_TIMES, Shown
-from svfl_data.windows import WINDOW
 
 DARK = (22, 24, 28)
 LEGEND = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)

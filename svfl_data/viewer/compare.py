@@ -7,13 +7,13 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
-from svfl_data.printable import markdown, printable
-from svfl_data.progress import progress
+from svfl_data.system.printable import markdown, printable
+from svfl_data.system.progress import progress
+from svfl_data.viewer.episode_source import Shown
 from svfl_data.viewer.names import AXES, FORCE
 from svfl_data.viewer.recording import RULE
-from svfl_data.viewer.shown import Shown
 
 BINS = 40
 SHOWN = 0.995

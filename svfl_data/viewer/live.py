@@ -17,7 +17,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from svfl_data.errors import UsageError
-from svfl_data.own_process import OwnProcess
+from svfl_data.system.own_process import OwnProcess
 from svfl_data.viewer import images, names, plots, scene
 from svfl_data.viewer.robot import robot_for
 
@@ -33,7 +33,7 @@ TIMEOUT_S = 2.0
 
 
 class Optics(Protocol):
-    """Calibration of a camera, such as `collectors.contract.Calibration`."""
+    """Calibration of a camera, such as `svfl_data.schema.robot.Calibration`."""
 
     intrinsics: Any
     T_base_camera: Any
@@ -41,7 +41,7 @@ class Optics(Protocol):
 
 
 class Rig(Protocol):
-    """What is asked of a robot, such as `collectors.contract.Rig`."""
+    """What is asked of a robot, such as `svfl_data.schema.robot.Rig`."""
 
     tare_offset: Any
 
@@ -63,7 +63,7 @@ class Rig(Protocol):
 
 
 class Seen(Protocol):
-    """One observation, such as `collectors.contract.Observation`."""
+    """One observation, such as `svfl_data.schema.robot.Observation`."""
 
     t_ns: int
     frames: Any

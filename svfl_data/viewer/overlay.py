@@ -5,11 +5,11 @@ import rerun as rr
 
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer import names
+from svfl_data.viewer.episode_source import TIMES, Shown
 from svfl_data.viewer.images import camera_entity, send_color
 from svfl_data.viewer.names import FORCE, LABEL, TORQUE, send
-from svfl_data.viewer.opinion import Opinion
 from svfl_data.viewer.plots import send_curve
-from svfl_data.viewer.shown import TIMES, Shown
+from svfl_data.viewer.predictions import Opinion
 
 ARROWS = np.array([(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0)])
 """The directions right, up, left, down on a picture whose rows run downwards."""

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 
-from svfl_data.contact import CONTACT, ContactRule, contact_intervals
-from svfl_data.printable import printable
-from svfl_data.progress import progress
+from svfl_data.signals.contact import CONTACT, ContactRule, contact_intervals
 from svfl_data.symmetry import DIRECTIONS
+from svfl_data.system.printable import printable
+from svfl_data.system.progress import progress
 from svfl_data.viewer import images, names, plots, scene
-from svfl_data.viewer.about import about
-from svfl_data.viewer.opinion import Opinion
+from svfl_data.viewer.episode_source import ACTION, PROPRIO, TIMES, WRENCH_TIMES, Shown
 from svfl_data.viewer.overlay import log_opinion
+from svfl_data.viewer.predictions import Opinion
 from svfl_data.viewer.robot import robot_for
-from svfl_data.viewer.shown import ACTION, PROPRIO, TIMES, WRENCH_TIMES, Shown
+from svfl_data.viewer.summary_text import about
 
 FRAMES_AT_ONCE = 256
 EXACT_BYTES = 2**26

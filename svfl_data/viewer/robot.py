@@ -11,7 +11,7 @@ import rerun as rr
 from rerun.urdf import UrdfJoint, UrdfTree
 
 from svfl_data.errors import FormatError
-from svfl_data.printable import printable
+from svfl_data.system.printable import printable
 from svfl_data.viewer.names import SCENE, send
 from svfl_data.viewer.urdf import mesh_file, numbers, read_urdf
 

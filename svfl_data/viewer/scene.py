@@ -55,7 +55,7 @@ def hand_poses(proprio: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The hand's frame: origin at the TCP, z up, the fingers open along y.
 
     Args:
-        proprio: Opening, TCP position and yaw as declared in `svfl_data.fields`, shape (N, 5).
+        proprio: Opening, TCP position and yaw as declared in `svfl_data.schema.fields`, shape (N, 5).
 
     Returns:
         Position, shape (N, 3), [m], and quat_xyzw, shape (N, 4), in base.

@@ -15,14 +15,14 @@ from pathlib import Path
 
 import rerun as rr
 
-from svfl_data.atomically import named_aside
 from svfl_data.errors import SvflError
-from svfl_data.printable import printable, say
+from svfl_data.system.atomic_io import named_aside
+from svfl_data.system.printable import printable, say
 from svfl_data.viewer import blueprint
+from svfl_data.viewer.episode_source import Shown
 from svfl_data.viewer.names import APPLICATION
-from svfl_data.viewer.opinion import Opinion
+from svfl_data.viewer.predictions import Opinion
 from svfl_data.viewer.recording import log_episode
-from svfl_data.viewer.shown import Shown
 
 LOOPBACK = "127.0.0.1"
 FOOTER, FOOTER_WITHIN = b"RRF2FOOT", 64

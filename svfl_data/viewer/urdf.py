@@ -10,8 +10,8 @@ from typing import Any
 from xml.etree import ElementTree
 
 from svfl_data.errors import FormatError
-from svfl_data.printable import printable
-from svfl_data.regular_file import read_regular
+from svfl_data.system.printable import printable
+from svfl_data.system.regular_file import read_regular
 
 TEXT_BYTES, MESH_BYTES = 2**24, 2**28
 LEVELS, PARTS = 16, 1000

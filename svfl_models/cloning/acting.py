@@ -7,20 +7,20 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from svfl_data.atomically import write_atomically
 from svfl_data.errors import StorageError, TrainingError, UsageError
+from svfl_data.sampling.windows import WINDOW
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
-from svfl_data.windows import WINDOW
-from svfl_models import exported_policy
+from svfl_data.system.atomic_io import write_atomically
 from svfl_models.cloning.checkpoint import load_policy
+from svfl_models.cloning.deployment_spec import Workplace
 from svfl_models.cloning.hand_view import corners
 from svfl_models.cloning.module import CloningModule
-from svfl_models.cloning.workplace import Workplace
-from svfl_models.data import centre_crop, crop_at, crop_side, scaled
-from svfl_models.export import TOLERANCE, plain
-from svfl_models.policy import Policy
-from svfl_models.program import from_bytes
-from svfl_models.squashed_gaussian import to_unit
+from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, scaled
+from svfl_models.networks.policy import Policy
+from svfl_models.networks.squashed_gaussian import to_unit
+from svfl_models.programs import exported_policy
+from svfl_models.programs.program import TOLERANCE, from_bytes
+from svfl_models.symmetry.ordinary import plain
 
 TRIALS = 8
 """Random inputs that an exported file is tried with."""
@@ -108,7 +108,7 @@ def _exported(module: CloningModule) -> bytes:
 
 
 def export(module: CloningModule, file: Path) -> float:
-    """Write a trained policy as a program that runs without this package (`svfl_models.exported_policy`).
+    """Write a trained policy as a program that runs without this package (`svfl_models.programs.exported_policy`).
 
     Args:
         module: The policy.

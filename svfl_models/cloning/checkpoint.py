@@ -4,7 +4,7 @@ from pathlib import Path
 
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.module import FORMAT, FORMAT_VERSION, CloningModule
-from svfl_models.opening import is_marked, read_marked, rebuilt
+from svfl_models.training.checkpoint_io import is_marked, read_marked, rebuilt
 
 
 def load_policy(path: Path | str) -> CloningModule:

@@ -10,19 +10,19 @@ from torch.utils.data import DataLoader
 from torch.utils.data import Dataset as TorchDataset
 
 from svfl_data.checks import check_usable
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
-from svfl_data.samples import ACTION, PROPRIO, WRENCH, Samples, apart
-from svfl_data.split import split_episodes
+from svfl_data.sampling.samples import ACTION, PROPRIO, WRENCH, Samples, apart
+from svfl_data.sampling.split import split_episodes
+from svfl_data.sampling.torch_samples import EpochSampler, whole_batches
+from svfl_data.sampling.windows import WINDOW
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
-from svfl_data.torch_samples import EpochSampler, whole_batches
-from svfl_data.windows import WINDOW
-from svfl_models.augmentation import MARGIN, recoloured
 from svfl_models.cloning.config import CloningConfig
+from svfl_models.cloning.deployment_spec import Workplace, workplace_of
 from svfl_models.cloning.hand_view import JITTER, corners
-from svfl_models.cloning.workplace import Workplace, workplace_of
-from svfl_models.data import centre_crop, crop_at, crop_side, random_crop, scaled
-from svfl_models.visual_force import Batch
+from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, random_crop, scaled
+from svfl_models.networks.visual_force import Batch
+from svfl_models.training.augmentation import MARGIN, recoloured
 
 VALID_BATCH = 256
 STATISTICS = 1024
@@ -35,9 +35,9 @@ class Demonstrations(TorchDataset[Batch]):
     Actions are scaled to the bounds that a policy has, the paper's (`Workplace.unit`).
 
     Its keys run beyond the number of steps: key k is step k % len in epoch k // len, as those of
-    `svfl_data.torch_samples.TorchSamples`. What is random about a batch depends on the seed and its first key only, so
-    that a training that was interrupted goes on as if it had not been. Images stay as they were recorded, uint8 and
-    uint16, until they are in a batch.
+    `svfl_data.sampling.torch_samples.TorchSamples`. What is random about a batch depends on the seed and its first key
+    only, so that a training that was interrupted goes on as if it had not been. Images stay as they were recorded,
+    uint8 and uint16, until they are in a batch.
 
     Args:
         dataset: Where the episodes lie.

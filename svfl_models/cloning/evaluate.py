@@ -17,12 +17,12 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from svfl_data.atomically import write_atomically
 from svfl_data.errors import StorageError, TrainingError
-from svfl_data.printable import printable
+from svfl_data.system.atomic_io import write_atomically
+from svfl_data.system.printable import printable
 from svfl_models.cloning.acting import acting
 from svfl_models.cloning.checkpoint import load_policy
-from svfl_models.cloning.workplace import OTHER_RATE, Workplace
+from svfl_models.cloning.deployment_spec import OTHER_RATE, Workplace
 
 ATTEMPT = 20
 """Number of the attempt whose scenes policies are tried in; no demonstration is made in them (docs/decisions.md)."""

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from svfl_models.squashed_gaussian import SquashedGaussian, to_physical, to_unit
+from svfl_models.networks.squashed_gaussian import SquashedGaussian, to_physical, to_unit
 
 INNER = 0.99
 """How far out a demonstrated action may lie, as a share of the bound, before its likelihood is asked for: u = 2.6."""

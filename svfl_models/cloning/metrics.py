@@ -6,8 +6,8 @@ from typing import Any
 
 import lightning.pytorch as pl
 
-from svfl_models import progress
-from svfl_models.progress import QUIET_SECONDS, ProgressLine
+from svfl_models.training import progress
+from svfl_models.training.progress import QUIET_SECONDS, ProgressLine
 
 COLUMNS = (
     "epoch", "train_loss", "valid_loss", "valid_gripper", "valid_xy_mm", "valid_z_mm", "valid_turn_deg", "seconds",

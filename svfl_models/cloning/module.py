@@ -9,11 +9,11 @@ from lightning.pytorch.utilities.types import OptimizerLRScheduler
 from torch import Tensor
 
 from svfl_data.errors import TrainingError
+from svfl_models.cloning.deployment_spec import Workplace
 from svfl_models.cloning.loss import LOSSES
-from svfl_models.cloning.workplace import Workplace
-from svfl_models.policy import Policy
-from svfl_models.squashed_gaussian import SquashedGaussian
-from svfl_models.visual_force import Batch
+from svfl_models.networks.policy import Policy
+from svfl_models.networks.squashed_gaussian import SquashedGaussian
+from svfl_models.networks.visual_force import Batch
 
 FORMAT = "svfl-policy"
 FORMAT_VERSION = "1.0"

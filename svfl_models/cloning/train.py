@@ -9,17 +9,16 @@ import torch
 from rich.console import Console
 
 from svfl_data.errors import FormatError
-from svfl_data.side_files import read_json
-from svfl_models import run_folder
-from svfl_models.classifier import parameter_count
+from svfl_data.system.side_files import read_json
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.data import CloningData
 from svfl_models.cloning.metrics import CloningProgress, MetricsFile
 from svfl_models.cloning.module import CloningModule
-from svfl_models.fitting import run, storage_errors
-from svfl_models.train import THREADS
-from svfl_models.writing import write_json
+from svfl_models.networks.presets import THREADS
+from svfl_models.training import run_folder
+from svfl_models.training.trainer import parameter_count, run, storage_errors
+from svfl_models.training.writing import write_json
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from svfl_models.config import ENCODERS, TrainingConfig
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.centering.report import NAMES
 from svfl_models.experiments.figures import (
     ENCODER_COLOURS,
     MODEL_COLOURS,
@@ -14,11 +15,11 @@ from svfl_models.experiments.figures import (
     legend,
     line,
     panels,
-    save,
-)  # fmt: skip
+)
 from svfl_models.experiments.page import MODELS, accuracy_words, heading, markdown, tests
 from svfl_models.experiments.results import Cell, Results
-from svfl_models.report import NAMES
+from svfl_models.networks.inputs import ENCODERS
+from svfl_models.training.figures import save  # fmt: skip
 
 TITLE = "Block centering: ablations"
 SVFL: dict[str, Any] = {"group": MODELS["svfl"]}

@@ -4,20 +4,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from svfl_models.config import TrainingConfig
-from svfl_models.experiments.figures import (
-    ENCODER_COLOURS,
-    accuracy_label,
-    best_known,
-    few_ticks,
-    legend,
-    line,
-    panels,
-    save,
-)
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.centering.report import NAMES
+from svfl_models.experiments.figures import ENCODER_COLOURS, accuracy_label, best_known, few_ticks, legend, line, panels
 from svfl_models.experiments.page import MODELS, accuracy_words, markdown, tests
 from svfl_models.experiments.results import Results
-from svfl_models.report import NAMES
+from svfl_models.training.figures import save
 
 TITLE = "Block centering: visual acuity"
 SIZES = (64, 32, 16, 8)

@@ -11,20 +11,20 @@ from typing import Protocol, cast
 
 from rich.console import Console
 
-from svfl_data.centering import sample_of
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
-from svfl_data.printable import say
-from svfl_models.config import USES, Latent, TrainingConfig
+from svfl_data.sampling.centering_samples import sample_of
+from svfl_data.system.printable import say
+from svfl_models.centering.config import USES, Latent, TrainingConfig
+from svfl_models.centering.pretrained import describe as describe_latent
 from svfl_models.experiments import page
-from svfl_models.experiments.folder import RUNS, claimed, describe
-from svfl_models.experiments.grid import Grid
 from svfl_models.experiments.results import Results
-from svfl_models.experiments.reuse import take_from
-from svfl_models.experiments.training import Training, run_name
-from svfl_models.fitting import storage_errors
-from svfl_models.pretrained import describe as describe_latent
-from svfl_models.writing import copy_file, write_text
+from svfl_models.experiments.runs.folder import RUNS, claimed, describe
+from svfl_models.experiments.runs.grid import Grid
+from svfl_models.experiments.runs.run_cache import take_from
+from svfl_models.experiments.runs.training import Training, run_name
+from svfl_models.training.trainer import storage_errors
+from svfl_models.training.writing import copy_file, write_text
 
 RECIPE = ("test_samples", "preset", "epochs", "patience", "learning_rate", "augment")
 """Options that become part of every run's configuration."""

@@ -3,17 +3,14 @@
 Figures are made without pyplot, whose backend and open figures are the user's.
 """
 
-import io
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from PIL import Image
 
-from svfl_data.atomically import write_atomically
 from svfl_models.experiments.results import Cell, Mean, Results
+from svfl_models.training.figures import WIDTH_IN
 
 # Okabe and Ito's palette, made to be told apart by colour-blind people.
 MODEL_COLOURS = {"svfl": "#0072b2", "cnn": "#d55e00"}
@@ -21,25 +18,12 @@ ENCODER_COLOURS = {"v": "#e69f00", "f": "#009e73", "vf": "#0072b2"}
 GROUP_COLOURS = {
     "none": "#555555", "C4": "#56b4e9", "D4": "#0072b2", "C8": "#e69f00", "D8": "#d55e00", "D12": "#cc79a7",
 }  # fmt: skip
-WIDTH_IN = 10.0
-DPI = 100
 
 
 def panels(rows: int, columns: int, height_in: float) -> tuple[Figure, list[Axes]]:
     """A figure of panels side by side that share the y axis."""
     figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
     return figure, list(figure.subplots(rows, columns, sharey=True, squeeze=False).flat)
-
-
-def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG; returns the file."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI)
-    # 256 colours are more than there are in such a figure, and a third of the bytes.
-    small = io.BytesIO()
-    Image.open(buffer).convert("RGB").quantize(256).save(small, format="png", optimize=True)
-    write_atomically(path, small.getvalue())
-    return path
 
 
 def best_known(cell: Cell, results: Results) -> Mean | None:

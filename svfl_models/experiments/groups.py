@@ -6,11 +6,13 @@ from pathlib import Path
 
 from matplotlib.ticker import LogLocator
 
-from svfl_models.config import ENCODERS, TrainingConfig
-from svfl_models.experiments.figures import GROUP_COLOURS, accuracy_label, best_known, panels, save
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.centering.report import NAMES
+from svfl_models.experiments.figures import GROUP_COLOURS, accuracy_label, best_known, panels
 from svfl_models.experiments.page import accuracy_words, markdown, tests
 from svfl_models.experiments.results import Results
-from svfl_models.report import NAMES
+from svfl_models.networks.inputs import ENCODERS
+from svfl_models.training.figures import save
 
 TITLE = "Block centering: the size of the symmetry group"
 GROUPS = ("none", "C4", "D4", "C8", "D8", "D12")

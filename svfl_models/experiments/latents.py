@@ -4,13 +4,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from svfl_models.config import USES, Latent, TrainingConfig
-from svfl_models.data import VIEWS
-from svfl_models.experiments.figures import MODEL_COLOURS, accuracy_label, best_known, few_ticks, line, panels, save
+from svfl_models.centering.config import USES, Latent, TrainingConfig
+from svfl_models.centering.data import VIEWS
+from svfl_models.centering.pretrained import settings
+from svfl_models.centering.report import NAMES, latent_name, pretraining
+from svfl_models.experiments.figures import MODEL_COLOURS, accuracy_label, best_known, few_ticks, line, panels
 from svfl_models.experiments.page import MODELS, accuracy_words, heading, markdown, tests
 from svfl_models.experiments.results import Cell, Results
-from svfl_models.pretrained import settings
-from svfl_models.report import NAMES, latent_name, pretraining
+from svfl_models.training.figures import save
 
 TITLE = "Block centering: pretrained latent models"
 SHARE_OF_EPOCHS = {"frozen": 1.0, "tuned": 0.3, "scratch": 0.3}

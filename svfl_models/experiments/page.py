@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import Any
 
-from svfl_data.printable import markdown as escaped
-from svfl_data.printable import printable
-from svfl_models.config import TrainingConfig
+from svfl_data.system.printable import markdown as escaped
+from svfl_data.system.printable import printable
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.centering.report import NAMES
 from svfl_models.experiments.results import VARIED, Cell, Results
-from svfl_models.report import NAMES
 
 TESTS = ("fixed", "fresh")
 MODELS = {"svfl": "D4", "cnn": "none"}

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from svfl_models.config import TrainingConfig
-from svfl_models.experiments.folder import finished
-from svfl_models.writing import write_rows
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.experiments.runs.folder import finished
+from svfl_models.training.writing import write_rows
 
 NOTHING = "-"
 VARIED = ("encoder", "group", "train_samples", "torque", "view", "image_size", "augment", "rotate", "noise")

@@ -4,13 +4,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from svfl_models.config import ENCODERS, TrainingConfig
-from svfl_models.experiments import mistakes
-from svfl_models.experiments.figures import MODEL_COLOURS, few_ticks, legend, line, panels, save
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.centering.paper_figures import centering_figure
+from svfl_models.centering.report import NAMES
+from svfl_models.experiments import error_analysis
+from svfl_models.experiments.figures import MODEL_COLOURS, few_ticks, legend, line, panels
 from svfl_models.experiments.page import MODELS, accuracy_words, markdown, tests
 from svfl_models.experiments.results import Cell, Mean, Results
-from svfl_models.paper import centering_figure
-from svfl_models.report import NAMES
+from svfl_models.networks.inputs import ENCODERS
+from svfl_models.training.figures import save
 
 TITLE = "Block centering: input and symmetry against training samples"
 
@@ -48,7 +50,7 @@ test samples; its data are not published, so its figures are of the same task, n
 
 ![accuracy against training samples](table.png)
 
-{mistakes.section(hardest(results), "table_errors.png")}"""
+{error_analysis.section(hardest(results), "table_errors.png")}"""
 
 
 def draw(results: Results, folder: Path) -> list[Path]:
@@ -68,7 +70,7 @@ def draw(results: Results, folder: Path) -> list[Path]:
     axes[0].set_ylabel("accuracy on the fixed samples, %")
     axes[0].text(counts[-1], 26, "chance", color="grey", ha="right", fontsize=8)
     legend(axes[1], "lower right")
-    return [save(figure, folder / "table.png"), mistakes.draw(hardest(results), folder / "table_errors.png")]
+    return [save(figure, folder / "table.png"), error_analysis.draw(hardest(results), folder / "table_errors.png")]
 
 
 def hardest(results: Results) -> list[Cell]:

@@ -6,7 +6,7 @@ from typing import Any
 from svfl_data.errors import FormatError
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.module import FORMAT, FORMAT_VERSION, LatentModule
-from svfl_models.opening import read_marked, rebuilt
+from svfl_models.training.checkpoint_io import read_marked, rebuilt
 
 
 def load_latent(path: Path | str) -> LatentModule:

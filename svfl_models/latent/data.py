@@ -7,10 +7,10 @@ import torch
 from torch.utils.data import Dataset as TorchDataset
 from torch.utils.data import Sampler
 
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
-from svfl_data.frames import corners, draws
-from svfl_data.split import Split, load_split, split_episodes
+from svfl_data.sampling.frames import corners, draws
+from svfl_data.sampling.split import Split, load_split, split_episodes
 from svfl_models.latent.config import PRESETS, LatentConfig
 from svfl_models.latent.inputs import IMAGE_SIZE, Batch, Inputs
 from svfl_models.latent.recordings import Recording, load_recordings

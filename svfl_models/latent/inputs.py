@@ -8,8 +8,8 @@ from torch import Tensor, nn
 
 from svfl_data.errors import TrainingError
 from svfl_models.latent.config import MODALITIES
-from svfl_models.normalization import Normalization
-from svfl_models.squashed_gaussian import to_unit
+from svfl_models.networks.normalization import Normalization
+from svfl_models.networks.squashed_gaussian import to_unit
 
 IMAGE_SIZE, WINDOW, PROPRIO = 64, 64, 6
 SHAPES = {"image": (4, IMAGE_SIZE, IMAGE_SIZE), "wrench": (WINDOW, 6), "proprio": (5,)}

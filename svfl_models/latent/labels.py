@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from svfl_data.contact import CONTACT
-from svfl_data.episode import Episode
 from svfl_data.errors import DatasetError
-from svfl_data.windows import latest
+from svfl_data.sampling.windows import latest
+from svfl_data.schema.episode import Episode
+from svfl_data.signals.contact import CONTACT
 
 MOVED_M, MOVED_COSINE = 5e-4, np.cos(np.deg2rad(1.0) / 2)
 """An object that moves or turns farther than this within a step, 0.5 mm or 1 degree, is being touched."""

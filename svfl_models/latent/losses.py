@@ -10,11 +10,11 @@ from torch.nn import functional
 
 from svfl_data.errors import TrainingError
 from svfl_models.latent.config import TERMS
-from svfl_models.latent.decoder import DEPTH_UNIT
-from svfl_models.latent.gaussian import Gaussian
 from svfl_models.latent.inputs import Batch
 from svfl_models.latent.mismatch import mismatched
-from svfl_models.latent.network import LatentNetwork, Understanding
+from svfl_models.latent.networks.decoder import DEPTH_UNIT
+from svfl_models.latent.networks.gaussian import Gaussian
+from svfl_models.latent.networks.network import LatentNetwork, Understanding
 
 SIGMA = math.sqrt(0.1)
 """Deviation of the pictures' normal distribution (VTT's published code), in units of the decoder's output."""

@@ -9,8 +9,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from svfl_data.errors import FormatError
 from svfl_models.latent.module import LatentModule, columns
-from svfl_models.progress import Bar, MetricsFile
-from svfl_models.writing import read_numbers
+from svfl_models.training.progress import Bar, MetricsFile
+from svfl_models.training.writing import read_numbers
 
 Row = dict[str, float]
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from svfl_data.action_bounds import ActionBounds
 from svfl_data.checks import check_usable
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Camera, Episode
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
-from svfl_data.progress import progress
+from svfl_data.sampling.windows import WINDOW, latest
+from svfl_data.schema.action_bounds import ActionBounds
+from svfl_data.schema.episode import Camera, Episode
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
-from svfl_data.windows import WINDOW, latest
+from svfl_data.system.progress import progress
 from svfl_models.latent.inputs import IMAGE_SIZE
 from svfl_models.latent.labels import contacts_annotated, pressed, rewards, touched
 

@@ -9,17 +9,16 @@ from rich.console import Console
 from torch.utils.data import DataLoader
 
 from svfl_data.errors import TrainingError
-from svfl_data.printable import printable
-from svfl_models import run_folder
-from svfl_models.fitting import run, storage_errors
+from svfl_data.system.printable import printable
 from svfl_models.latent.checkpoint import load_latent, read_latent
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.data import Leg, Sequences, fit, sequences_of
 from svfl_models.latent.inputs import Batch
 from svfl_models.latent.module import LatentModule
-from svfl_models.latent.network import parameter_count
 from svfl_models.latent.progress import LegsFile, Row, StepsBar
-from svfl_models.writing import write_json
+from svfl_models.training import run_folder
+from svfl_models.training.trainer import parameter_count, run, storage_errors
+from svfl_models.training.writing import write_json
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 
-from collectors.apriltags.paper import picture
-from collectors.apriltags.sheet import board_page, cell_mm
+from collectors.apriltags.print_files import picture
+from collectors.apriltags.print_layout import board_page, cell_mm
 from collectors.simulation.camera import CameraConfig, calibration
 
 DPI = 200

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from collectors.engines.worker import Worker
-from collectors.expert import ExpertCollector
+from collectors.recording.worker import Worker
 from collectors.simulation import CameraConfig, WorldConfig
-from svfl_data.episode import Episode
+from collectors.sources.expert import ExpertCollector
 from svfl_data.errors import CollectError
+from svfl_data.schema.episode import Episode
 from tests.builders import make_episode
 
 SMALL = WorldConfig(cameras={"front": CameraConfig(height=16, width=16)})

@@ -6,18 +6,18 @@ import cv2
 import numpy as np
 import pytest
 
-from collectors.apriltags import simulated
-from collectors.apriltags.simulated import TAG_CAMERAS, TaggedCollector
 from collectors.apriltags.watch import MAX_AGE
-from collectors.expert import ExpertCollector
 from collectors.simulation import CameraConfig, WorldConfig
 from collectors.simulation.bodies import quat_from_yaw
 from collectors.simulation.bullet import pybullet
+from collectors.sources import tagged_expert
+from collectors.sources.expert import ExpertCollector
+from collectors.sources.tagged_expert import TAG_CAMERAS, TaggedCollector
 from collectors.tasks import block_picking, block_pushing
 from svfl_data.checks import check_episode
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError, UsageError
-from svfl_data.store import episode_bytes
+from svfl_data.storage.store import episode_bytes
 from tests.collectors.conftest import SMALL
 from tests.collectors.test_collect_command import collect
 
@@ -100,9 +100,9 @@ def test_the_command_gives_the_same_bytes_with_two_workers_and_other_datasets_ar
 
 def test_a_policy_sees_tags_on_the_block_and_nothing_else_of_them(monkeypatch):
     """Against the same scene with a plain block: the first observation differs in colour, and only on the block."""
-    monkeypatch.setattr("collectors.expert.MAX_STEPS", 1)
-    monkeypatch.setattr("collectors.expert.ATTEMPTS", 1)
-    monkeypatch.setattr(simulated, "MAX_STEPS", 1)
+    monkeypatch.setattr("collectors.sources.expert.MAX_STEPS", 1)
+    monkeypatch.setattr("collectors.sources.expert.ATTEMPTS", 1)
+    monkeypatch.setattr(tagged_expert, "MAX_STEPS", 1)
     world = WorldConfig(cameras={"front": CameraConfig(height=76, width=76)})
     attempts = []
     for kind in (TaggedCollector, ExpertCollector):
@@ -139,8 +139,8 @@ def on_block(episode):
 def test_what_tags_do_not_see_does_not_count(monkeypatch):
     """Cameras that look at the sky: the expert lifts the block, and nobody knows."""
     away = {name: replace(one, target=(one.eye[0], one.eye[1], 2.0)) for name, one in TAG_CAMERAS.items()}
-    monkeypatch.setattr(simulated, "TAG_CAMERAS", away)
-    monkeypatch.setattr("collectors.expert.ATTEMPTS", 1)
+    monkeypatch.setattr(tagged_expert, "TAG_CAMERAS", away)
+    monkeypatch.setattr("collectors.sources.expert.ATTEMPTS", 1)
     collector, failed = TaggedCollector(0, "block_picking", world=SMALL), []
     with pytest.raises(CollectError, match="1 x not achieved in 50 steps"):
         collector(0, failed.append)

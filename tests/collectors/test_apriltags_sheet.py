@@ -9,8 +9,8 @@ import pytest
 from collectors.apriltags.detector import TagDetector
 from collectors.apriltags.layout import FACES, Layout
 from collectors.apriltags.native import CORRECTED
-from collectors.apriltags.paper import POINT, pdf, picture, png
-from collectors.apriltags.sheet import GAP, LETTER, PAPERS, RULER, board_page, cell_mm, tag_pages
+from collectors.apriltags.print_files import POINT, pdf, picture, png
+from collectors.apriltags.print_layout import GAP, LETTER, PAPERS, RULER, board_page, cell_mm, tag_pages
 from collectors.cli import build_parser
 from svfl_data.errors import UsageError
 

@@ -6,20 +6,20 @@ import cv2
 import numpy as np
 import pytest
 
-from collectors.apriltags.simulated import TAG_CAMERAS, SimulatedTagCamera, watched
 from collectors.apriltags.tracker import Limits, Tracker, quat_from_matrix
 from collectors.apriltags.watch import MAX_AGE, Lifted, Reached, Watch
-from collectors.record import record
-from collectors.simulated import attempt_seed
+from collectors.recording.loop import record
 from collectors.simulation.bodies import quat_from_yaw
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.camera import calibration as calibration_of
-from collectors.simulation.tagged_block import wear_tags
 from collectors.simulation.world import World
+from collectors.sources.simulated import attempt_seed
+from collectors.sources.tagged_block import wear_tags
+from collectors.sources.tagged_expert import TAG_CAMERAS, SimulatedTagCamera, watched
 from collectors.tasks import task_class
-from svfl_data.episode import Episode, Meta
 from svfl_data.errors import CollectError, UsageError
-from svfl_data.store import read_episode, write_episode
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.storage.store import read_episode, write_episode
 from tests.collectors.conftest import SMALL
 
 pytestmark = pytest.mark.slow

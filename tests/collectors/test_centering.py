@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from collectors.centering import MAX_STEPS, CenteringCollector, add_block, balanced_direction
-from collectors.record import record
+from collectors.recording.loop import record
 from collectors.simulation import NoiseConfig
 from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, draw_scene
 from collectors.simulation.centering_expert import CollisionExpert
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
-from svfl_data.episode import Episode
+from collectors.sources.centering import MAX_STEPS, CenteringCollector, add_block, balanced_direction
 from svfl_data.errors import CollectError
-from svfl_data.store import episode_bytes
+from svfl_data.sampling.windows import latest
+from svfl_data.schema.episode import Episode
+from svfl_data.storage.store import episode_bytes
 from svfl_data.symmetry import OFFSET_PARTS, WRENCH_PARTS, act, border_distance, element, nearest_direction
-from svfl_data.windows import latest
 
 SAMPLES = 8
 
@@ -110,15 +110,15 @@ def beside(scene: Scene) -> Scene:
 
 def test_attempts_that_miss_are_retried_and_counted(monkeypatch):
     hands = iter([beside, lambda scene: scene])
-    monkeypatch.setattr("collectors.centering.draw_scene", lambda *args: next(hands)(draw_scene(*args)))
+    monkeypatch.setattr("collectors.sources.centering.draw_scene", lambda *args: next(hands)(draw_scene(*args)))
     episode = CenteringCollector(seed=5)(0)
     assert episode.meta.config["rejected"] == ["0 fingers touched"]
     assert episode.meta.config["attempt"] == 1
 
 
 def test_a_sample_that_never_collides_is_an_error(monkeypatch):
-    monkeypatch.setattr("collectors.centering.ATTEMPTS", 2)
-    monkeypatch.setattr("collectors.centering.draw_scene", lambda *args: beside(draw_scene(*args)))
+    monkeypatch.setattr("collectors.sources.centering.ATTEMPTS", 2)
+    monkeypatch.setattr("collectors.sources.centering.draw_scene", lambda *args: beside(draw_scene(*args)))
     with pytest.raises(CollectError, match=r"sample 0 \(seed 5\): none of 2 attempts .* 0 fingers touched"):
         CenteringCollector(seed=5)(0)
 

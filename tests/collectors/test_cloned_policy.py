@@ -11,21 +11,25 @@ import pytest
 import torch
 from rich.console import Console
 
-from collectors import policy as collecting
-from collectors.contract import Frame, Observation
-from collectors.expert import ExpertCollector
-from collectors.policy import PolicyCollector
 from collectors.simulation.config import WorldConfig
+from collectors.sources import policy as collecting
+from collectors.sources.expert import ExpertCollector
+from collectors.sources.policy import PolicyCollector
 from collectors.tasks import TASKS
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, TrainingError, UsageError
-from svfl_data.store import write_episode
-from svfl_models import cli, export, exported_policy, run_folder, viewing
-from svfl_models.cloning import acting, table, train
+from svfl_data.schema.robot import Frame, Observation
+from svfl_data.storage.store import write_episode
+from svfl_models import cli
+from svfl_models.cloning import acting, train
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.evaluate import environment_of, evaluate
-from svfl_models.squashed_gaussian import SCALE
+from svfl_models.deployment import export, predictions
+from svfl_models.experiments import cloning_table
+from svfl_models.networks.squashed_gaussian import SCALE
+from svfl_models.programs import exported_policy
+from svfl_models.training import run_folder
 from tests.models.synthetic import centering_samples
 from tests.models.trained import untrained, write
 
@@ -78,7 +82,7 @@ def test_what_the_viewer_says_that_it_would_do_is_what_it_did(checkpoint):
     collector = PolicyCollector(5, "block_picking", checkpoint)
     episode = collector(2)
     collector.opened.close()
-    thought = viewing.load(checkpoint)(episode)
+    thought = predictions.load(checkpoint)(episode)
     np.testing.assert_allclose(thought.actions[:-1] / SCALE, episode.action / SCALE, atol=1e-4)
 
 
@@ -155,7 +159,7 @@ def test_an_evaluation_is_written_beside_the_checkpoint(checkpoint, capsys):
 
 def test_a_table_tries_what_is_trained(checkpoint):
     config = CloningConfig(**json.loads((checkpoint.parent / run_folder.CONFIG).read_text()))
-    run, before = table.Run(config, checkpoint.parent, trials=2), checkpoint.read_bytes()
+    run, before = cloning_table.Run(config, checkpoint.parent, trials=2), checkpoint.read_bytes()
     assert run.words() is None
     run()
     assert run.words().endswith(" of 2")

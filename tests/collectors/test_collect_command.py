@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.slow

@@ -6,9 +6,9 @@ import os
 
 import pytest
 
-from collectors.dataset import collect_dataset
-from collectors.engines.worker import FAILURES
-from svfl_data.dataset import Dataset
+from collectors.recording.collection import collect_dataset
+from collectors.recording.worker import FAILURES
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError, StorageError
 from tests.collectors.conftest import Made, contents
 

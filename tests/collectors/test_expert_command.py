@@ -6,17 +6,17 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from collectors.engines.worker import FAILURES, Worker
-from collectors.expert import ExpertCollector
-from collectors.simulated import ATTEMPTS
+from collectors.recording.worker import FAILURES, Worker
 from collectors.simulation.camera import CAMERAS, CameraConfig
 from collectors.simulation.world import World
+from collectors.sources.expert import ExpertCollector
+from collectors.sources.simulated import ATTEMPTS
 from collectors.tasks import PAPER
 from collectors.tasks.block_picking import BlockPicking
 from svfl_data.checks import check_episode
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError
-from svfl_data.store import episode_bytes
+from svfl_data.storage.store import episode_bytes
 from tests.collectors.conftest import SMALL, contents
 from tests.collectors.test_collect_command import collect
 

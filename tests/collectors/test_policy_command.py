@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from collectors.contract import Frame, Observation
-from collectors.expert import ExpertCollector
-from collectors.policy import PolicyCollector, wilson
-from collectors.replay import replay
+from collectors.sources.expert import ExpertCollector
+from collectors.sources.policy import PolicyCollector, wilson
+from collectors.sources.replay import replay
 from svfl_data.checks import check_episode
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, TrainingError
-from svfl_data.store import episode_bytes
-from svfl_models.exported_policy import load, save
+from svfl_data.schema.robot import Frame, Observation
+from svfl_data.storage.store import episode_bytes
+from svfl_models.programs.exported_policy import load, save
 from tests.collectors.conftest import SMALL, contents
 from tests.collectors.test_collect_command import collect
 

@@ -13,10 +13,10 @@ import ray
 from ray._private import ray_constants
 from ray.cluster_utils import Cluster
 
-from collectors.dataset import collect_dataset
-from collectors.engines.ray import Ray
-from collectors.expert import ExpertCollector
-from svfl_data.dataset import Dataset
+from collectors.recording.collection import collect_dataset
+from collectors.recording.ray import Ray
+from collectors.sources.expert import ExpertCollector
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError
 from tests.collectors.conftest import SMALL, Made, contents
 from tests.patience import PATIENCE

@@ -10,17 +10,17 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from collectors.centering import CenteringCollector
-from collectors.expert import ExpertCollector
-from collectors.replay import from_json, replay
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.noise import NoiseConfig
+from collectors.sources.centering import CenteringCollector
+from collectors.sources.expert import ExpertCollector
+from collectors.sources.replay import from_json, replay
 from collectors.tasks import TASKS
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError, DatasetError, FormatError, SvflError
-from svfl_data.merge import merge
-from svfl_data.store import episode_bytes, read_episode, write_episode
+from svfl_data.maintenance.merge import merge
+from svfl_data.schema.episode import Episode
+from svfl_data.storage.store import episode_bytes, read_episode, write_episode
 from tests.builders import make_episode
 from tests.collectors.conftest import SMALL
 from tests.collectors.test_collect_command import collect

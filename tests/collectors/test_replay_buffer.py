@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from collectors.environment import Environment
-from collectors.simulated import attempt_seed
+from collectors.sources.simulated import attempt_seed
 from collectors.tasks.task import MAX_STEPS
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.replay import Layout, ReplayBuffer, ReplayConfig
 from tests.collectors.conftest import SMALL

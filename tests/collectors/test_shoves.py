@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from collectors.expert import ExpertCollector
-from collectors.shoves import LONGEST, Shoved
+from collectors.sources.expert import ExpertCollector
+from collectors.sources.perturbations import LONGEST, Shoved
 from svfl_data.checks import check_episode
-from svfl_data.dataset import Dataset
-from svfl_data.samples import ACTION, Samples
-from svfl_data.store import episode_bytes, write_episode
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.sampling.samples import ACTION, Samples
+from svfl_data.storage.store import episode_bytes, write_episode
 from tests.collectors.conftest import SMALL
 from tests.collectors.test_collect_command import collect
 

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from collectors.simulation.camera import CAMERAS, calibration
+from collectors.teleop.action_mapper import RAMP, TURN, Pilot
 from collectors.teleop.clock import PERIOD_NS, Clock, steadiness
-from collectors.teleop.device import FINE, Command, DeviceLostError, reading, without_rest
-from collectors.teleop.gamepad import Gamepad
-from collectors.teleop.keyboard import Keyboard
-from collectors.teleop.pilot import RAMP, TURN, Pilot
-from collectors.teleop.script import InputLog, Script
-from collectors.teleop.sdl import pygame
-from collectors.teleop.spacemouse import SpaceMouse, is_spacemouse
+from collectors.teleop.devices.device import FINE, Command, DeviceLostError, reading, without_rest
+from collectors.teleop.devices.gamepad import Gamepad
+from collectors.teleop.devices.keyboard import Keyboard
+from collectors.teleop.devices.script import InputLog, Script
+from collectors.teleop.devices.sdl import pygame
+from collectors.teleop.devices.spacemouse import SpaceMouse, is_spacemouse
 from collectors.teleop.view import in_contact, pixel
 from svfl_data.errors import CollectError, FormatError
 

@@ -8,20 +8,20 @@ import subprocess
 import numpy as np
 import pytest
 
-from collectors.replay import replay
-from collectors.simulated import attempt_seed
+from collectors.sources.replay import replay
+from collectors.sources.simulated import attempt_seed
 from collectors.tasks import task_class
 from collectors.tasks.hand import nearest_turn
 from collectors.teleop.clock import Clock
-from collectors.teleop.device import Command, Device, DeviceLostError, reading
-from collectors.teleop.keyboard import Keyboard
+from collectors.teleop.devices.device import Command, Device, DeviceLostError, reading
+from collectors.teleop.devices.keyboard import Keyboard
+from collectors.teleop.devices.script import InputLog, Script
+from collectors.teleop.devices.sdl import pygame
 from collectors.teleop.screen import NoScreen
-from collectors.teleop.script import InputLog, Script
-from collectors.teleop.sdl import pygame
 from collectors.teleop.session import ATTEMPT, Session, Teleoperation
 from collectors.teleop.window import Window
 from svfl_data.checks import check_episode
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from tests.collectors.conftest import SMALL
 from tests.collectors.test_collect_command import command
 from tests.collectors.typist import wait_for
@@ -167,7 +167,7 @@ class Audience(dict):
 
 def test_a_viewer_is_shown_every_episode_and_changes_none(dataset, what, tmp_path, monkeypatch):
     audience, blind = Audience(), Dataset.create_or_resume(tmp_path / "blind", what.task, what.seed, what.config())
-    monkeypatch.setattr("collectors.live.viewer", {"here:1": audience}.__getitem__)
+    monkeypatch.setattr("collectors.recording.live_view.viewer", {"here:1": audience}.__getitem__)
     lines = at(0, DOWN, "start"), at(4, REST, "stop"), at(6, DOWN, "start"), at(9, REST, "discard")
     run(dataset, what, script(tmp_path, *lines), viewer="here:1")
     run(blind, what, script(tmp_path, *lines))

@@ -6,17 +6,17 @@ import subprocess
 import numpy as np
 import pytest
 
-from collectors.simulated import attempt_seed
 from collectors.simulation.world import World
+from collectors.sources.simulated import attempt_seed
 from collectors.tasks.block_picking import BlockPicking
 from collectors.tasks.hand import nearest_turn
 from collectors.teleop.clock import Clock
-from collectors.teleop.device import Command
+from collectors.teleop.devices.device import Command
+from collectors.teleop.devices.script import Script
 from collectors.teleop.screen import NoScreen
-from collectors.teleop.script import Script
 from collectors.teleop.session import ATTEMPT, Session, Teleoperation
 from svfl_data.checks import check_episode
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from tests.collectors.conftest import SMALL
 from tests.collectors.test_collect_command import command
 from tests.collectors.typist import PACE, Typist, display, needs_display, wait_for

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from collectors.dataset import collect_dataset
-from svfl_data.claims import NEXT
-from svfl_data.dataset import Dataset
+from collectors.recording.collection import collect_dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import StorageError
-from svfl_data.repair import repair_dataset
-from svfl_data.store import episode_bytes
-from svfl_data.writer import EpisodeWriter
+from svfl_data.maintenance.repair import repair_dataset
+from svfl_data.recording.index_locks import NEXT
+from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.storage.store import episode_bytes
 from tests.builders import make_episode
 from tests.collectors.test_collect_command import command
 from tests.collectors.typist import wait_for

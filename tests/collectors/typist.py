@@ -15,8 +15,8 @@ import pytest
 
 from collectors.simulation.camera import CAMERAS, calibration
 from collectors.simulation.config import WorldConfig
-from collectors.teleop.device import Command
-from collectors.teleop.pilot import Pilot
+from collectors.teleop.action_mapper import Pilot
+from collectors.teleop.devices.device import Command
 from tests.patience import PATIENCE
 
 PACE = 0.5

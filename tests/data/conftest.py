@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from svfl_data.__main__ import main
+from svfl_data.cli import main
 
 
 @pytest.fixture

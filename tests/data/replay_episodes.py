@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode, Meta
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.replay import Layout, ReplayBuffer, ReplayConfig
-from svfl_data.store import write_episode
-from svfl_data.windows import WINDOW, wrench_window
+from svfl_data.sampling.windows import WINDOW, wrench_window
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.storage.store import write_episode
 from tests.builders import episode_arrays
 
 SMALL = ReplayConfig(crop=12)

@@ -16,16 +16,16 @@ import h5py
 import numpy as np
 import pytest
 
-from svfl_data import examination, header_cache
-from svfl_data.admission import VARIABLE
-from svfl_data.chunks import Extent
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FieldError, FormatError, SvflError, UsageError
-from svfl_data.header import forget, header, know_own
-from svfl_data.reader import EpisodeReader, read_episode, read_unsealed
-from svfl_data.seal import SEAL_SIZE, seal
-from svfl_data.store import episode_bytes, write_episode
+from svfl_data.schema.episode import Episode
+from svfl_data.storage import examination, header_cache
+from svfl_data.storage.admission import VARIABLE
+from svfl_data.storage.chunks import Extent
+from svfl_data.storage.header import forget, header, know_own
+from svfl_data.storage.reader import EpisodeReader, read_episode, read_unsealed
+from svfl_data.storage.seal import SEAL_SIZE, seal
+from svfl_data.storage.store import episode_bytes, write_episode
 from tests.builders import make_episode
 
 SECRET = b"root:x:0:0:a line of the password file\n"
@@ -285,7 +285,7 @@ BOMBS = [
 MEASURE = """
 import json, resource, sys
 sys.stdout = sys.stderr = open(sys.argv[1], "w")
-from svfl_data.__main__ import main
+from svfl_data.cli import main
 codes = []
 for words in json.loads(sys.argv[2]):
     sys.argv = ["svfl-data", *words]
@@ -385,7 +385,7 @@ def test_a_killed_examiner_is_replaced(tmp_path, file):
 
 def test_the_examiner_ends_with_whoever_asked(file):
     code = (
-        "import os, sys; from svfl_data import examination; from svfl_data.reader import read_episode;"
+        "import os, sys; from svfl_data.storage import examination; from svfl_data.storage.reader import read_episode;"
         "read_episode(sys.argv[1]); print(examination._examiner.process.pid, flush=True); os.kill(os.getpid(), 9)"
     )
     done = subprocess.run([sys.executable, "-c", code, file], stdout=subprocess.PIPE, text=True, check=False)
@@ -428,7 +428,7 @@ def test_a_fork_while_another_thread_asks(tmp_path):
 def test_the_program_loads_nothing_from_the_current_folder(tmp_path, file):
     (tmp_path / "numpy.py").write_text("open('ran', 'w')")
     (tmp_path / "h5py.py").write_text("open('ran', 'w')")
-    code = "import sys; from svfl_data.reader import read_episode; print(read_episode(sys.argv[1]).meta.index)"
+    code = "import sys; from svfl_data.storage.reader import read_episode; print(read_episode(sys.argv[1]).meta.index)"
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
     done = subprocess.run(
         [sys.executable, "-P", "-c", code, file], cwd=tmp_path, env=environment, capture_output=True, text=True,
@@ -441,7 +441,7 @@ def test_the_program_loads_nothing_from_the_current_folder(tmp_path, file):
 def test_no_other_file_can_be_opened_while_examining(file):
     """Not even if a crafted file makes the library do what it wants."""
     code = (
-        "import os; from svfl_data import examiner; pid = os.fork();\n"
+        "import os; from svfl_data.storage import examiner; pid = os.fork();\n"
         "if pid == 0:\n"
         "    examiner._confine(0)\n"
         "    try: open('/etc/hostname')\n"
@@ -541,7 +541,7 @@ def cache(tmp_path, monkeypatch, file):
 
 
 def no_examiner(monkeypatch):
-    monkeypatch.setattr("svfl_data.header.ask", lambda *_: pytest.fail("examined again"))
+    monkeypatch.setattr("svfl_data.storage.header.ask", lambda *_: pytest.fail("examined again"))
 
 
 def test_an_unchanged_file_is_neither_hashed_nor_examined_again(cache, file, monkeypatch):

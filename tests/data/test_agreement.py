@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from svfl_data.agreement import check_agreement
-from svfl_data.claims import NEXT
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode, Meta
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.index import INDEX
 from svfl_data.errors import DatasetError
-from svfl_data.fields import field_at
-from svfl_data.growth import grows
-from svfl_data.index import INDEX
-from svfl_data.merge import merge
-from svfl_data.repair import repair_dataset
-from svfl_data.samples import Samples
-from svfl_data.store import write_episode
-from svfl_data.writer import EpisodeWriter
+from svfl_data.maintenance.merge import merge
+from svfl_data.maintenance.repair import repair_dataset
+from svfl_data.recording.consistency import check_agreement
+from svfl_data.recording.growth import grows
+from svfl_data.recording.index_locks import NEXT
+from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.sampling.samples import Samples
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.fields import field_at
+from svfl_data.storage.store import write_episode
 from tests.builders import episode_arrays, make_episode
 
 POSE = "cameras/front/T_base_camera"

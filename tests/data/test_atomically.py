@@ -9,17 +9,17 @@ import tempfile
 
 import pytest
 
-from svfl_data import leftovers
-from svfl_data.atomically import named_aside, write_atomically, written_aside
 from svfl_data.errors import StorageError
-from svfl_data.leftovers import clear_files, clear_folders, folder_aside
+from svfl_data.system import leftovers
+from svfl_data.system.atomic_io import named_aside, write_atomically, written_aside
+from svfl_data.system.leftovers import clear_files, clear_folders, folder_aside
 
 REFUSALS = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.ESTALE, errno.EIO)
 STEPS = ((tempfile, "mkstemp"), (os, "fsync"), (os, "fchmod"), (os, "replace"), (os, "write"))
 HOLDER = """
 import sys
 from pathlib import Path
-from svfl_data.atomically import written_aside
+from svfl_data.system.atomic_io import written_aside
 with written_aside(Path(sys.argv[1])) as file:
     file.write(b"half")
     file.flush()

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from svfl_data import store
-from svfl_data.chunk_encoding import LARGE, Encoding, stored
-from svfl_data.episode import Episode
-from svfl_data.reader import EpisodeReader
-from svfl_data.store import episode_bytes, write_sealed
+from svfl_data.schema.episode import Episode
+from svfl_data.storage import store
+from svfl_data.storage.chunk_encoding import LARGE, Encoding, stored
+from svfl_data.storage.reader import EpisodeReader
+from svfl_data.storage.store import episode_bytes, write_sealed
 from tests.builders import episode_arrays, make_episode
 
 KINDS = ["u1", "u2", "i2", "i4", "f4", "f8", "i8", "c8", "S3", "?"]

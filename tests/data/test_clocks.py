@@ -6,13 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from svfl_data.checks import check_episode
-from svfl_data.clocks import Clock
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode, Meta
-from svfl_data.rates import Found, rate_fault, unit_fault
-from svfl_data.samples import Samples
-from svfl_data.store import write_episode
-from svfl_data.viewer.shown import Shown
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.sampling.samples import Samples
+from svfl_data.schema.clocks import Clock
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.rates import Found, rate_fault, unit_fault
+from svfl_data.storage.store import write_episode
+from svfl_data.viewer.episode_source import Shown
 from tests.data.spoiled import WRENCH, WRENCH_T, fresh
 
 RATES = {"rates_hz": {"streams/wrench": 500, "observations": 20, "cameras/front": 20}}
@@ -76,7 +76,7 @@ def test_bursts_have_the_declared_rate_everywhere():
     assert not [one for one in findings(arrays, RATES) if one.severity == "error"]
     assert not [one for one in findings(arrays, RATES) if "periods of 0.1 ms" in one.words]
     pytest.importorskip("rerun")
-    from svfl_data.viewer.about import about
+    from svfl_data.viewer.summary_text import about
 
     shown = Shown.of(Episode(Meta("centering", 0, 0, "robot", True, RATES), arrays))
     assert "600 readings at 500 Hz as declared" in about(shown, 1.0)

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from svfl_data.contact import ContactRule, contact_annotations, contact_intervals
-from svfl_data.episode import Episode
 from svfl_data.errors import UsageError
+from svfl_data.schema.episode import Episode
+from svfl_data.signals.contact import ContactRule, contact_annotations, contact_intervals
 from tests.builders import episode_arrays, make_episode
 
 MS = 1_000_000

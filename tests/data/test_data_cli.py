@@ -4,8 +4,8 @@ import sys
 import h5py
 import pytest
 
-from svfl_data.dataset import Dataset
-from svfl_data.store import write_episode
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.storage.store import write_episode
 from tests.builders import make_episode
 
 
@@ -128,7 +128,7 @@ def python(script):
 def test_help_has_an_example_and_does_not_load_the_viewer(words):
     shown = python(f"""
 import sys
-from svfl_data.__main__ import main
+from svfl_data.cli import main
 sys.argv = ["svfl-data", *{words}]
 try:
     main()
@@ -142,7 +142,7 @@ finally:
 def test_without_rerun_the_command_says_what_to_install(dataset):
     ended = python(f"""
 import sys
-from svfl_data.__main__ import main
+from svfl_data.cli import main
 sys.modules["rerun"] = None
 sys.argv = ["svfl-data", "view", {str(dataset.path)!r}]
 sys.exit(main())

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from svfl_data.centering import load_centering
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FormatError, UsageError
-from svfl_data.split import train_test_split
-from svfl_data.store import write_episode
-from svfl_data.windows import wrench_window
+from svfl_data.sampling.centering_samples import load_centering
+from svfl_data.sampling.split import train_test_split
+from svfl_data.sampling.windows import wrench_window
+from svfl_data.schema.episode import Episode
+from svfl_data.storage.store import write_episode
 from tests.builders import episode_arrays, make_episode
 
 
@@ -84,7 +84,10 @@ def test_an_absent_episode_is_named(dataset):
 def test_only_one_collector_writes_and_remains_are_cleared(dataset):
     remains = dataset.path / ".episode_000005.hdf5.abc.part"
     remains.write_bytes(b"half")
-    code = "import sys; from svfl_data.dataset import Dataset\nwith Dataset.open(sys.argv[1]).writing(): print('held')"
+    code = (
+        "import sys; from svfl_data.datasets.dataset import Dataset\n"
+        "with Dataset.open(sys.argv[1]).writing(): print('held')"
+    )
     root = Path(__file__).parents[2]
     with dataset.writing():
         assert not remains.exists()

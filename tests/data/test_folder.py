@@ -6,10 +6,10 @@ import signal
 
 import pytest
 
-from svfl_data.dataset import Dataset
-from svfl_data.pack import pack
-from svfl_data.split import split_episodes
-from svfl_data.store import write_episode
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.maintenance.pack import pack
+from svfl_data.sampling.split import split_episodes
+from svfl_data.storage.store import write_episode
 from tests.builders import make_episode
 
 COMMANDS = (

@@ -9,11 +9,11 @@ import signal
 import numpy as np
 import pytest
 
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, UsageError
-from svfl_data.repair import repair_dataset
-from svfl_data.store import episode_bytes
-from svfl_data.writer import EpisodeWriter
+from svfl_data.maintenance.repair import repair_dataset
+from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.storage.store import episode_bytes
 from tests.builders import make_episode
 from tests.data.test_reliability import in_child
 from tests.data.test_writer import append_all, start

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from svfl_data.claims import NEXT
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError
-from svfl_data.journal import HEADER, MAGIC, read_journal
-from svfl_data.repair import repair_dataset
-from svfl_data.store import read_episode
-from svfl_data.writer import EpisodeWriter
+from svfl_data.maintenance.repair import repair_dataset
+from svfl_data.recording.index_locks import NEXT
+from svfl_data.recording.journal import HEADER, MAGIC, read_journal
+from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.storage.store import read_episode
 from tests.builders import make_episode
 from tests.data.test_writer import append_all, constants_of
 

@@ -8,12 +8,12 @@ import shutil
 
 import pytest
 
-from svfl_data import index
-from svfl_data.dataset import Dataset
+from svfl_data.datasets import index
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.index import INDEX, append_index, entries, summary
 from svfl_data.errors import StorageError
-from svfl_data.index import INDEX, append_index, entries, summary
-from svfl_data.pack import pack
-from svfl_data.store import write_episode
+from svfl_data.maintenance.pack import pack
+from svfl_data.storage.store import write_episode
 from tests.builders import make_episode
 
 

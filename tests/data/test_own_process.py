@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import pytest
 
 from svfl_data.errors import UsageError
-from svfl_data.own_process import OwnProcess
+from svfl_data.system.own_process import OwnProcess
 
 
 @dataclass(frozen=True)

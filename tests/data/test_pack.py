@@ -9,14 +9,14 @@ import zipfile
 import numpy as np
 import pytest
 
-from svfl_data.centering import load_centering
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FormatError, StorageError, UsageError
-from svfl_data.pack import pack, unpack
-from svfl_data.samples import Samples
-from svfl_data.split import load_split, split_episodes
-from svfl_data.statistics import compute_statistics, load_statistics, save_statistics
-from svfl_data.store import write_episode
+from svfl_data.maintenance.pack import pack, unpack
+from svfl_data.sampling.centering_samples import load_centering
+from svfl_data.sampling.samples import Samples
+from svfl_data.sampling.split import load_split, split_episodes
+from svfl_data.sampling.statistics import compute_statistics, load_statistics, save_statistics
+from svfl_data.storage.store import write_episode
 from tests.builders import make_episode
 
 INDICES = [0, 1, 2, 5, 6, 9, 1_000_000]

@@ -4,14 +4,14 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from svfl_data import plot
-from svfl_data.card import write_card
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
-from svfl_data.relabel import relabel, with_annotation, with_success
-from svfl_data.split import split_episodes
-from svfl_data.store import write_episode
+from svfl_data.maintenance.relabel import relabel, with_annotation, with_success
+from svfl_data.reports import plot
+from svfl_data.reports.dataset_card import write_card
+from svfl_data.sampling.split import split_episodes
+from svfl_data.schema.episode import Episode
+from svfl_data.storage.store import write_episode
 from tests.builders import episode_arrays, make_episode
 
 CONTACT = {"name": "contact", "start_ns": 300_000_000, "end_ns": 350_000_000}

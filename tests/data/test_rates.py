@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from svfl_data.rates import Found, declared_rates, rate_words
+from svfl_data.schema.rates import Found, declared_rates, rate_words
 
 
 def stream(rate_hz: float, unit_ns: float = 1.0, seconds: float = 2.0) -> Found:

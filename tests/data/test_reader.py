@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from svfl_data.chunks import Extent
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FieldError, FormatError, SvflError
-from svfl_data.header import forget
-from svfl_data.reader import EpisodeReader
-from svfl_data.seal import seal
-from svfl_data.store import episode_bytes, read_episode, write_episode
+from svfl_data.schema.episode import Episode
+from svfl_data.storage.chunks import Extent
+from svfl_data.storage.header import forget
+from svfl_data.storage.reader import EpisodeReader
+from svfl_data.storage.seal import seal
+from svfl_data.storage.store import episode_bytes, read_episode, write_episode
 from tests.builders import episode_arrays, make_episode
 
 

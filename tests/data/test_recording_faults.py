@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from svfl_data.checks import check_episode
-from svfl_data.claims import NEXT
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FieldError, StorageError, UsageError
-from svfl_data.repair import repair_dataset
-from svfl_data.store import episode_bytes, read_episode
-from svfl_data.writer import EpisodeWriter
+from svfl_data.maintenance.repair import repair_dataset
+from svfl_data.recording.index_locks import NEXT
+from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.storage.store import episode_bytes, read_episode
 from tests.builders import episode_arrays, make_episode
 from tests.data.test_writer import append_all, constants_of, groups_of, start
 
@@ -299,7 +299,7 @@ def test_observations_are_never_dropped(dataset):
 @pytest.fixture
 def held_disk(monkeypatch):
     """A disk that takes nothing until told: (it was asked, let it go)."""
-    import svfl_data.journal as journal
+    import svfl_data.recording.journal as journal
 
     asked, go = threading.Event(), threading.Event()
     write_all = journal.write_all
@@ -365,7 +365,7 @@ def test_memory_is_bounded_when_the_disk_is_slower_than_the_data(dataset, held_d
 
 
 def test_what_the_disk_refused_in_the_background_is_said_and_nothing_of_it_is_lost(dataset, monkeypatch):
-    import svfl_data.journal as journal
+    import svfl_data.recording.journal as journal
 
     episode, tried = make_episode(), threading.Event()
     write_all = journal.write_all
@@ -392,7 +392,7 @@ def test_what_the_disk_refused_in_the_background_is_said_and_nothing_of_it_is_lo
 
 def test_rows_of_an_append_that_met_a_full_disk_are_stored_once(dataset, monkeypatch):
     """With `flush_s=0` an append meets the disk itself: what was taken is told at the next one, which takes nothing."""
-    import svfl_data.journal as journal
+    import svfl_data.recording.journal as journal
 
     episode, write_all, left = make_episode(), journal.write_all, [3]
 
@@ -417,7 +417,7 @@ def test_rows_of_an_append_that_met_a_full_disk_are_stored_once(dataset, monkeyp
 
 
 def test_an_episode_is_sealed_beside_the_next_one(dataset, monkeypatch):
-    import svfl_data.writer as module
+    import svfl_data.recording.writer as module
 
     began, go, build = threading.Event(), threading.Event(), module.build
 
@@ -455,7 +455,7 @@ def test_what_cannot_be_sealed_beside_is_refused_at_once_and_can_go_on(dataset):
 
 
 def test_a_disk_that_refuses_beside_leaves_the_journal(dataset, monkeypatch):
-    import svfl_data.writer as module
+    import svfl_data.recording.writer as module
 
     def full(*_):
         raise StorageError("cannot write: No space left on device")

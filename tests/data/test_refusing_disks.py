@@ -7,10 +7,10 @@ import threading
 
 import pytest
 
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import StorageError
-from svfl_data.repair import repair_dataset
-from svfl_data.store import episode_bytes
+from svfl_data.maintenance.repair import repair_dataset
+from svfl_data.storage.store import episode_bytes
 from tests.builders import make_episode
 from tests.data.test_writer import append_all, start
 

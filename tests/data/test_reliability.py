@@ -20,17 +20,17 @@ import h5py
 import numpy as np
 import pytest
 
-import svfl_data.writer
-from svfl_data import claims
-from svfl_data.claims import INFLIGHT, NEXT
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode, Meta
+import svfl_data.recording.writer
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FieldError, FormatError, StorageError
-from svfl_data.journal import HEADER
-from svfl_data.repair import repair_dataset, repair_exit_code
-from svfl_data.seal import SEAL_SIZE, seal
-from svfl_data.store import episode_bytes, read_episode, write_episode
-from svfl_data.writer import EpisodeWriter
+from svfl_data.maintenance.repair import repair_dataset, repair_exit_code
+from svfl_data.recording import index_locks
+from svfl_data.recording.index_locks import INFLIGHT, NEXT
+from svfl_data.recording.journal import HEADER
+from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.storage.seal import SEAL_SIZE, seal
+from svfl_data.storage.store import episode_bytes, read_episode, write_episode
 from tests.builders import episode_arrays, make_episode
 from tests.data.test_writer import append_all, constants_of, start
 from tests.patience import PATIENCE
@@ -246,12 +246,12 @@ def fill_limited(dataset, truth, when, limit) -> int:
 
     def limited_build(*arguments):
         forbid()
-        return claims.build(*arguments)
+        return index_locks.build(*arguments)
 
     if when == "recording":
         forbid()
     else:
-        svfl_data.writer.build = limited_build  # of this child process only
+        svfl_data.recording.writer.build = limited_build  # of this child process only
     return fill(dataset, truth)
 
 
@@ -305,7 +305,7 @@ def test_sealing_again_after_making_room_is_possible(dataset, monkeypatch):
     with start(dataset, episode) as writer:
         append_all(writer, episode.arrays)
         with monkeypatch.context() as full:
-            full.setattr("svfl_data.sink.write_all", refuse)
+            full.setattr("svfl_data.storage.sink.write_all", refuse)
             with pytest.raises(StorageError, match=r"No space left on device \(at most \d+ bytes needed, \d+ free\)"):
                 writer.seal()
         assert writer.seal().read_bytes() == episode_bytes(episode)
@@ -485,7 +485,7 @@ def test_an_episode_published_just_before_the_power_went_is_not_doubled(dataset,
     with start(dataset) as writer:
         append_all(writer, make_episode().arrays)
         with monkeypatch.context() as cut:
-            cut.setattr(claims, "sync_folder", power_cut)
+            cut.setattr(index_locks, "sync_folder", power_cut)
             with pytest.raises(StorageError, match="cannot publish"):
                 writer.seal()
     (action,) = repair_dataset(dataset.path)

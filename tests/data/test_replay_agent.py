@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, UsageError
 from svfl_data.replay import ReplayBuffer, ReplayConfig
-from svfl_data.replay.growing import unseen
+from svfl_data.replay.episode_builder import unseen
 from tests.data.replay_episodes import layout_of, live_through, make_demo, observation, small, store
 
 

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from svfl_data.replay import ReplayBuffer
 from svfl_data.replay.batches import PARTS
-from svfl_data.replay.recorded import Recorded
+from svfl_data.replay.stored_episode import Recorded
+from svfl_data.sampling.windows import wrench_window
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act, act_on_image, dihedral
-from svfl_data.windows import wrench_window
 from tests.data.replay_episodes import agent_buffer, live_through, make_demo, small, store
 
 LENGTHS = (4, 7, 1, 5)

@@ -5,8 +5,8 @@ import pytest
 
 from svfl_data.replay import ReplayBuffer
 from svfl_data.replay.batches import PARTS
-from svfl_data.replay.turns import Turns, between, seen
-from svfl_data.samples import Samples
+from svfl_data.replay.symmetry_augmentation import Turns, between, seen
+from svfl_data.sampling.samples import Samples
 from svfl_data.symmetry import act, act_on_image, dihedral, element
 from tests.data.replay_episodes import agent_buffer, live_through, make_demo, small, store
 from tests.data.test_replay_batches import LENGTHS

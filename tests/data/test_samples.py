@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode, Meta
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, UsageError
-from svfl_data.samples import Samples
-from svfl_data.store import write_episode
-from svfl_data.windows import wrench_window
+from svfl_data.sampling.samples import Samples
+from svfl_data.sampling.windows import wrench_window
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.storage.store import write_episode
 from tests.builders import episode_arrays, make_episode
 
 MS = 1_000_000
@@ -244,7 +244,7 @@ def test_workers_and_lightning_change_neither_samples_nor_order(dataset):
     import lightning
     import torch
 
-    from svfl_data.torch_samples import TorchSamples
+    from svfl_data.sampling.torch_samples import TorchSamples
 
     torch_samples = TorchSamples(Samples(dataset, crop=12, crop_at="random", seed=1))
 

@@ -11,16 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Meta, canonical_json
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.index import INDEX, entries
 from svfl_data.errors import FieldError, FormatError, SvflError
-from svfl_data.index import INDEX, entries
-from svfl_data.metadata import JSON_ATTRIBUTES, checked_meta, parse_meta
-from svfl_data.seal import seal
-from svfl_data.side_files import BITS_LIMIT, DEPTH_LIMIT, parse_json, plain
-from svfl_data.split import load_split, split_episodes, split_file
-from svfl_data.statistics import compute_statistics, load_statistics, save_statistics, statistics_file
-from svfl_data.store import resealed_bytes, write_episode
+from svfl_data.sampling.split import load_split, split_episodes, split_file
+from svfl_data.sampling.statistics import compute_statistics, load_statistics, save_statistics, statistics_file
+from svfl_data.schema.episode import Meta, canonical_json
+from svfl_data.storage.metadata import JSON_ATTRIBUTES, checked_meta, parse_meta
+from svfl_data.storage.seal import seal
+from svfl_data.storage.store import resealed_bytes, write_episode
+from svfl_data.system.side_files import BITS_LIMIT, DEPTH_LIMIT, parse_json, plain
 from tests.builders import make_episode
 
 LEAVES = st.one_of(
@@ -231,9 +231,9 @@ def test_the_index_is_not_believed_about_numbers(dataset):
 
 def test_an_index_beyond_all_measure_is_not_read(dataset, monkeypatch):
     honest = entries(dataset)
-    monkeypatch.setattr("svfl_data.index.SIZE_LIMIT", 10)
-    monkeypatch.setattr("svfl_data.index._DECODER", None)  # would be an error
-    monkeypatch.setattr("svfl_data.index._remember", lambda *_: None)
+    monkeypatch.setattr("svfl_data.datasets.index.SIZE_LIMIT", 10)
+    monkeypatch.setattr("svfl_data.datasets.index._DECODER", None)  # would be an error
+    monkeypatch.setattr("svfl_data.datasets.index._remember", lambda *_: None)
     assert [entry.content for entry in entries(dataset)] == [entry.content for entry in honest]
 
 

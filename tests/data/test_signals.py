@@ -9,12 +9,12 @@ import time
 
 import pytest
 
-from svfl_data import cli
+from svfl_data.system import command_line
 from tests.patience import PATIENCE
 
 COMMAND = """
 import os, signal, subprocess, sys, time
-from svfl_data import cli
+from svfl_data.system import command_line
 
 def work():
     child = subprocess.Popen([sys.executable, "-c", "import time; print('ready', flush=True); time.sleep(600)"])
@@ -24,7 +24,7 @@ def work():
         child.kill()
         print("in order", child.wait(), flush=True)
 
-sys.exit(cli.run(work, "svfl-data view"))
+sys.exit(command_line.run(work, "svfl-data view"))
 """
 
 
@@ -61,14 +61,14 @@ def test_a_forked_child_is_ended_as_usual():
         os.kill(child, signal.SIGTERM)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGTERM
 
-    assert cli.run(work, "svfl") == 0
+    assert command_line.run(work, "svfl") == 0
 
 
 def test_signals_are_as_before_afterwards_and_threads_may_run_commands():
     codes = []
-    thread = threading.Thread(target=lambda: codes.append(cli.run(lambda: None, "svfl")))
+    thread = threading.Thread(target=lambda: codes.append(command_line.run(lambda: None, "svfl")))
     thread.start()
     thread.join()
-    codes.append(cli.run(lambda: None, "svfl"))
+    codes.append(command_line.run(lambda: None, "svfl"))
     assert codes == [0, 0]
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL

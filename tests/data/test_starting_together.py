@@ -9,10 +9,10 @@ from threading import Barrier
 
 import pytest
 
-from svfl_data.atomically import write_atomically
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, StorageError, SvflError
-from svfl_data.split import load_split, split_episodes
+from svfl_data.sampling.split import load_split, split_episodes
+from svfl_data.system.atomic_io import write_atomically
 
 pytestmark = pytest.mark.slow
 

@@ -7,12 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FormatError, UsageError
-from svfl_data.fields import OF_EPISODE
-from svfl_data.split import Split, load_split, split_episodes
-from svfl_data.statistics import (
+from svfl_data.sampling.split import Split, load_split, split_episodes
+from svfl_data.sampling.statistics import (
     Moments,
     compute_statistics,
     load_statistics,
@@ -20,7 +18,9 @@ from svfl_data.statistics import (
     statistics,
     statistics_file,
 )
-from svfl_data.store import write_episode
+from svfl_data.schema.episode import Episode
+from svfl_data.schema.fields import OF_EPISODE
+from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import ACTION_PARTS, WRENCH_PARTS, Part, act, dihedral
 from tests.builders import make_episode
 

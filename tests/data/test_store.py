@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 from rerun.chunk import IndexColumn
 from rerun.experimental import Hdf5Reader
 
-from svfl_data.atomically import write_atomically
-from svfl_data.episode import Episode, Meta
 from svfl_data.errors import FieldError, FormatError, StorageError
-from svfl_data.fields import CAMERA, FIELDS
-from svfl_data.seal import seal
-from svfl_data.store import episode_bytes, read_episode, write_episode
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.fields import CAMERA, FIELDS
+from svfl_data.storage.seal import seal
+from svfl_data.storage.store import episode_bytes, read_episode, write_episode
+from svfl_data.system.atomic_io import write_atomically
 from tests.builders import episode_arrays, make_episode
 
 
@@ -260,7 +260,7 @@ def test_a_flipped_bit_is_never_silent(tmp_path):
 WRITER = """
 import sys
 from pathlib import Path
-from svfl_data.store import write_episode
+from svfl_data.storage.store import write_episode
 from tests.builders import make_episode
 folder = Path(sys.argv[1])
 for index in range(100_000):

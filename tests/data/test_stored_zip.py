@@ -12,7 +12,7 @@ import pytest
 
 from svfl_data.errors import FormatError
 from svfl_data.replay import ReplayBuffer
-from svfl_data.stored_zip import Stored, stored
+from svfl_data.system.stored_zip import Stored, stored
 from tests.data.replay_episodes import agent_buffer
 
 

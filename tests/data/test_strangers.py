@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from svfl_data.cache_folder import cache_folder
 from svfl_data.errors import FormatError
-from svfl_data.printable import printable
-from svfl_data.regular_file import open_regular, read_regular
+from svfl_data.system.cache_folder import cache_folder
+from svfl_data.system.printable import printable
+from svfl_data.system.regular_file import open_regular, read_regular
 
 
 def test_a_link_is_neither_read_nor_written_through(tmp_path):

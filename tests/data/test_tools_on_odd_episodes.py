@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Meta
-from svfl_data.store import write_sealed
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.schema.episode import Meta
+from svfl_data.storage.store import write_sealed
 from tests.builders import episode_arrays
 from tests.data.spoiled import INVALID, put, without
 

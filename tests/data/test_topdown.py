@@ -8,12 +8,12 @@ import pytest
 
 from collectors.simulation import World, WorldConfig
 from collectors.simulation.camera import CameraConfig, calibration
-from svfl_data.episode import Episode
 from svfl_data.errors import FieldError, UsageError
-from svfl_data.store import write_episode
+from svfl_data.schema.episode import Episode
+from svfl_data.signals.top_view import EYE_M, TopView
+from svfl_data.signals.topdown import topdown, topdown_frame
+from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import act_on_image, dihedral
-from svfl_data.top_view import EYE_M, TopView
-from svfl_data.topdown import topdown, topdown_frame
 from tests.builders import IMAGE_AXES, episode_arrays, make_episode
 
 WORKSPACE = np.array([[0.35, 0.75], [-0.2, 0.2], [-0.01, 0.25]])

@@ -7,10 +7,10 @@ import pytest
 import torch
 from torch.utils.data import ConcatDataset, DataLoader, Subset, WeightedRandomSampler, random_split
 
-from svfl_data.dataset import Dataset
-from svfl_data.samples import Samples
-from svfl_data.store import write_episode
-from svfl_data.torch_samples import TorchSamples
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.sampling.samples import Samples
+from svfl_data.sampling.torch_samples import TorchSamples
+from svfl_data.storage.store import write_episode
 from tests.builders import make_episode
 
 

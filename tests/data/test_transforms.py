@@ -3,9 +3,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from svfl_data.episode import Episode
 from svfl_data.errors import FormatError, UsageError
-from svfl_data.transforms import GRAVITY, Gravity, LowPass, Tare, as_record, from_record, processed_wrench
+from svfl_data.schema.episode import Episode
+from svfl_data.signals.transforms import GRAVITY, Gravity, LowPass, Tare, as_record, from_record, processed_wrench
 from tests.builders import episode_arrays, make_episode
 
 OFFSET = (1.0, 2.0, 3.0, 0.1, 0.2, 0.3)

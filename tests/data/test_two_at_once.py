@@ -6,14 +6,14 @@ import signal
 
 import pytest
 
-from svfl_data.atomically import write_atomically, written_aside
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import StorageError
-from svfl_data.leftovers import clear_files, clear_folders, folder_aside
-from svfl_data.merge import merge
-from svfl_data.pack import pack
-from svfl_data.relabel import relabel, relabel_file, with_annotation
-from svfl_data.store import write_episode
+from svfl_data.maintenance.merge import merge
+from svfl_data.maintenance.pack import pack
+from svfl_data.maintenance.relabel import relabel, relabel_file, with_annotation
+from svfl_data.storage.store import write_episode
+from svfl_data.system.atomic_io import write_atomically, written_aside
+from svfl_data.system.leftovers import clear_files, clear_folders, folder_aside
 from tests.builders import make_episode
 
 FORK = multiprocessing.get_context("fork")
@@ -114,7 +114,7 @@ def killed(work):
 
 def test_the_remains_of_a_killed_merge_go_with_the_next_one(dataset, tmp_path, monkeypatch):
     def work(die):
-        monkeypatch.setattr("svfl_data.merge.write_episode", lambda *_: die())
+        monkeypatch.setattr("svfl_data.maintenance.merge.write_episode", lambda *_: die())
         merge([dataset], tmp_path / "merged")
 
     killed(work)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from svfl_data.checks import check_dataset, check_episode, check_file
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode, Meta
-from svfl_data.store import write_episode
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.storage.store import write_episode
 from tests.builders import episode_arrays, make_episode
 from tests.data.spoiled import (
     COLOR,
@@ -191,9 +191,9 @@ def test_only_the_nearest_direction_agrees_with_the_offset(angle):
 
 @pytest.mark.parametrize("noise", ["realistic", "none"])
 def test_what_the_collectors_write_has_no_findings(noise):
-    from collectors.centering import CenteringCollector
     from collectors.simulation.config import WorldConfig
     from collectors.simulation.noise import NoiseConfig
+    from collectors.sources.centering import CenteringCollector
 
     world = WorldConfig(noise=NoiseConfig() if noise == "realistic" else NoiseConfig.none())
     assert check_episode(CenteringCollector(seed=11, world=world)(0)) == []

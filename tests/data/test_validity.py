@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from svfl_data.checks import check_file
-from svfl_data.claims import NEXT
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Camera, Episode, Meta
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FieldError
-from svfl_data.fields import FIELDS, field_at
-from svfl_data.growth import grows
-from svfl_data.reader import EpisodeReader
-from svfl_data.validity import faults
-from svfl_data.writer import EpisodeWriter
+from svfl_data.recording.growth import grows
+from svfl_data.recording.index_locks import NEXT
+from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.schema.episode import Camera, Episode, Meta
+from svfl_data.schema.fields import FIELDS, field_at
+from svfl_data.schema.validity import faults
+from svfl_data.storage.reader import EpisodeReader
 from tests.builders import make_episode
 from tests.data.spoiled import INVALID, fresh
 from tests.data.test_tools_on_odd_episodes import META, dataset_of

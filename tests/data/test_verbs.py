@@ -8,12 +8,12 @@ import sys
 import numpy as np
 import pytest
 
-from svfl_data.__main__ import VERBS, build_parser
-from svfl_data.contact import ContactRule, contact_annotations
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode, Meta
-from svfl_data.store import read_episode, write_episode
-from svfl_data.transforms import processed_wrench
+from svfl_data.cli import VERBS, build_parser
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.signals.contact import ContactRule, contact_annotations
+from svfl_data.signals.transforms import processed_wrench
+from svfl_data.storage.store import read_episode, write_episode
 from tests.builders import episode_arrays
 
 NAMES = (
@@ -82,7 +82,7 @@ def test_the_examples_of_the_help_parse(command):
 def test_help_is_light():
     script = """
 import sys
-from svfl_data.__main__ import main
+from svfl_data.cli import main
 sys.argv = ["svfl-data", "--help"]
 try:
     main()
@@ -429,7 +429,7 @@ def test_without_matplotlib_the_command_says_what_to_install(week, tmp_path):
     for words in (["plot", str(week.path), "--out", "e.png"], ["card", str(week.path)]):
         script = f"""
 import sys
-from svfl_data.__main__ import main
+from svfl_data.cli import main
 sys.modules["matplotlib"] = None
 sys.argv = ["svfl-data", *{words!r}]
 sys.exit(main())

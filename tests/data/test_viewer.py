@@ -11,14 +11,14 @@ import rerun as rr
 from PIL import Image
 from rerun.chunk import RrdReader
 
-from svfl_data.episode import Episode, Meta
-from svfl_data.fields import OF_EPISODE
-from svfl_data.transforms import LowPass, Tare, as_record, processed_wrench
+from svfl_data.sampling.windows import WINDOW
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.fields import OF_EPISODE
+from svfl_data.signals.transforms import LowPass, Tare, as_record, processed_wrench
 from svfl_data.viewer import plots, recording, scene, show
-from svfl_data.viewer.about import about
 from svfl_data.viewer.blueprint import axis_range
-from svfl_data.viewer.shown import Shown
-from svfl_data.windows import WINDOW
+from svfl_data.viewer.episode_source import Shown
+from svfl_data.viewer.summary_text import about
 from tests.builders import episode_arrays, make_episode
 
 RERUN = Path(sys.executable).parent / "rerun"
@@ -140,7 +140,7 @@ def test_raw_readings_are_there_and_the_window_of_the_cursor_is_64_of_them(saved
 def test_readings_in_pieces_are_those_of_the_whole_stream(episode, monkeypatch, at_once):
     filters = [Tare(), LowPass(20.0)]
     filtered = Episode(replace(episode.meta, transforms=[as_record(one) for one in filters]), episode.arrays)
-    monkeypatch.setattr("svfl_data.viewer.shown.READINGS_AT_ONCE", at_once)
+    monkeypatch.setattr("svfl_data.viewer.episode_source.READINGS_AT_ONCE", at_once)
     pieces = list(Shown.of(filtered).readings(recording.RULE))
     np.testing.assert_array_equal(np.concatenate([piece.t_ns for piece in pieces]), episode.wrench_t_ns)
     whole = processed_wrench(filtered)

@@ -12,15 +12,16 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from svfl_data import importer, seal
-from svfl_data.dataset import Dataset
+from svfl_data.commands import rerun_importer
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, UsageError
-from svfl_data.store import write_episode
+from svfl_data.storage import seal
+from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import DIRECTIONS
-from svfl_data.viewer import compare, opinion, show
+from svfl_data.viewer import compare, predictions, show
+from svfl_data.viewer.episode_source import Shown
 from svfl_data.viewer.live import GAP_NS, Live
-from svfl_data.viewer.opinion import Opinion
-from svfl_data.viewer.shown import Shown
+from svfl_data.viewer.predictions import Opinion
 from tests.builders import make_episode
 from tests.data.test_viewer import entities, logged
 from tests.patience import PATIENCE
@@ -37,13 +38,14 @@ def _strict(monkeypatch):
 
 
 def run_importer(file, *words):
-    command = [sys.executable, "-m", "svfl_data.importer", str(file), "--opened-application-id", "x", *words]
+    program = [sys.executable, "-m", "svfl_data.commands.rerun_importer"]
+    command = [*program, str(file), "--opened-application-id", "x", *words]
     return subprocess.run(command, capture_output=True, check=False)
 
 
 def test_the_importer_knows_the_seal_and_reruns_exit_code():
-    assert (seal.SEAL_MARK, seal.SEAL_SIZE) == (importer.SEAL_MARK, importer.SEAL_SIZE)
-    assert importer.FOREIGN == rr.EXTERNAL_IMPORTER_INCOMPATIBLE_EXIT_CODE
+    assert (seal.SEAL_MARK, seal.SEAL_SIZE) == (rerun_importer.SEAL_MARK, rerun_importer.SEAL_SIZE)
+    assert rerun_importer.FOREIGN == rr.EXTERNAL_IMPORTER_INCOMPATIBLE_EXIT_CODE
 
 
 def test_the_importer_writes_a_recording_with_the_names_it_is_given(tmp_path):
@@ -58,9 +60,10 @@ def test_the_importer_writes_a_recording_with_the_names_it_is_given(tmp_path):
 def test_the_importer_leaves_foreign_files_to_others_without_loading_anything(tmp_path):
     for name in ("a.png", "a.hdf5", "empty.h5"):
         (tmp_path / name).write_bytes(b"" if "empty" in name else b"x" * 500)
-        assert run_importer(tmp_path / name).returncode == importer.FOREIGN
+        assert run_importer(tmp_path / name).returncode == rerun_importer.FOREIGN
     code = (
-        f"import sys; sys.argv[1:] = [{str(tmp_path / 'a.hdf5')!r}]\nfrom svfl_data import importer; importer.main()\n"
+        f"import sys; sys.argv[1:] = [{str(tmp_path / 'a.hdf5')!r}]\n"
+        "from svfl_data.commands import rerun_importer; rerun_importer.main()\n"
     )
     code += "print(*{'numpy', 'h5py', 'rerun'} & sys.modules.keys())"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -205,9 +208,9 @@ def test_what_a_policy_would_do_is_drawn_and_where_it_looks(tmp_path):
 def test_a_checkpoint_that_is_none_is_one_line(tmp_path):
     (tmp_path / "a.txt").touch()
     with pytest.raises(UsageError, match=r"kinds: \.ckpt"):
-        opinion.load(tmp_path / "a.txt")
+        predictions.load(tmp_path / "a.txt")
     with pytest.raises(FormatError, match="no such file"):
-        opinion.load(tmp_path / "a.ckpt")
+        predictions.load(tmp_path / "a.ckpt")
 
 
 def test_two_datasets_are_compared_by_the_same_bins(tmp_path):
@@ -253,7 +256,7 @@ def test_the_viewer_ends_with_its_command(tmp_path, number):
     viewer.write_text("#!/bin/sh\necho ready\nexec sleep 600\n")
     viewer.chmod(0o755)
     code = (
-        "import signal, sys; from svfl_data import cli; from svfl_data.viewer import show;"
+        "import signal, sys; from svfl_data.system import command_line as cli; from svfl_data.viewer import show;"
         "signal.signal(signal.SIGINT, signal.default_int_handler);"
         "sys.exit(cli.run(lambda: show._run([], ''), 'view'))"
     )

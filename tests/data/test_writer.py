@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from svfl_data.claims import NEXT
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, FormatError, UsageError
-from svfl_data.fields import FIELDS, field_at
-from svfl_data.growth import grows
-from svfl_data.repair import repair_dataset
-from svfl_data.store import episode_bytes, read_episode
-from svfl_data.writer import EpisodeWriter
+from svfl_data.maintenance.repair import repair_dataset
+from svfl_data.recording.growth import grows
+from svfl_data.recording.index_locks import NEXT
+from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.schema.episode import Episode
+from svfl_data.schema.fields import FIELDS, field_at
+from svfl_data.storage.store import episode_bytes, read_episode
 from tests.builders import episode_arrays, make_episode
 
 RATES = {"streams/wrench": 500, "cameras/front": 20}

@@ -3,7 +3,7 @@
 import h5py
 import numpy as np
 
-from svfl_data.seal import SEAL_SIZE
+from svfl_data.storage.seal import SEAL_SIZE
 from tests.hostile.kind import add, content_of, episode_file, hostile, outside, write_resealed
 from tests.hostile.making_episodes import reopened, replace
 

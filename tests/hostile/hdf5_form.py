@@ -5,7 +5,7 @@ import io
 import h5py
 import numpy as np
 
-from svfl_data.seal import seal
+from svfl_data.storage.seal import seal
 from tests.hostile.kind import add, content_of, episode_file, hostile, write_resealed
 from tests.hostile.making_episodes import reopened, replace
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from svfl_data.seal import SEAL_SIZE, seal
+from svfl_data.storage.seal import SEAL_SIZE, seal
 
 SECRET = b"svfl-secret-of-the-user\n" + b"q" * 2**16
 """Begins with words and goes on with one byte, which is found again whatever has shuffled or cut it."""

@@ -6,15 +6,15 @@ The library's functions stand in `LIBRARY`; they end as a command does, so that 
 import sys
 from pathlib import Path
 
-import svfl_data.__main__
-import svfl_data.importer
-from svfl_data.cli import run
-from svfl_data.dataset import Dataset
+import svfl_data.cli
+import svfl_data.commands.rerun_importer
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.system.command_line import run
 
 
 def samples(path):
     """Every sample as arrays."""
-    from svfl_data.samples import Samples
+    from svfl_data.sampling.samples import Samples
 
     found = Samples(Dataset.open(path))
     for number in range(len(found)):
@@ -23,8 +23,8 @@ def samples(path):
 
 def torch_samples(path):
     """Every sample as tensors."""
-    from svfl_data.samples import Samples
-    from svfl_data.torch_samples import TorchSamples
+    from svfl_data.sampling.samples import Samples
+    from svfl_data.sampling.torch_samples import TorchSamples
 
     found = TorchSamples(Samples(Dataset.open(path)))
     found.__getitems__(list(range(len(found))))
@@ -53,8 +53,8 @@ def words(path):
 
 def load_statistics(path):
     """Stored statistics."""
-    from svfl_data.split import load_split
-    from svfl_data.statistics import load_statistics
+    from svfl_data.sampling.split import load_split
+    from svfl_data.sampling.statistics import load_statistics
 
     dataset = Dataset.open(path)
     load_statistics(dataset, load_split(dataset, "default"))
@@ -82,9 +82,9 @@ def train():
 
 
 PROGRAMS = {
-    "svfl-data": svfl_data.__main__.main,
+    "svfl-data": svfl_data.cli.main,
     "svfl-collect": collect,
     "svfl-train": train,
-    "rerun-importer-svfl": svfl_data.importer.main,
+    "rerun-importer-svfl": svfl_data.commands.rerun_importer.main,
     "library": library,
 }

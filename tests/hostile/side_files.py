@@ -147,7 +147,7 @@ def _split(**values):
 
     def change(content):
         content.update(values)
-        from svfl_data.split import Split
+        from svfl_data.sampling.split import Split
 
         try:
             content["sha256"] = Split(content["name"], content["seed"], content["rule"], content["parts"]).sha256

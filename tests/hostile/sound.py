@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from unittest import mock
 
-from svfl_data.__main__ import main
+from svfl_data.cli import main
 from tests.models.demonstrations import demonstrations
 
 EPISODES = 10
@@ -22,8 +22,8 @@ def sound_dataset(folder: Path) -> Path:
 
 def simulated_dataset(folder: Path) -> Path:
     """One short simulated episode, for commands that simulate it again."""
-    from collectors.engines.worker import Worker
-    from collectors.expert import ExpertCollector
+    from collectors.recording.worker import Worker
+    from collectors.sources.expert import ExpertCollector
     from tests.collectors.conftest import SMALL
 
     collector = ExpertCollector(0, "block_picking", world=SMALL)
@@ -36,7 +36,7 @@ def simulated_dataset(folder: Path) -> Path:
 
 def sound_models(campaign, folder: Path) -> Path:
     """A trained network of each kind, an exported policy and a replay buffer, made by the commands themselves."""
-    from svfl_data.dataset import Dataset
+    from svfl_data.datasets.dataset import Dataset
     from svfl_data.replay import ReplayBuffer
     from tests.hostile.commands import COMMANDS, Command
 

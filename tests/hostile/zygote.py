@@ -30,15 +30,7 @@ def preload(kind):
     figure.subplots().set_title("fonts are found once")
     figure.savefig(os.devnull, format="png")
     if kind == "heavy":
-        import svfl_models.cli
-        import svfl_models.cloning.evaluate
-        import svfl_models.cloning.train
-        import svfl_models.export
-        import svfl_models.exported_policy
-        import svfl_models.latent.evaluation.evaluate
-        import svfl_models.latent.train
-        import svfl_models.train
-        import svfl_models.viewing  # noqa: F401
+        pass
 
 
 def main():

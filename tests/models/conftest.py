@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-import svfl_models.planar_escnn  # noqa: F401 - before any test imports escnn itself
+import svfl_models.symmetry.planar_escnn  # noqa: F401 - before any test imports escnn itself
 from tests.models.synthetic import centering_samples, hand_states
 
 

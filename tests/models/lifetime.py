@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from svfl_models.actions import Action, Batch
-from svfl_models.groups import GROUPS, Group
-from svfl_models.testing import assert_equivariant
+from svfl_models.symmetry.actions import Action, Batch
+from svfl_models.symmetry.groups import GROUPS, Group
+from svfl_models.symmetry.testing import assert_equivariant
 
 SYMMETRIC = [group for group in GROUPS.values() if len(group) > 1]
 

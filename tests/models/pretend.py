@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from svfl_data.atomically import write_atomically
 from svfl_data.errors import DatasetError, TrainingError
 from svfl_data.symmetry import border_distance, nearest_direction
-from svfl_models import run_folder
-from svfl_models.config import TrainingConfig
+from svfl_data.system.atomic_io import write_atomically
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.training import run_folder
 
 SAMPLES = {"test": 100, "fresh": 400}
 COLUMNS = ("samples", "episode", "direction", "predicted", "border_deg", "offset_x", "offset_y", "guess_x", "guess_y")

@@ -4,10 +4,10 @@ import json
 import os
 import time
 
-from svfl_data.atomically import write_atomically
 from svfl_data.errors import TrainingError
-from svfl_models import run_folder
-from svfl_models.cloning.table import Run
+from svfl_data.system.atomic_io import write_atomically
+from svfl_models.experiments.cloning_table import Run
+from svfl_models.training import run_folder
 
 SUCCESS = {"svfl": [True, True, True, False], "cnn": [True, False, False, False]}
 RESULT = {

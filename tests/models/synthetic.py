@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from svfl_data.centering import CenteringSamples
+from svfl_data.sampling.centering_samples import CenteringSamples
 from svfl_data.symmetry import nearest_direction
 
 SPAN = 0.4  # side of the image, [m]

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from svfl_data.symmetry import act, act_on_direction, element, nearest_direction
 from svfl_data.symmetry import act_on_image as act_on_array_image
-from svfl_models.actions import (
+from svfl_models.symmetry.actions import (
     PARTS,
     act_on_batch,
     act_on_feature_map,
@@ -17,7 +17,7 @@ from svfl_models.actions import (
     act_on_scores,
     augment,
 )
-from svfl_models.groups import GROUPS
+from svfl_models.symmetry.groups import GROUPS
 from tests.models.lifetime import SYMMETRIC, named
 
 laws = settings(max_examples=40, deadline=None)

@@ -1,6 +1,6 @@
 import torch
 
-from svfl_models.augmentation import DEPTH, recoloured
+from svfl_models.training.augmentation import DEPTH, recoloured
 
 
 def test_other_colours_keep_what_is_alike_alike():

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import torch
 
-from svfl_data.centering import load_centering
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import TrainingError
-from svfl_data.store import write_episode
+from svfl_data.sampling.centering_samples import load_centering
+from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import nearest_direction
 from svfl_models import cli
-from svfl_models.check import EXACT, PRECISIONS, check, expect_symmetric
-from svfl_models.fit_check import expect_fit
-from svfl_models.groups import GROUPS
-from svfl_models.verbs import check as verb
+from svfl_models.centering.check import EXACT, PRECISIONS, check, expect_symmetric
+from svfl_models.centering.compatibility import expect_fit
+from svfl_models.commands import check as verb
+from svfl_models.symmetry.groups import GROUPS
 from tests.builders import make_episode
 from tests.models.trained import untrained, write
 

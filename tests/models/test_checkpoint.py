@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from svfl_data.errors import FormatError, TrainingError
-from svfl_models.checkpoint import configuration, load_centering
-from svfl_models.config import TrainingConfig
-from svfl_models.data import CenteringData
-from svfl_models.module import CenteringModule
+from svfl_models.centering.checkpoint import configuration, load_centering
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.centering.data import CenteringData
+from svfl_models.centering.module import CenteringModule
 from tests.models.trained import contents, untrained, write
 
 

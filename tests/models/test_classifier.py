@@ -4,12 +4,13 @@ from torch.nn import functional
 
 from svfl_data.errors import TrainingError
 from svfl_data.symmetry import OFFSET_PARTS
-from svfl_models.actions import act_on_hidden, act_on_parts, act_on_scores
-from svfl_models.classifier import CenteringClassifier, parameter_count
-from svfl_models.config import ENCODERS
-from svfl_models.groups import GROUPS
-from svfl_models.presets import PRESETS
-from svfl_models.testing import assert_equivariant, equivariance_error
+from svfl_models.centering.classifier import CenteringClassifier
+from svfl_models.networks.inputs import ENCODERS
+from svfl_models.networks.presets import PRESETS
+from svfl_models.symmetry.actions import act_on_hidden, act_on_parts, act_on_scores
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.symmetry.testing import assert_equivariant, equivariance_error
+from svfl_models.training.trainer import parameter_count
 from tests.models.lifetime import SYMMETRIC, assert_equivariant_for_life, named
 
 ACTIONS = {"direction": act_on_scores, "offset": act_on_parts(OFFSET_PARTS)}

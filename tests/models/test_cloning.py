@@ -12,7 +12,7 @@ import torch
 from rich.console import Console
 
 from svfl_data.errors import FormatError, TrainingError
-from svfl_models import cli, run_folder
+from svfl_models import cli
 from svfl_models.cloning import train
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import LOSSES, CloningConfig
@@ -20,7 +20,8 @@ from svfl_models.cloning.data import CloningData
 from svfl_models.cloning.loss import LOSSES as FUNCTIONS
 from svfl_models.cloning.loss import action_error
 from svfl_models.cloning.metrics import COLUMNS, MetricsFile
-from svfl_models.squashed_gaussian import CENTRE, SCALE, SquashedGaussian, to_physical
+from svfl_models.networks.squashed_gaussian import CENTRE, SCALE, SquashedGaussian, to_physical
+from svfl_models.training import run_folder
 from tests.models.demonstrations import demonstrations
 
 pytestmark = pytest.mark.slow

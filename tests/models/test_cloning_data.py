@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 import torch
 
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, TrainingError
+from svfl_data.sampling.windows import wrench_window
+from svfl_data.schema.episode import Episode
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
-from svfl_data.windows import wrench_window
 from svfl_models.cloning.acting import ActingPolicy
 from svfl_models.cloning.config import VIEWS, CloningConfig
 from svfl_models.cloning.data import CloningData
+from svfl_models.cloning.deployment_spec import workplace_of
 from svfl_models.cloning.hand_view import JITTER
-from svfl_models.cloning.workplace import workplace_of
-from svfl_models.policy import Policy
+from svfl_models.networks.policy import Policy
 from tests.builders import IMAGE_AXES
 from tests.models.demonstrations import demonstration, demonstrations, write
 

@@ -10,14 +10,16 @@ from dataclasses import replace
 import pytest
 
 from svfl_data.errors import DatasetError, StorageError, TrainingError
-from svfl_models import cli, run_folder
-from svfl_models.cloning import evaluate, table, table_page, train
+from svfl_models import cli
+from svfl_models.cloning import evaluate, train
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.evaluate import Evaluation, wilson
 from svfl_models.cloning.metrics import MetricsFile
-from svfl_models.cloning.table import Rate
-from svfl_models.experiments.folder import held
-from svfl_models.experiments.grid import Grid
+from svfl_models.experiments import cloning_table, cloning_table_page
+from svfl_models.experiments.cloning_table import Rate
+from svfl_models.experiments.runs.folder import held
+from svfl_models.experiments.runs.grid import Grid
+from svfl_models.training import run_folder
 from tests.models.demonstrations import demonstrations
 from tests.models.pretend import is_running
 from tests.models.pretend_cloning import SUCCESS, Diverging, Endless, Quick
@@ -30,9 +32,9 @@ BASE = CloningConfig("", preset="tiny", epochs=2)
 ENDLESS = f"""
 import sys
 from svfl_models import cli
-from svfl_models.cloning import table
+from svfl_models.experiments import cloning_table
 from {Endless.__module__} import Endless
-table.Run = Endless
+cloning_table.Run = Endless
 sys.exit(cli.main(sys.argv[1:]))
 """
 
@@ -44,7 +46,7 @@ def pretend(run):
 
 @pytest.fixture
 def runs(tmp_path):
-    return table.runs(BASE, ["data/picking", "data/pushing"], [5, 10], 2, TRIALS, tmp_path / "out")
+    return cloning_table.runs(BASE, ["data/picking", "data/pushing"], [5, 10], 2, TRIALS, tmp_path / "out")
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +58,7 @@ def data(tmp_path_factory):
 def one(data, tmp_path):
     """A policy that can really be trained, of little."""
     base = replace(BASE, encoder="p", epochs=3)
-    return table.runs(base, [str(data)], [6], 1, TRIALS, tmp_path / "out")[0]
+    return cloning_table.runs(base, [str(data)], [6], 1, TRIALS, tmp_path / "out")[0]
 
 
 @pytest.fixture
@@ -147,7 +149,7 @@ def test_what_is_wrong_with_one_dataset_is_nothing_to_the_others(one, monkeypatc
 
 def test_a_failing_policy_is_named_and_the_others_are_done(data, tmp_path, monkeypatch, capsys):
     out, name = tmp_path / "out", "block_picking_vfp_cnn_6_seed0"
-    monkeypatch.setattr(table, "Run", Diverging)
+    monkeypatch.setattr(cloning_table, "Run", Diverging)
     assert cli.main(words(data, out)) == 1
     said = capsys.readouterr()
     message = f"svfl-train: 1 of 4 runs failed ({name}: the training diverged); the same command tries them again"
@@ -156,7 +158,7 @@ def test_a_failing_policy_is_named_and_the_others_are_done(data, tmp_path, monke
     assert said.out.startswith((out / "bc_table.md").read_text().strip())
     first = written(out)
     assert len(first) == 3
-    monkeypatch.setattr(table, "Run", Quick)
+    monkeypatch.setattr(cloning_table, "Run", Quick)
     assert cli.main(words(data, out)) == 0
     assert f"4/4 {name}: 25% of 4" in capsys.readouterr().err
     assert first.items() < written(out).items()
@@ -170,12 +172,12 @@ def test_two_tables_in_one_folder_are_one_too_many(data, tmp_path, capsys):
 
 
 def test_data_are_needed_for_what_is_unfinished_only(data, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(table, "Run", Quick)
+    monkeypatch.setattr(cloning_table, "Run", Quick)
     gone = tmp_path / "block_picking"
     assert cli.main(words(gone, tmp_path / "out")) == 1
     assert capsys.readouterr().err == f"svfl-train: {gone}: no such folder\n"
     assert not (tmp_path / "out").exists()
-    for run in table.runs(BASE, [str(gone)], [6], 2, TRIALS, tmp_path / "out"):
+    for run in cloning_table.runs(BASE, [str(gone)], [6], 2, TRIALS, tmp_path / "out"):
         run()
     assert cli.main(words(gone, tmp_path / "out")) == 0
     assert "4 policies, 4 of them finished" in capsys.readouterr().out
@@ -209,7 +211,7 @@ def test_the_page_says_what_is_known(runs, tmp_path, finished):
     for run in runs[:finished]:
         pretend(run)
     (tmp_path / "out").mkdir(exist_ok=True)
-    page, files = table_page.write(table_page.Table(runs), "svfl-train bc-table", tmp_path / "out")
+    page, files = cloning_table_page.write(cloning_table_page.Table(runs), "svfl-train bc-table", tmp_path / "out")
     assert all(file.stat().st_size for file in files)
     assert f"16 policies, {finished} of them finished" in page
     assert page.count("| picking | 10 | SVFL | 75.0% |") == (1 if finished else 0)
@@ -217,7 +219,7 @@ def test_the_page_says_what_is_known(runs, tmp_path, finished):
 
 
 def test_the_command_line_is_what_gives_the_numbers():
-    from svfl_models.verbs.bc_table import _command_line
+    from svfl_models.commands.bc_table import _command_line
 
     given = "bc-table --data a b --episodes 10 50 --seeds 2 --trials 20 --view camera --epochs 7 --workers 3 --out c"
     arguments = cli.build_parser().parse_args(given.split())

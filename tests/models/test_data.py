@@ -6,8 +6,9 @@ import torch
 
 from svfl_data.errors import TrainingError
 from svfl_data.symmetry import nearest_direction
-from svfl_models.config import TrainingConfig
-from svfl_models.data import CenteringData, Crops, centre_crop, crop_side, random_crop, scaled
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.centering.data import CenteringData, Crops
+from svfl_models.networks.image_crops import centre_crop, crop_side, random_crop, scaled
 
 
 def config(encoder="vf", **options):

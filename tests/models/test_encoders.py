@@ -3,13 +3,20 @@ import torch
 from torch import nn
 
 from svfl_data.symmetry import PROPRIO_PARTS, WRENCH_PARTS, element
-from svfl_models.actions import act_on_batch, act_on_feature_map, act_on_hidden, act_on_image
-from svfl_models.config import IMAGE_SIZES
-from svfl_models.encoders import ForceEncoder, Fusion, ProprioEncoder, SelfAttention, VisionEncoder, position_encoding
-from svfl_models.groups import GROUPS
-from svfl_models.kits import kit
-from svfl_models.representations import stored, wrench_parts
-from svfl_models.testing import assert_equivariant, equivariance_error
+from svfl_models.networks.encoders import (
+    ForceEncoder,
+    Fusion,
+    ProprioEncoder,
+    SelfAttention,
+    VisionEncoder,
+    position_encoding,
+)
+from svfl_models.networks.inputs import IMAGE_SIZES
+from svfl_models.networks.layer_factory import kit
+from svfl_models.symmetry.actions import act_on_batch, act_on_feature_map, act_on_hidden, act_on_image
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.symmetry.representations import stored, wrench_parts
+from svfl_models.symmetry.testing import assert_equivariant, equivariance_error
 from tests.models.lifetime import SYMMETRIC, assert_equivariant_for_life, named, part_of
 
 D4 = GROUPS["D4"]

@@ -10,7 +10,7 @@ import joblib
 import numpy as np
 import pytest
 
-from svfl_models import escnn_cache
+from svfl_models.symmetry import escnn_cache
 
 pytestmark = pytest.mark.slow
 
@@ -18,9 +18,9 @@ BUILD = """
 import warnings
 warnings.simplefilter("error", UserWarning)
 import torch
-from svfl_models import planar_escnn
-from svfl_models.groups import GROUPS
-from svfl_models.kits import kit
+from svfl_models.symmetry import planar_escnn
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.networks.layer_factory import kit
 from svfl_data.symmetry import OFFSET_PARTS
 layers = kit(GROUPS["D4"])
 print(layers.linear(layers.hidden(1), layers.vector(OFFSET_PARTS))(torch.ones(1, 8)).shape[1])
@@ -60,9 +60,8 @@ def test_a_sealed_installation_keeps_its_tables_with_the_user(sealed, tmp_path):
 
 
 def test_without_our_help_a_sealed_installation_fails(sealed, tmp_path):
-    helpless = (
-        "import contextlib; from svfl_models import escnn_cache as c; c.kept_by_the_user = contextlib.nullcontext\n"
-    )
+    helpless = "import contextlib; from svfl_models.symmetry import escnn_cache as c\n"
+    helpless += "c.kept_by_the_user = contextlib.nullcontext\n"
     code, _, err = outcome(python(helpless + BUILD, PYTHONPATH=str(sealed), XDG_CACHE_HOME=str(tmp_path)))
     assert code == 1
     assert "_cache" in err.splitlines()[-1]
@@ -192,7 +191,7 @@ def test_escnn_never_unpickles(tmp_path):
 import pickle, joblib, sys
 def refuse(*_, **__): raise AssertionError("unpickled")
 import torch
-from svfl_models import escnn_cache
+from svfl_models.symmetry import escnn_cache
 pickle.load = pickle.loads = joblib.load = refuse
 """
     done = outcome(python(code + BUILD, XDG_CACHE_HOME=str(tmp_path)))

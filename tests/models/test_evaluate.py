@@ -14,12 +14,13 @@ from gymnasium import spaces
 from rich.console import Console
 
 from svfl_data.errors import StorageError, TrainingError
-from svfl_models import cli, run_folder
+from svfl_models import cli
 from svfl_models.cloning import evaluate as module
 from svfl_models.cloning import train
 from svfl_models.cloning.config import CloningConfig
+from svfl_models.cloning.deployment_spec import Workplace
 from svfl_models.cloning.evaluate import Evaluation, environment_of, evaluate
-from svfl_models.cloning.workplace import Workplace
+from svfl_models.training import run_folder
 from tests.builders import IMAGE_AXES
 from tests.models.demonstrations import demonstrations
 

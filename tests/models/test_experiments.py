@@ -11,17 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import pyplot as plt
 
-from svfl_data.dataset import Dataset
-from svfl_data.store import write_episode
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.storage.store import write_episode
 from svfl_models import cli
-from svfl_models.config import TrainingConfig
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.commands.experiments import VERBS
 from svfl_models.experiments import command, page, table
-from svfl_models.experiments.bar import Bar
-from svfl_models.experiments.mistakes import Predictions
+from svfl_models.experiments.error_analysis import Predictions
 from svfl_models.experiments.results import Cell, Mean, Results, Run
-from svfl_models.experiments.training import Training
+from svfl_models.experiments.runs.progress_bar import Bar
+from svfl_models.experiments.runs.training import Training
 from svfl_models.latent.config import MODELS
-from svfl_models.verbs.experiments import VERBS
 from tests.builders import make_episode
 from tests.models import pretend
 from tests.models.pretrained import write_latent

@@ -13,23 +13,26 @@ import pytest
 import torch
 from torch import nn
 
-from svfl_data.centering import load_centering
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import TrainingError, UsageError
-from svfl_data.store import write_episode
+from svfl_data.sampling.centering_samples import load_centering
+from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import DIRECTIONS
-from svfl_models import cli, export, program
-from svfl_models.actions import act_on_hidden
-from svfl_models.classifier import CenteringClassifier
-from svfl_models.config import ENCODERS, TARGETS
-from svfl_models.groups import GROUPS
-from svfl_models.heads import Actor, Critic
-from svfl_models.judge import judge
-from svfl_models.kits import kit
-from svfl_models.layers import SymmetricConv, SymmetricLinear
-from svfl_models.presets import PRESETS
-from svfl_models.testing import assert_equivariant, equivariance_error
-from svfl_models.visual_force import VisualForceEncoder
+from svfl_models import cli
+from svfl_models.centering.classifier import CenteringClassifier
+from svfl_models.centering.config import TARGETS
+from svfl_models.centering.evaluate import judge
+from svfl_models.deployment import export
+from svfl_models.networks.heads import Actor, Critic
+from svfl_models.networks.inputs import ENCODERS
+from svfl_models.networks.layer_factory import kit
+from svfl_models.networks.presets import PRESETS
+from svfl_models.networks.visual_force import VisualForceEncoder
+from svfl_models.programs import program
+from svfl_models.symmetry.actions import act_on_hidden
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.symmetry.layers import SymmetricConv, SymmetricLinear
+from svfl_models.symmetry.testing import assert_equivariant, equivariance_error
 from tests.builders import make_episode
 from tests.models.trained import untrained, write
 
@@ -40,7 +43,8 @@ ALONE = """
 import runpy, sys
 class Refuse:
     def find_spec(self, name, path=None, target=None):
-        ours = ("svfl_models", "svfl_models.operators", "svfl_models.program", "svfl_models.program_file")
+        programs = "svfl_models.programs"
+        ours = ("svfl_models", programs, *(f"{programs}.{name}" for name in ("operators", "program", "program_file")))
         if name.split(".")[0] in ("escnn", "svfl_models", "collectors", "lightning") and name not in ours:
             raise ImportError(f"{name} is not here")
 sys.meta_path.insert(0, Refuse())

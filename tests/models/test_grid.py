@@ -11,13 +11,13 @@ import pytest
 from rich.console import Console
 
 from svfl_data.errors import DatasetError, TrainingError
-from svfl_models.config import TrainingConfig
-from svfl_models.experiments.bar import Bar
-from svfl_models.experiments.cost import cost
-from svfl_models.experiments.folder import claimed
-from svfl_models.experiments.grid import Grid
-from svfl_models.experiments.training import Training, run_name
-from svfl_models.experiments.worker import devices
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.experiments.runs.cost import cost
+from svfl_models.experiments.runs.folder import claimed
+from svfl_models.experiments.runs.grid import Grid
+from svfl_models.experiments.runs.progress_bar import Bar
+from svfl_models.experiments.runs.training import Training, run_name
+from svfl_models.experiments.runs.worker import devices
 from tests.models import pretend
 from tests.models.pretend import is_running
 from tests.patience import PATIENCE
@@ -29,13 +29,13 @@ QUIET = Console(quiet=True)
 FOR_EVER = """
 import pathlib, sys
 from rich.console import Console
-from svfl_data import cli
-from svfl_models.experiments import grid
+from svfl_data.system import command_line
+from svfl_models.experiments.runs import grid
 from tests.models import pretend, test_grid
 
 grid.devices = lambda: [None]  # torch takes seconds to import
 jobs = test_grid.jobs(pathlib.Path(sys.argv[1]), test_grid.runs(0, 1, 2), pretend.train_for_ever)
-sys.exit(cli.run(lambda: grid.Grid(pathlib.Path(sys.argv[1]), jobs).run(2, Console(quiet=True)), "svfl"))
+sys.exit(command_line.run(lambda: grid.Grid(pathlib.Path(sys.argv[1]), jobs).run(2, Console(quiet=True)), "svfl"))
 """
 
 
@@ -192,7 +192,7 @@ def test_gpus_take_turns(count, variable, found, monkeypatch):
 
 
 def test_a_worker_sees_its_own_gpu_only(tmp_path, monkeypatch):
-    monkeypatch.setattr("svfl_models.experiments.grid.devices", lambda: ["4", "6"])
+    monkeypatch.setattr("svfl_models.experiments.runs.grid.devices", lambda: ["4", "6"])
     grid_of(tmp_path, runs(0, 1, 2), pretend.train_and_tell).run(3, QUIET)
     seen = sorted(file.read_text() for file in tmp_path.glob("runs/*/device"))
     assert seen == ["4 torch: False", "4 torch: False", "6 torch: False"]

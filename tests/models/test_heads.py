@@ -3,15 +3,15 @@ import torch
 from torch import nn
 
 from svfl_data.symmetry import ACTION_PARTS, OFFSET_PARTS
-from svfl_models.actions import act_on_invariant, act_on_parts
-from svfl_models.classifier import parameter_count
-from svfl_models.groups import GROUPS
-from svfl_models.heads import Actor, Critic, OffsetHead
-from svfl_models.kits import kit
-from svfl_models.presets import PRESETS, Widths
-from svfl_models.squashed_gaussian import SquashedGaussian
-from svfl_models.testing import assert_equivariant, equivariance_error
-from svfl_models.visual_force import VisualForceEncoder
+from svfl_models.networks.heads import Actor, Critic, OffsetHead
+from svfl_models.networks.layer_factory import kit
+from svfl_models.networks.presets import PRESETS, Widths
+from svfl_models.networks.squashed_gaussian import SquashedGaussian
+from svfl_models.networks.visual_force import VisualForceEncoder
+from svfl_models.symmetry.actions import act_on_invariant, act_on_parts
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.symmetry.testing import assert_equivariant, equivariance_error
+from svfl_models.training.trainer import parameter_count
 from tests.models.lifetime import SYMMETRIC, assert_equivariant_for_life, named
 
 D4 = GROUPS["D4"]

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from torch.utils.data import DataLoader
 
-from svfl_data.centering import load_centering
 from svfl_data.checks import check_dataset, check_usable
 from svfl_data.checks.verdicts import Verdicts
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode, Meta
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, SvflError
 from svfl_data.replay import ReplayBuffer, ReplayConfig
-from svfl_data.samples import Samples
-from svfl_data.statistics import compute_statistics
-from svfl_data.store import write_episode
-from svfl_data.torch_samples import TorchSamples
+from svfl_data.sampling.centering_samples import load_centering
+from svfl_data.sampling.samples import Samples
+from svfl_data.sampling.statistics import compute_statistics
+from svfl_data.sampling.torch_samples import TorchSamples
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.storage.store import write_episode
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.data import CloningData
 from svfl_models.latent.recordings import load_recordings
@@ -143,14 +143,14 @@ def test_other_rules_judge_again(tmp_path, monkeypatch):
     with Verdicts() as verdicts:
         assert verdicts.known("a seal", "streams", "e") == []
         assert verdicts.known("a seal", "front", "e") is None
-        monkeypatch.setattr("svfl_data.checks.verdicts._rules", lambda: "others")
+        monkeypatch.setattr("svfl_data.checks.verdicts.source_hash", lambda *names: "others")
         assert verdicts.known("a seal", "streams", "e") is None
 
 
 def test_filter_keeps_the_sound_ones(tmp_path, monkeypatch, capsys):
     import sys
 
-    from svfl_data.__main__ import main
+    from svfl_data.cli import main
 
     dataset = written(tmp_path / "d", drop_outs)
     for index, spoil in ((2, saturation), (3, black_image)):
@@ -200,7 +200,7 @@ def test_inputs_that_are_not_used_do_not_matter(encoder, tmp_path):
 
 def test_no_image_is_read_where_none_is_used(tmp_path, monkeypatch):
     dataset = written(tmp_path / "d")
-    monkeypatch.setattr("svfl_data.frames.Frames.of", None)
+    monkeypatch.setattr("svfl_data.sampling.frames.Frames.of", None)
     monkeypatch.setattr("svfl_data.checks.judging.IMAGE_CHECKS", None)
     assert load_centering(dataset.path, inputs=("wrench",)).image.size == 0
     Samples(dataset, cameras=[])

@@ -6,12 +6,12 @@ import pytest
 import torch
 
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS
-from svfl_models.groups import GROUPS
-from svfl_models.kernels import initial_deviations, kernels_between
-from svfl_models.kits import SymmetricLayers
-from svfl_models.layers import SymmetricConv, SymmetricLinear, low_rank
-from svfl_models.planar_escnn import R2Conv
-from svfl_models.representations import direction_type, restricted
+from svfl_models.networks.layer_factory import SymmetricLayers
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.symmetry.kernels import initial_deviations, kernels_between
+from svfl_models.symmetry.layers import SymmetricConv, SymmetricLinear, low_rank
+from svfl_models.symmetry.planar_escnn import R2Conv
+from svfl_models.symmetry.representations import direction_type, restricted
 
 every_group = pytest.mark.parametrize(
     "group", [group for group in GROUPS.values() if len(group) > 1], ids=lambda g: g.name

@@ -8,20 +8,22 @@ import pytest
 import torch
 from rich.console import Console
 
-from svfl_data.centering import load_centering
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import TrainingError
-from svfl_models import cli, pretrained, report, train
-from svfl_models.checkpoint import configuration
-from svfl_models.checkpoint import load_centering as load_trained
-from svfl_models.classifier import CenteringClassifier
-from svfl_models.config import USES, TrainingConfig
-from svfl_models.data import INPUTS, VIEWS, CenteringData, Crops
-from svfl_models.export import inputs
+from svfl_data.sampling.centering_samples import load_centering
+from svfl_models import cli
+from svfl_models.centering import pretrained, report, train
+from svfl_models.centering.checkpoint import configuration
+from svfl_models.centering.checkpoint import load_centering as load_trained
+from svfl_models.centering.classifier import CenteringClassifier
+from svfl_models.centering.config import USES, TrainingConfig
+from svfl_models.centering.data import VIEWS, CenteringData, Crops
+from svfl_models.centering.train import train_centering
+from svfl_models.deployment.export import inputs
 from svfl_models.latent.checkpoint import load_latent
 from svfl_models.latent.config import MODELS, plain
 from svfl_models.latent.recordings import load_recordings
-from svfl_models.train import train_centering
+from svfl_models.networks.inputs import INPUTS
 from tests.models.latent.small import SIZES, lifting, written
 from tests.models.pretrained import STEPS, write_latent
 from tests.models.trained import untrained, write

@@ -9,10 +9,10 @@ import torch
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from svfl_data.symmetry import WRENCH_PARTS
-from svfl_models.groups import GROUPS
-from svfl_models.kits import kit
-from svfl_models.layers import SymmetricConv
-from svfl_models.planar_escnn import R2Conv
+from svfl_models.networks.layer_factory import kit
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.symmetry.layers import SymmetricConv
+from svfl_models.symmetry.planar_escnn import R2Conv
 
 KIT = kit(GROUPS["D4"])
 

@@ -3,13 +3,13 @@ import torch
 from escnn.nn.init import _generalized_he_init_variances
 
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS
-from svfl_models.actions import act_on_feature_map, act_on_hidden
-from svfl_models.groups import GROUPS
-from svfl_models.kits import SymmetricLayers, kit
-from svfl_models.layers import SymmetricConv, SymmetricLinear
-from svfl_models.planar_escnn import R2Conv
-from svfl_models.representations import stored
-from svfl_models.testing import assert_equivariant, equivariance_error
+from svfl_models.networks.layer_factory import SymmetricLayers, kit
+from svfl_models.symmetry.actions import act_on_feature_map, act_on_hidden
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.symmetry.layers import SymmetricConv, SymmetricLinear
+from svfl_models.symmetry.planar_escnn import R2Conv
+from svfl_models.symmetry.representations import stored
+from svfl_models.symmetry.testing import assert_equivariant, equivariance_error
 from tests.models.lifetime import SYMMETRIC, assert_equivariant_for_life, named, part_of
 
 KIT = SymmetricLayers(GROUPS["D4"])

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 import torch
 
-from svfl_data.statistics import statistics
+from svfl_data.sampling.statistics import statistics
 from svfl_data.symmetry import WRENCH_PARTS, act, element
-from svfl_models.actions import act_on_batch
-from svfl_models.groups import GROUPS
-from svfl_models.normalization import Normalization
+from svfl_models.networks.normalization import Normalization
+from svfl_models.symmetry.actions import act_on_batch
+from svfl_models.symmetry.groups import GROUPS
 
 
 def fitted(samples, hands):

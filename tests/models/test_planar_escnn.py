@@ -5,12 +5,13 @@ from types import ModuleType
 
 import pytest
 
-from svfl_models import planar_escnn
+from svfl_models.symmetry import planar_escnn
 
 
 @pytest.mark.slow
 def test_planar_groups_work_and_importing_is_silent():
-    code = "import warnings; warnings.simplefilter('error', UserWarning); from svfl_models import planar_escnn as p; "
+    code = "import warnings; warnings.simplefilter('error', UserWarning); "
+    code += "from svfl_models.symmetry import planar_escnn as p; "
     code += "assert p.flipRot2dOnR2(4, axis=0.0).fibergroup.order() == 8"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
@@ -34,7 +35,7 @@ def test_real_package_is_left_alone(monkeypatch):
 
 
 def test_missing_escnn_says_what_to_run():
-    code = "import sys; sys.modules['escnn'] = None; import svfl_models.planar_escnn"
+    code = "import sys; sys.modules['escnn'] = None; import svfl_models.symmetry.planar_escnn"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     last = done.stderr.strip().splitlines()[-1]
     assert last == "ImportError: escnn is not installed; run: pip install --no-deps escnn==1.0.11"

@@ -6,17 +6,17 @@ import torch
 
 from svfl_data.errors import TrainingError
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS
-from svfl_models.actions import act_on_image, act_on_invariant, act_on_parts
-from svfl_models.classifier import parameter_count
 from svfl_models.cloning.acting import ActingPolicy
 from svfl_models.cloning.config import ENCODERS, VIEWS
-from svfl_models.cloning.workplace import Workplace
-from svfl_models.export import plain
-from svfl_models.groups import GROUPS
-from svfl_models.policy import Policy
-from svfl_models.presets import PRESETS
-from svfl_models.squashed_gaussian import to_unit
-from svfl_models.testing import TOLERANCE, assert_equivariant
+from svfl_models.cloning.deployment_spec import Workplace
+from svfl_models.networks.policy import Policy
+from svfl_models.networks.presets import PRESETS
+from svfl_models.networks.squashed_gaussian import to_unit
+from svfl_models.symmetry.actions import act_on_image, act_on_invariant, act_on_parts
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.symmetry.ordinary import plain
+from svfl_models.symmetry.testing import TOLERANCE, assert_equivariant
+from svfl_models.training.trainer import parameter_count
 from tests.models.lifetime import SYMMETRIC, assert_equivariant_for_life, named, take_a_step
 
 D4 = GROUPS["D4"]

@@ -13,9 +13,9 @@ import pytest
 import torch
 
 from svfl_data.errors import FormatError, TrainingError
-from svfl_models import exported_policy, program
-from svfl_models.exported_policy import FACTS
-from svfl_models.operators import operator
+from svfl_models.programs import exported_policy, program
+from svfl_models.programs.exported_policy import FACTS
+from svfl_models.programs.operators import operator
 
 GRAPH = "models/model.json"
 WEIGHTS = "data/weights/model_weights_config.json"

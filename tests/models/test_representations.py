@@ -4,10 +4,10 @@ import torch
 
 from svfl_data.errors import TrainingError
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, Part, act, act_on_direction, element
-from svfl_models.actions import PARTS, act_on_hidden
-from svfl_models.groups import GROUPS
-from svfl_models.heads import POLICY_PARTS
-from svfl_models.representations import (
+from svfl_models.networks.heads import POLICY_PARTS
+from svfl_models.symmetry.actions import PARTS, act_on_hidden
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.symmetry.representations import (
     components,
     direction_type,
     field_type,

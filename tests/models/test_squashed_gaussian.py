@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.distributions import AffineTransform, Independent, Normal, TanhTransform, TransformedDistribution
 
-from svfl_data.action_bounds import MAX_MOVE_M, MAX_TURN_RAD
+from svfl_data.schema.action_bounds import MAX_MOVE_M, MAX_TURN_RAD
 from svfl_data.symmetry import ACTION_PARTS
-from svfl_models.actions import act_on_parts
-from svfl_models.groups import GROUPS
-from svfl_models.squashed_gaussian import CENTRE, SCALE, SquashedGaussian, to_physical, to_unit
+from svfl_models.networks.squashed_gaussian import CENTRE, SCALE, SquashedGaussian, to_physical, to_unit
+from svfl_models.symmetry.actions import act_on_parts
+from svfl_models.symmetry.groups import GROUPS
 
 move = act_on_parts(ACTION_PARTS)
 

@@ -14,15 +14,16 @@ import pytest
 import torch
 
 from svfl_data.errors import FormatError, TrainingError
-from svfl_models import cli, viewing
-from svfl_models.checkpoint import load_centering
-from svfl_models.checkpoint_io import WholeCheckpoints
+from svfl_models import cli
+from svfl_models.centering.checkpoint import load_centering
+from svfl_models.centering.pretrained import describe
 from svfl_models.cloning import acting
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.module import CloningModule
+from svfl_models.deployment import predictions
 from svfl_models.latent.checkpoint import load_latent
-from svfl_models.pretrained import describe
+from svfl_models.training.checkpoint_plugin import WholeCheckpoints
 from tests.models.pretrained import write_latent
 from tests.models.synthetic import centering_samples
 from tests.models.trained import contents, untrained
@@ -238,7 +239,7 @@ def test_every_command_says_it_in_one_line(tmp_path, marker, capsys):
         assert str(path) in said
         assert not marker.exists()
     assert sorted(os.listdir(tmp_path)) == ["checkpoint.ckpt"]
-    for load in (viewing.load, acting.load, lambda file: describe(file, "tuned")):
+    for load in (predictions.load, acting.load, lambda file: describe(file, "tuned")):
         with pytest.raises(FormatError):
             load(path)
         assert not marker.exists()

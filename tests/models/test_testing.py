@@ -3,11 +3,11 @@ import torch
 from torch import nn
 
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, Part
-from svfl_models.actions import act_on_hidden, act_on_invariant, act_on_parts
-from svfl_models.groups import GROUPS
-from svfl_models.kits import kit
-from svfl_models.representations import stored
-from svfl_models.testing import assert_equivariant, equivariance_error
+from svfl_models.networks.layer_factory import kit
+from svfl_models.symmetry.actions import act_on_hidden, act_on_invariant, act_on_parts
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.symmetry.representations import stored
+from svfl_models.symmetry.testing import assert_equivariant, equivariance_error
 
 D4, D8 = GROUPS["D4"], GROUPS["D8"]
 

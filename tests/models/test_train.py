@@ -10,16 +10,16 @@ import pytest
 import torch
 from rich.console import Console
 
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, StorageError, TrainingError
-from svfl_data.store import write_episode
-from svfl_models import train
-from svfl_models.checkpoint import load_centering
-from svfl_models.config import TrainingConfig
-from svfl_models.judge import judge
-from svfl_models.progress import COLUMNS, MetricsFile, ProgressLine
-from svfl_models.testing import assert_equivariant
-from svfl_models.train import train_centering
+from svfl_data.storage.store import write_episode
+from svfl_models.centering import train
+from svfl_models.centering.checkpoint import load_centering
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.centering.evaluate import judge
+from svfl_models.centering.train import train_centering
+from svfl_models.symmetry.testing import assert_equivariant
+from svfl_models.training.progress import COLUMNS, MetricsFile, ProgressLine
 from tests.builders import make_episode
 from tests.models.synthetic import centering_samples
 
@@ -198,7 +198,7 @@ def test_progress_tells_a_terminal(config, tmp_path):
 
 
 def test_a_long_training_prints_a_line_now_and_then(config, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("svfl_models.progress.QUIET_SECONDS", 0.0)
+    monkeypatch.setattr("svfl_models.training.progress.QUIET_SECONDS", 0.0)
     train_centering(config, tmp_path / "run")
     lines = capsys.readouterr().out.splitlines()
     assert [line.split(":")[0] for line in lines] == ["epoch 1/3", "epoch 2/3", "epoch 3/3"]

@@ -3,9 +3,10 @@ import sys
 
 import pytest
 
-from svfl_data.dataset import Dataset
-from svfl_data.store import write_episode
-from svfl_models import cli, paper
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.storage.store import write_episode
+from svfl_models import cli
+from svfl_models.centering import paper_figures
 from tests.builders import make_episode
 
 
@@ -90,9 +91,9 @@ def test_too_few_samples_is_one_line_and_exit_code_1(dataset, tmp_path, capsys):
 
 
 def test_the_papers_figures():
-    assert paper.centering_words("vf", "svfl", 100) == "99.3 +- 0.4 %"
-    assert paper.centering_figure("f", "svfl", 10) == (48.4, 1.7)
-    assert paper.centering_words("f", "svfl", 11) == "no such cell"
-    assert {(e, m): sorted(cells) for (e, m), cells in paper.CENTERING.items()} == {
+    assert paper_figures.centering_words("vf", "svfl", 100) == "99.3 +- 0.4 %"
+    assert paper_figures.centering_figure("f", "svfl", 10) == (48.4, 1.7)
+    assert paper_figures.centering_words("f", "svfl", 11) == "no such cell"
+    assert {(e, m): sorted(cells) for (e, m), cells in paper_figures.CENTERING.items()} == {
         (e, m): [10, 25, 50, 100] for e in ("v", "f", "vf") for m in ("svfl", "cnn")
     }

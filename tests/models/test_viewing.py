@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from svfl_data.dataset import Dataset
-from svfl_data.episode import Episode
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FormatError
-from svfl_models import viewing
+from svfl_data.schema.episode import Episode
 from svfl_models.cloning import acting
 from svfl_models.cloning.config import VIEWS
+from svfl_models.cloning.deployment_spec import workplace_of
 from svfl_models.cloning.module import CloningModule
-from svfl_models.cloning.workplace import workplace_of
-from svfl_models.squashed_gaussian import SCALE
+from svfl_models.deployment import predictions
+from svfl_models.networks.squashed_gaussian import SCALE
 from tests.builders import make_episode
 from tests.models.demonstrations import demonstration, write
 from tests.models.synthetic import centering_samples
@@ -49,7 +49,7 @@ def policy(workplace, view="hand", encoder="vfp", size=SIZE):
 
 def opinion(module, episode, tmp_path):
     torch.save(contents(module), tmp_path / "policy.ckpt")
-    return viewing.load(tmp_path / "policy.ckpt")(episode)
+    return predictions.load(tmp_path / "policy.ckpt")(episode)
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -88,7 +88,7 @@ def test_a_policy_around_the_hand_looks_at_the_table_below_it(workplace, episode
 def test_checkpoint_and_exported_file_think_alike(workplace, episode, tmp_path):
     module = policy(workplace)
     acting.export(module, tmp_path / "policy.pt2")
-    one, other = opinion(module, episode, tmp_path), viewing.load_exported(tmp_path / "policy.pt2")(episode)
+    one, other = opinion(module, episode, tmp_path), predictions.load_exported(tmp_path / "policy.pt2")(episode)
     assert np.ptp(one.actions[:, 1:], axis=0).min() > 0
     np.testing.assert_allclose(one.actions / SCALE, other.actions / SCALE, atol=1e-4)
     assert other.crop is None  # the file does not tell
@@ -96,7 +96,7 @@ def test_checkpoint_and_exported_file_think_alike(workplace, episode, tmp_path):
 
 def test_a_long_episode_is_thought_of_in_pieces(workplace, episode, tmp_path, monkeypatch):
     whole = opinion(policy(workplace), episode, tmp_path)
-    monkeypatch.setattr("svfl_models.cloning.opinion.AT_ONCE", 3)
+    monkeypatch.setattr("svfl_models.deployment.policy_predictions.AT_ONCE", 3)
     pieces = opinion(policy(workplace), episode, tmp_path)
     np.testing.assert_allclose(whole.actions, pieces.actions, atol=1e-6)
     np.testing.assert_array_equal(whole.crop, pieces.crop)
@@ -118,7 +118,7 @@ def test_an_episode_that_a_policy_cannot_look_at_is_one_line(workplace, episode,
 
 def test_a_classifier_gives_shares_of_the_directions(tmp_path):
     module, _ = untrained(centering_samples(8, seed=0), encoder="vf", group="none", image_size=16)
-    found = viewing.load(write_checkpoint(module, tmp_path / "centering.ckpt"))(make_episode(steps=3, size=19))
+    found = predictions.load(write_checkpoint(module, tmp_path / "centering.ckpt"))(make_episode(steps=3, size=19))
     np.testing.assert_allclose(found.probabilities.sum(axis=1), 1, atol=1e-6)
     assert (found.seen.shape, found.actions) == ((4, 16, 16, 3), None)
 
@@ -126,4 +126,4 @@ def test_a_classifier_gives_shares_of_the_directions(tmp_path):
 def test_a_file_of_neither_kind_is_one_line(tmp_path):
     torch.save({"svfl": {"format": "svfl-latent", "format_version": "1.0"}}, tmp_path / "latent.ckpt")
     with pytest.raises(FormatError, match="not a block-centering checkpoint"):
-        viewing.load(tmp_path / "latent.ckpt")
+        predictions.load(tmp_path / "latent.ckpt")

@@ -2,8 +2,8 @@
 
 import torch
 
-from svfl_models.config import TrainingConfig
-from svfl_models.module import CenteringModule
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.centering.module import CenteringModule
 
 
 def untrained(samples, **choices):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from collectors.simulation.kinematics import hand_velocity, jacobian_array, joint_motion
+from collectors.simulation.arms.kinematics import hand_velocity, jacobian_array, joint_motion
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from collectors.environment import Environment
-from collectors.expert import ExpertCollector
 from collectors.simulation import CameraConfig, World, WorldConfig
 from collectors.simulation.bodies import Bodies, Box
 from collectors.simulation.camera import Camera
+from collectors.sources.expert import ExpertCollector
 from svfl_data.errors import UsageError
-from svfl_data.store import episode_bytes
+from svfl_data.storage.store import episode_bytes
 
 SMALL = WorldConfig(cameras={"front": CameraConfig(height=24, width=24)})
 STILL = np.array([1.0, 0.0, 0.0, 0.0, 0.0], np.float32)

@@ -9,7 +9,7 @@ import pybullet
 import pytest
 
 from collectors.simulation import CameraConfig, World, WorldConfig
-from collectors.simulation.servo import rotation_error
+from collectors.simulation.arms.servo import rotation_error
 from svfl_data.errors import UsageError
 from tests.simulation.conftest import hold, move
 

@@ -10,8 +10,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from collectors.environment import Environment
-from collectors.expert import ExpertCollector
 from collectors.simulation import CameraConfig, NoiseConfig, World, WorldConfig
+from collectors.sources.expert import ExpertCollector
 from collectors.tasks import TASKS, task_class
 from collectors.tasks.hand import Hand
 

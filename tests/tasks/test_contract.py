@@ -8,7 +8,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from collectors.record import OBJECT
+from collectors.recording.loop import OBJECT
 from collectors.simulation import World
 from collectors.tasks import PAPER, TASKS, task_class
 from collectors.tasks.hand import Hand

@@ -20,7 +20,7 @@ from collectors.tasks.household_objects import (
     surface,
 )
 from collectors.tasks.household_picking import FLOOR, INNER, LIFTED, SPREAD, HouseholdPicking
-from collectors.tasks.household_picking_test import HouseholdPickingTest
+from collectors.tasks.household_picking_heldout import HouseholdPickingHeldout
 from tests.tasks.conftest import AGAIN, begin, perform, place
 
 
@@ -64,7 +64,7 @@ def test_the_surface_is_the_collision_shape(world):
 
 
 def test_scenes_cover_the_ranges_and_parts(world):
-    for task in (HouseholdPicking, HouseholdPickingTest):
+    for task in (HouseholdPicking, HouseholdPickingHeldout):
         scenes = [task.draw(np.random.default_rng(seed), world) for seed in range(400)]
         allowed = {lying.name for lying in split(task.part)}
         assert {scene.name for scene in scenes} <= allowed

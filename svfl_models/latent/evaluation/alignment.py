@@ -8,7 +8,7 @@ from torch import Tensor
 from svfl_models.latent.evaluation.frames import CHUNK, Encoded, Frames
 from svfl_models.latent.evaluation.scores import auroc
 from svfl_models.latent.mismatch import allowed_pairs
-from svfl_models.latent.network import LatentNetwork
+from svfl_models.latent.networks.network import LatentNetwork
 
 GAPS = (1, 2, 4, 8, 16)
 PAIRS = 200

@@ -6,9 +6,9 @@ import torch
 from torch import Tensor
 
 from svfl_models.latent.config import MODALITIES
-from svfl_models.latent.encoder import Parts
 from svfl_models.latent.evaluation.frames import CHUNK
-from svfl_models.latent.vtt import Block, VTTEncoder
+from svfl_models.latent.networks.encoder import Parts
+from svfl_models.latent.networks.vtt import Block, VTTEncoder
 
 ASKED = 2
 """The tokens of alignment and contact come first; they can be looked at too."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FormatError
 from svfl_models.latent.data import Sequences
 from svfl_models.latent.inputs import Batch

@@ -13,13 +13,13 @@ from svfl_models.latent.evaluation.episodes import material, some, whole
 from svfl_models.latent.evaluation.experts import experts
 from svfl_models.latent.evaluation.following import next_hand
 from svfl_models.latent.evaluation.frames import Encoded, Followed, Frames, encode, encoded, follow, frames_of, spread
-from svfl_models.latent.evaluation.probing import Probing
+from svfl_models.latent.evaluation.probing.probing import Probing
 from svfl_models.latent.evaluation.reconstruction import mean_picture, pictures, reconstruction
 from svfl_models.latent.evaluation.results import Album, Evaluation
 from svfl_models.latent.evaluation.symmetry import symmetry
-from svfl_models.latent.network import LatentNetwork
-from svfl_models.latent.poe import PoEEncoder
-from svfl_models.latent.vtt import VTTEncoder
+from svfl_models.latent.networks.network import LatentNetwork
+from svfl_models.latent.networks.poe import PoEEncoder
+from svfl_models.latent.networks.vtt import VTTEncoder
 
 LEARNED_EPISODES, LEARNED_FRAMES = 200, 1200
 """What linear maps are fitted on: at most so many training episodes, drawn, and frames, evenly over all of those."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from svfl_models.latent.encoder import Parts
-from svfl_models.latent.poe import PoEEncoder
+from svfl_models.latent.networks.encoder import Parts
+from svfl_models.latent.networks.poe import PoEEncoder
 
 Share = dict[str, float]
 """By modality, and ``prior``; sums to 1."""

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from svfl_models.latent.evaluation.frames import Followed
-from svfl_models.latent.network import LatentNetwork
+from svfl_models.latent.networks.network import LatentNetwork
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from svfl_data.progress import progress
+from svfl_data.system.progress import progress
 from svfl_models.latent.config import MODALITIES
-from svfl_models.latent.encoder import Parts
 from svfl_models.latent.evaluation.episodes import whole
 from svfl_models.latent.inputs import Batch
-from svfl_models.latent.network import LatentNetwork, Understanding
+from svfl_models.latent.networks.encoder import Parts
+from svfl_models.latent.networks.network import LatentNetwork, Understanding
 from svfl_models.latent.recordings import Recording
 
 CHUNK = 64

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from svfl_models.latent.evaluation.frames import Followed, Frames
 from svfl_models.latent.evaluation.scores import psnr
-from svfl_models.latent.network import LatentNetwork
+from svfl_models.latent.networks.network import LatentNetwork
 
 HORIZON = 8
 EVERY = 3

@@ -11,7 +11,7 @@ from svfl_models.latent.evaluation.contact import Detection
 from svfl_models.latent.evaluation.experts import Experts
 from svfl_models.latent.evaluation.following import NextHand
 from svfl_models.latent.evaluation.missing import Remaining
-from svfl_models.latent.evaluation.probes import Reading
+from svfl_models.latent.evaluation.probing.probes import Reading
 from svfl_models.latent.evaluation.reconstruction import Reconstruction
 from svfl_models.latent.evaluation.symmetry import Symmetry
 

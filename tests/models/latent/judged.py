@@ -4,10 +4,10 @@ import dataclasses
 
 from rich.console import Console
 
-from svfl_models import run_folder
 from svfl_models.latent import config as presets
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.train import train_latent
+from svfl_models.training import run_folder
 from tests.models.latent.small import SIZES, lifting, written
 
 

@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import torch
 
-from svfl_data.dataset import Dataset
-from svfl_data.store import write_episode
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.storage.store import write_episode
 from svfl_models.latent.config import Sizes, plain
-from svfl_models.latent.network import LatentNetwork
+from svfl_models.latent.networks.network import LatentNetwork
 from tests.builders import make_episode
 
 SIZES = Sizes(

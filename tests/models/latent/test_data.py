@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
-from svfl_data.relabel import relabel, with_annotation
-from svfl_data.split import split_episodes
+from svfl_data.maintenance.relabel import relabel, with_annotation
+from svfl_data.sampling.split import split_episodes
+from svfl_data.sampling.windows import wrench_window
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
-from svfl_data.windows import wrench_window
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.data import Leg, Sequences, fit, sequences_of
 from svfl_models.latent.inputs import Inputs

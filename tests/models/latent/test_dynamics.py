@@ -1,7 +1,7 @@
 import torch
 
-from svfl_models.latent.decoder import DEPTH_UNIT
-from svfl_models.latent.dynamics import LatentDynamics
+from svfl_models.latent.networks.decoder import DEPTH_UNIT
+from svfl_models.latent.networks.dynamics import LatentDynamics
 from tests.models.latent.small import SIZES, batch, network
 
 

@@ -5,9 +5,10 @@ import torch
 
 from svfl_data.errors import TrainingError
 from svfl_models.latent.config import MODALITIES, MODELS, PRESETS, Sizes
-from svfl_models.latent.network import ENCODERS, LatentNetwork, parameter_count
-from svfl_models.latent.trunks import WrenchTrunk
-from svfl_models.latent.vtt import VTTEncoder
+from svfl_models.latent.networks.network import ENCODERS, LatentNetwork
+from svfl_models.latent.networks.trunks import WrenchTrunk
+from svfl_models.latent.networks.vtt import VTTEncoder
+from svfl_models.training.trainer import parameter_count
 from tests.models.latent.small import SIZES, frames, network
 
 

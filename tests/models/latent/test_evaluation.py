@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from svfl_data.dataset import Dataset
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FormatError
 from svfl_models.cli import main
 from svfl_models.latent.checkpoint import load_latent
 from svfl_models.latent.evaluation.episodes import material, some, whole
 from svfl_models.latent.evaluation.evaluate import evaluate
 from svfl_models.latent.evaluation.frames import encode, encoded, follow, frames_of
-from svfl_models.latent.evaluation.poses import object_poses, repeats_per_turn
-from svfl_models.latent.evaluation.report import plain
+from svfl_models.latent.evaluation.pages.report import plain
+from svfl_models.latent.evaluation.probing.poses import object_poses, repeats_per_turn
 from svfl_models.latent.recordings import load_recordings
 from tests.models.latent.judged import dataset, trained
 from tests.models.latent.small import lifting, written

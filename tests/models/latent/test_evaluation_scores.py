@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from svfl_models.latent.evaluation.contact import detection
 from svfl_models.latent.evaluation.following import hand_error
-from svfl_models.latent.evaluation.probes import Probe, Target, readings
+from svfl_models.latent.evaluation.probing.probes import Probe, Target, readings
+from svfl_models.latent.evaluation.probing.ridge import fit_ridge
 from svfl_models.latent.evaluation.reconstruction import fidelity, mean_picture
-from svfl_models.latent.evaluation.ridge import fit_ridge
 from svfl_models.latent.evaluation.scores import auroc, f1, psnr, r_squared
 from tests.models.latent.test_evaluation_symmetry import drawn_frames
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 import torch
 
-from svfl_models.actions import act_on_batch
-from svfl_models.groups import GROUPS
 from svfl_models.latent.evaluation.frames import Encoded, Frames
 from svfl_models.latent.evaluation.symmetry import CYCLIC, MOVES, symmetry
+from svfl_models.symmetry.actions import act_on_batch
+from svfl_models.symmetry.groups import GROUPS
 from tests.models.latent import small
 
 

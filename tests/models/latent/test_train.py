@@ -6,14 +6,15 @@ import torch
 from rich.console import Console
 
 from svfl_data.errors import FormatError, StorageError, TrainingError
-from svfl_models import run_folder
 from svfl_models.cli import main
 from svfl_models.latent import config as presets
 from svfl_models.latent import module as latent_module
 from svfl_models.latent import train
 from svfl_models.latent.checkpoint import load_latent
 from svfl_models.latent.config import MODELS, TERMS, LatentConfig
-from svfl_models.latent.progress import StepsBar, read_rows
+from svfl_models.latent.progress import StepsBar
+from svfl_models.training import run_folder
+from svfl_models.training.writing import read_numbers
 from tests.models.latent.small import SIZES, frames, lifting, written
 
 pytestmark = pytest.mark.slow
@@ -53,7 +54,7 @@ def test_every_model_trains_and_opens_again(model, config, tmp_path):
     result = train.train_latent(config, tmp_path / "run")
     assert result.steps == 5
     assert json.loads((tmp_path / "run" / "result.json").read_text())["config"] == config.plain()
-    rows = read_rows(tmp_path / "run" / "metrics.csv")
+    rows = read_numbers(tmp_path / "run" / "metrics.csv")
     assert [row["step"] for row in rows] == [2, 4, 5]
     for name in TERMS:
         known = model == "poe" or name != "expert_kl"
@@ -88,7 +89,7 @@ def test_an_interrupted_training_resumes_bit_for_bit(model, config, tmp_path, mo
     assert result.steps == 7
     assert_same_training(weights(tmp_path / "whole"), weights(tmp_path / "broken"))
     without_time = [
-        [{key: value for key, value in row.items() if key != "seconds"} for row in read_rows(out / "metrics.csv")]
+        [{key: value for key, value in row.items() if key != "seconds"} for row in read_numbers(out / "metrics.csv")]
         for out in (tmp_path / "whole", tmp_path / "broken")
     ]
     assert without_time[0] == without_time[1]

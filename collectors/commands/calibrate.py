@@ -1,0 +1,135 @@
+"""``svfl-collect calibrate``: where a camera is, from pictures of a board of tags."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+from collectors.commands.options import between
+from svfl_data.system.command_line import Commands, natural
+from svfl_data.system.printable import say
+
+DOUBTFUL_PX, WRONG_PX = 1.0, 5.0  # root mean square reprojection error
+CAUSES = "another board's file, poses of other pictures, wrong intrinsics, or a bent tag"
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "calibrate",
+        help="where a camera is, from pictures of a board of AprilTags",
+        description="Estimate a camera's pose in base axes from pictures of a board (svfl-collect tags --board), and "
+        "say how well it is known. The board lies at a known place (--board-pose), at a known place in each picture "
+        "(--board-poses), or is held by the hand, whose poses are known (--hand-poses; tilt the hand in between). "
+        "Pictures must have no lens distortion. The camera is added to the JSON file that collectors read.",
+        example="svfl-collect calibrate pictures/ --board board.json --intrinsics 605.2,604.8,319.5,239.5 \\\n"
+        "    --board-pose 0.45,-0.1,0,90 --camera front --out calibration.json\n"
+        "svfl-collect calibrate pictures/ --board board.json --intrinsics 605.2,604.8,319.5,239.5 \\\n"
+        "    --hand-poses poses.csv --camera front --out calibration.json\n"
+        "svfl-collect calibrate data/boards --episode 0 --board board.json --board-pose 0.45,-0.1,0,90 \\\n"
+        "    --camera front --out calibration.json",
+    )
+    verb.add_argument("path", type=Path, metavar="PATH", help="folder of pictures, dataset, or episode file")
+    verb.add_argument("--episode", type=natural, metavar="N", help="number in a dataset (default: the first)")
+    verb.add_argument("--board", type=Path, required=True, metavar="FILE", help="JSON of the board")
+    verb.add_argument(
+        "--printed", type=float, default=100.0, metavar="MM", help="length of the sheet's 100 mm line as measured"
+    )
+    place = verb.add_mutually_exclusive_group(required=True)
+    place.add_argument(
+        "--board-pose", type=_numbers(4), metavar="X,Y,Z,DEG",
+        help="of the board's lower left corner, face up: base axes, m, and yaw of its x axis; with a negative X, write "
+        "--board-pose=X,Y,Z,DEG",
+    )  # fmt: skip
+    place.add_argument(
+        "--board-poses", type=Path, metavar="CSV", help="picture,x,y,z,qx,qy,qz,qw: of the board in base"
+    )
+    place.add_argument("--hand-poses", type=Path, metavar="CSV", help="the same: of the hand that holds the board")
+    verb.add_argument(
+        "--intrinsics", type=_numbers(4), metavar="FX,FY,CX,CY",
+        help="px, the centre of the first pixel being 0,0 (default: the episode's)",
+    )  # fmt: skip
+    verb.add_argument(
+        "--depth-scale", type=between(1e-6, 1, "a length in m"), metavar="M",
+        help="metres per unit of depth (default 0.001, or the episode's)",
+    )  # fmt: skip
+    verb.add_argument("--camera", default="front", metavar="NAME", help="name of the camera (default front)")
+    verb.add_argument("--out", type=Path, required=True, metavar="FILE", help="calibration file, JSON")
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Estimate, print the residuals, and write.
+
+    Raises:
+        UsageError: If options do not fit together.
+        CollectError: If the board is seen too rarely, or what is given does not fit together.
+    """
+    import numpy as np
+
+    from collectors.apriltags.calibration import image_axes, write_calibration
+    from collectors.apriltags.calibration_pictures import board_pose, of_episode, of_folder, read_poses
+    from collectors.apriltags.detector import MEASURE, TagDetector
+    from collectors.apriltags.extrinsics import from_hand_held_board, from_known_board, view
+    from collectors.apriltags.layout import Layout
+    from svfl_data.errors import CollectError, UsageError
+    from svfl_data.schema.robot import Calibration
+    from svfl_data.system.progress import progress
+
+    if not 50.0 < arguments.printed < 200.0:
+        raise UsageError(f"--printed {arguments.printed:g}: the sheet's line is about 100 mm long; give it in mm")
+    board = Layout.read(arguments.board).scaled(arguments.printed / 100.0)
+    folder = arguments.path.is_dir() and arguments.episode is None and not (arguments.path / "dataset.json").exists()
+    source = of_folder(arguments) if folder else of_episode(arguments)
+    detector = TagDetector(board.family, find=MEASURE)  # small tags count too; time does not
+    looks = progress(source.checked(), "looking for the board", len(source.pictures))
+    found = [view(name, picture, board, source.intrinsics, detector) for name, picture in looks]
+    views = [one for one in found if one is not None]
+    if not views:
+        ids = ", ".join(map(str, board.tags))
+        raise CollectError(f"{arguments.path}: tags {ids} of {board.family} are in none of {len(found)} pictures")
+    if arguments.board_pose:
+        result = from_known_board(views, [board_pose(*arguments.board_pose)] * len(views), source.intrinsics)
+    else:
+        file = arguments.board_poses or arguments.hand_poses
+        poses = read_poses(file)
+        if missing := [one.name for one in views if one.name not in poses]:
+            raise UsageError(f"{file}: no row for {missing[0]}; it has {', '.join(list(poses)[:5])}")
+        estimate = from_known_board if arguments.board_poses else from_hand_held_board
+        result = estimate(views, [poses[one.name] for one in views], source.intrinsics)
+    for name, error in result.errors.items():
+        say(f"  {name:<28} {error:6.2f} px")
+    say(f"board seen in {len(views)} of {len(found)} pictures; error {result.error:.2f} px (root mean square)")
+    if not result.error <= WRONG_PX:  # nor if it is none
+        raise CollectError(f"error {result.error:.1f} px: {CAUSES}; nothing is written")
+    if result.error > DOUBTFUL_PX:
+        say(f"  that is much: {CAUSES}")
+    place, turn = result.position_deviation * 1e3, np.degrees(result.rotation_deviation)
+    where = result.T_base_camera[:3, 3]
+    say(f"camera at x, y, z = {where[0]:.4f}, {where[1]:.4f}, {where[2]:.4f} m")
+    say(f"  standard deviation {place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f} mm, turn {turn.max():.3f} deg")
+    residuals = {
+        "pictures": result.errors,
+        "error_px": result.error,
+        "position_deviation_m": result.position_deviation.tolist(),
+        "rotation_deviation_rad": result.rotation_deviation.tolist(),
+    } | ({} if result.T_hand_board is None else {"T_hand_board": result.T_hand_board.tolist()})
+    calibration = Calibration(
+        source.intrinsics, result.T_base_camera, image_axes(result.T_base_camera), source.depth_scale
+    )
+    write_calibration(arguments.out, arguments.camera, calibration, residuals)
+    say(f"{arguments.out}: camera {arguments.camera}")
+
+
+def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
+    """Argument type: so many finite numbers with commas between them."""
+
+    def parse(text: str) -> tuple[float, ...]:
+        try:
+            values = tuple(float(part) for part in text.split(","))
+        except ValueError:
+            values = ()
+        if len(values) != count or not all(abs(value) < 1e6 for value in values):
+            raise argparse.ArgumentTypeError(f"{text!r} is not {count} numbers with commas between them")
+        return values
+
+    return parse

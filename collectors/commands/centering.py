@@ -1,0 +1,49 @@
+"""``svfl-collect centering``: labelled samples of block centering."""
+
+import argparse
+import time
+
+from collectors.commands.options import add_collection, add_world, between, engine, world
+from svfl_data.system.command_line import Commands, positive
+from svfl_data.system.printable import say
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "centering",
+        help="block centering: one finger collides with the block; which way to move?",
+        description="Collect block-centering samples in simulation: one finger of an open hand lands on a block, and "
+        "the label says which way and how far the hand must move. The same command resumes where it was "
+        "stopped; a larger --samples extends the dataset.",
+        example="svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering\n"
+        "svfl-collect centering --samples 1000 --border 0 --sensor-noise none --out data/centering_hard",
+    )
+    verb.add_argument("--samples", type=positive, default=200, metavar="N", help="episodes (default 200)")
+    add_collection(verb)
+    verb.add_argument(
+        "--border", type=between(0, 40, "an angle in degrees"), default=5.0, metavar="DEG",
+        help="leave out directions this close to a class border (default 5; 0 is the hard version)",
+    )  # fmt: skip
+    add_world(verb)
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Collect and say what there is."""
+    from collectors.recording.collection import collect_dataset
+    from collectors.recording.live_view import watched
+    from collectors.simulation.centering import CenteringConfig
+    from collectors.sources.centering import TASK, CenteringCollector, summary
+    from svfl_data.datasets.dataset import Dataset
+
+    where = engine(arguments)
+    collector = CenteringCollector(arguments.seed, CenteringConfig(border_deg=arguments.border), world(arguments))
+    dataset = Dataset.create_or_resume(arguments.out, TASK, arguments.seed, collector.config())
+    start = time.perf_counter()
+    done = collect_dataset(dataset, arguments.samples, arguments.workers, watched(arguments, collector), where)
+    seconds = time.perf_counter() - start
+    if done:
+        rate = sum(finished.steps for finished in done) / seconds
+        say(f"collected {len(done)} samples in {seconds:.0f} s ({rate:.0f} steps/s)")
+    say(*summary(dataset))

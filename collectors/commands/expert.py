@@ -1,0 +1,113 @@
+"""``svfl-collect expert``: demonstrations of a task, or of all of them."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from collectors.commands.options import add_collection, add_world, between, engine, world
+from collectors.tasks import PAPER, TASKS
+from svfl_data.system.command_line import Commands, positive
+from svfl_data.system.printable import say
+
+if TYPE_CHECKING:  # at run time only when collecting: the command line itself loads no simulation
+    from collectors.sources.expert import ExpertCollector
+
+ALL = "all"
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "expert",
+        help="demonstrations of a task by its scripted expert",
+        description="Record demonstrations in simulation. An attempt that fails is made again and never counted as a "
+        "demonstration. The same command resumes where it was stopped; a larger --episodes extends the dataset.",
+        example="svfl-collect expert --task block_picking --episodes 50 --workers 2 --seed 0 --out data/block_picking\n"
+        "svfl-collect expert --task all --episodes 50 --workers 2 --out data/tasks   # a folder for each task\n"
+        "svfl-collect expert --task block_picking --cameras front,top --image-size 128 --out data/two_views\n"
+        "svfl-collect expert --task block_picking --shoves 0.15 --out data/picking_shoved   # to clone a policy from\n"
+        "svfl-collect expert --task block_picking --tags --out data/tagged   # AprilTags tell success\n"
+        "svfl-collect expert --task block_picking --out data/seen --rerun   # watch it, after starting: rerun\n"
+        "svfl-collect expert --task block_picking --engine ray --address head:6379 --workers 64 --out data/large",
+    )
+    verb.add_argument(
+        "--task",
+        choices=[*TASKS, ALL],
+        required=True,
+        metavar="TASK",
+        help=f"{', '.join(TASKS)}; {ALL} is the paper's nine",
+    )
+    verb.add_argument("--episodes", type=positive, default=50, metavar="N", help="demonstrations (default 50)")
+    add_collection(verb)
+    verb.add_argument(
+        "--noise", type=between(0, 2, "a number"), default=1.0, metavar="X",
+        help="how much demonstrations differ, 0 to 2 (default 1)",
+    )  # fmt: skip
+    verb.add_argument(
+        "--shoves", type=between(0, 1, "a number"), default=0.0, metavar="P",
+        help="how likely the hand is to be pushed off its way at an action; policies that are cloned from such "
+        "demonstrations have seen the way back (default 0)",
+    )  # fmt: skip
+    verb.add_argument(
+        "--tags",
+        action="store_true",
+        help="the block wears AprilTags, and they, not the simulation, tell when the task is achieved, as on a real "
+        "table (block_picking, block_pushing)",
+    )
+    verb.add_argument(
+        "--keep-failures",
+        action="store_true",
+        help="write failed attempts into a dataset of their own, FOLDER/failures",
+    )
+    add_world(verb)
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Collect and say what there is.
+
+    Raises:
+        UsageError: If tags cannot tell success of the task.
+        DatasetError: If a folder holds another dataset.
+    """
+    from collectors.recording.collection import collect_dataset
+    from collectors.recording.live_view import watched
+    from collectors.recording.progress import CollectionProgress
+    from collectors.sources.expert import summary
+    from svfl_data.datasets.dataset import INFO, Dataset
+    from svfl_data.errors import DatasetError
+
+    if arguments.task == ALL and (arguments.out / INFO).exists():
+        raise DatasetError(f"{arguments.out} holds a dataset; --task all needs a folder for one dataset of each task")
+    tasks = {name: arguments.out / name for name in PAPER} if arguments.task == ALL else {arguments.task: arguments.out}
+    where, config, workers = engine(arguments), world(arguments), arguments.workers
+    kind = _kind(arguments.tags)
+    collectors = {name: kind(arguments.seed, name, arguments.noise, arguments.shoves, config) for name in tasks}
+    datasets = {
+        name: Dataset.create_or_resume(tasks[name], name, arguments.seed, collector.config())
+        for name, collector in collectors.items()
+    }
+    with CollectionProgress() as progress:
+        for name, collector in collectors.items():
+            collect_dataset(
+                datasets[name],
+                arguments.episodes,
+                workers,
+                watched(arguments, collector),
+                where,
+                arguments.keep_failures,
+                progress,
+            )
+    say(*map(summary, datasets.values()))
+
+
+def _kind(tags: bool) -> type[ExpertCollector]:
+    """Who says when a task is achieved: AprilTags, which need the extra ``real``, or the simulation."""
+    if tags:
+        from collectors.sources.tagged_expert import TaggedCollector
+
+        return TaggedCollector
+    from collectors.sources.expert import ExpertCollector
+
+    return ExpertCollector

@@ -1,0 +1,110 @@
+"""What the verbs share: where to write, with how many workers of which engine, and the options of the world."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from svfl_data.errors import UsageError
+from svfl_data.system.command_line import Parser, natural, positive
+
+if TYPE_CHECKING:  # at run time only when collecting: the command line itself loads no simulation
+    from collectors.recording.worker import Engine
+    from collectors.simulation.config import WorldConfig
+
+
+def add_collection(verb: Parser) -> None:
+    """Add the options that say where to write and who works."""
+    verb.add_argument("--seed", type=natural, default=0, metavar="S", help="seed of the dataset (default 0)")
+    verb.add_argument("--workers", type=positive, default=1, metavar="W", help="episodes at a time (default 1)")
+    verb.add_argument(
+        "--engine", choices=["processes", "ray"], default="processes",
+        help="where workers run: processes of this machine (default), or a Ray cluster",
+    )  # fmt: skip
+    verb.add_argument("--address", metavar="HOST:PORT", help="of the Ray cluster (default: one on this machine)")
+    verb.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="dataset folder")
+    add_rerun(verb)
+
+
+def add_rerun(verb: Parser) -> None:
+    """Add the option that shows episodes while they are recorded."""
+    verb.add_argument(
+        "--rerun", nargs="?", const="127.0.0.1:9876", metavar="HOST:PORT",
+        help="show it on a running viewer meanwhile (start one with: rerun; default 127.0.0.1:9876)",
+    )  # fmt: skip
+
+
+def engine(arguments: argparse.Namespace) -> Engine:
+    """The engine that is asked for.
+
+    Raises:
+        UsageError: If an address is given for another engine than Ray.
+    """
+    if arguments.engine == "ray":
+        from collectors.recording.ray import Ray
+
+        return Ray(arguments.address)
+    if arguments.address:
+        raise UsageError(f"--address {arguments.address} is for --engine ray")
+    from collectors.recording.processes import run
+
+    return run
+
+
+def add_world(verb: Parser) -> None:
+    """Add the options of the world."""
+    verb.add_argument(
+        "--sensor-noise", choices=["realistic", "none"], default="realistic",
+        help="of the wrist sensor (default realistic)",
+    )  # fmt: skip
+    verb.add_argument("--image-size", type=positive, default=76, metavar="PX", help="width and height (default 76)")
+    verb.add_argument(
+        "--cameras", type=lambda text: text.split(","), default=["front"], metavar="NAME,...",
+        help="front, top, side_left, side_right; a policy sees the first one (default front)",
+    )  # fmt: skip
+
+
+def world(arguments: argparse.Namespace) -> WorldConfig:
+    """The world that is asked for.
+
+    Raises:
+        UsageError: If there is no such camera.
+    """
+    from dataclasses import replace
+
+    from collectors.simulation.camera import CAMERAS
+    from collectors.simulation.config import WorldConfig
+    from collectors.simulation.noise import NoiseConfig
+
+    for name in arguments.cameras:
+        if name not in CAMERAS:
+            raise UsageError(f"--cameras: no camera {name!r}; the cameras are {', '.join(CAMERAS)}")
+    size = arguments.image_size
+    return WorldConfig(
+        noise=NoiseConfig() if arguments.sensor_noise == "realistic" else NoiseConfig.none(),
+        cameras={name: replace(CAMERAS[name], height=size, width=size) for name in arguments.cameras},
+    )
+
+
+def between(low: float, high: float, what: str) -> Callable[[str], float]:
+    """Argument type: a number in a range.
+
+    Args:
+        low: Smallest.
+        high: Largest.
+        what: What it is, for the message, e.g. ``an angle``.
+    """
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text!r} is not {what} between {low:g} and {high:g}")
+        return value
+
+    return parse

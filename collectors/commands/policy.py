@@ -1,0 +1,43 @@
+"""``svfl-collect policy``: a trained policy at work, and how often it succeeds."""
+
+import argparse
+from pathlib import Path
+
+from collectors.commands.options import add_collection, add_world, engine, world
+from collectors.tasks import TASKS
+from svfl_data.system.command_line import Commands, positive
+from svfl_data.system.printable import say
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "policy",
+        help="record a trained policy and count its successes",
+        description="Record a trained policy in scenes that no demonstration has. Every episode is kept and counts, "
+        "whether it succeeds or not. The policy sees the first camera, which must be as in training. A .pt2 file is "
+        "made with svfl_models.programs.exported_policy.save; other packages can add kinds of files "
+        "(collectors/sources/policy.py).",
+        example="svfl-collect policy --task block_picking --checkpoint policy.pt2 --episodes 100 --out data/trained",
+    )
+    verb.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=", ".join(TASKS))
+    verb.add_argument("--checkpoint", type=Path, required=True, metavar="FILE", help="the trained policy")
+    verb.add_argument("--episodes", type=positive, default=50, metavar="N", help="episodes (default 50)")
+    add_collection(verb)
+    add_world(verb)
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Record and say how often it succeeded."""
+    from collectors.recording.collection import collect_dataset
+    from collectors.recording.live_view import watched
+    from collectors.sources.policy import PolicyCollector, summary
+    from svfl_data.datasets.dataset import Dataset
+
+    where = engine(arguments)
+    collector = PolicyCollector(arguments.seed, arguments.task, arguments.checkpoint, world(arguments))
+    _ = collector.policy  # what is wrong with it is said before a folder is begun
+    dataset = Dataset.create_or_resume(arguments.out, arguments.task, arguments.seed, collector.config())
+    collect_dataset(dataset, arguments.episodes, arguments.workers, watched(arguments, collector), where)
+    say(summary(dataset))

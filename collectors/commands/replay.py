@@ -1,0 +1,47 @@
+"""``svfl-collect replay``: does an episode follow from its seed and actions?"""
+
+import argparse
+from pathlib import Path
+
+from svfl_data.system.command_line import Commands, natural
+from svfl_data.system.printable import say
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "replay",
+        help="simulate an episode again from its seed and actions and compare",
+        description="Simulate an episode again from its configuration, seed and actions, and report the largest "
+        "difference in every array: zero on the same machine with the same versions. Exit code 1 if there is any.",
+        example="svfl-collect replay data/block_picking --episode 3",
+    )
+    verb.add_argument("path", type=Path, metavar="DATASET", help="dataset folder or episode file")
+    verb.add_argument("--episode", type=natural, metavar="K", help="number in the dataset (default: the first)")
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Print the differences.
+
+    Raises:
+        DatasetError: If there are any.
+    """
+    from collectors.sources.replay import replay
+    from svfl_data.commands.source import read
+    from svfl_data.errors import DatasetError
+    from svfl_data.schema.fields import field_at
+
+    episode = read(arguments.path, arguments.episode)
+    found = replay(episode)
+    for path, difference in found.differences.items():
+        field = field_at(path)
+        say(f"  {difference:<10.3g} {path}" + (f" [{field.unit}]" if field else ""))
+    versions = ", ".join(f"{name} {recorded}, here {here}" for name, (recorded, here) in found.versions.items())
+    recorded_with = f"; recorded with {versions}" if versions else ""
+    if found.exact:
+        say(f"{episode.name}: exact, {len(episode)} steps{recorded_with}")
+        return
+    differing = [f"{path} by {value:.3g}" for path, value in found.differences.items() if value]
+    scene = [] if found.scene else ["another scene is drawn"]
+    raise DatasetError(f"{episode.name}: differs when simulated again: {', '.join(scene + differing)}{recorded_with}")

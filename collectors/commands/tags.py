@@ -1,0 +1,92 @@
+"""``svfl-collect tags``: tags to print, in true size."""
+
+import argparse
+from pathlib import Path
+
+from collectors.commands.options import between
+from svfl_data.system.command_line import Commands, natural, positive
+from svfl_data.system.printable import say
+
+SIZE_MM = 30.0  # of a tag
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "tags",
+        help="a sheet of AprilTags to print: for objects, for a cube, or a board for calibration",
+        description="Write a sheet of AprilTags in true size (PDF or PNG), with cut marks, ids, and a line to check "
+        "the printer's scale with. With --cube and --board also FILE.json: where the tags are on the body, for the "
+        "tracker and for svfl-collect calibrate.",
+        example="svfl-collect tags --count 12 --size 30 --out tags.pdf\n"
+        "svfl-collect tags --cube 50 --out block.pdf                  # a tag for each face, as large as fits\n"
+        "svfl-collect tags --cube 50 --printed 99.4 --out block.pdf   # the sheet's line came out at 99.4 mm\n"
+        "svfl-collect tags --board 4x5 --size 30 --paper letter --out board.pdf",
+    )
+    what = verb.add_mutually_exclusive_group()
+    what.add_argument("--count", type=positive, default=12, metavar="N", help="single tags (default 12)")
+    what.add_argument("--cube", type=between(5, 200, "a length in mm"), metavar="MM", help="for a cube with this edge")
+    what.add_argument("--board", type=_grid, metavar="CxR", help="a board of C x R tags")
+    verb.add_argument("--first", type=natural, default=0, metavar="ID", help="id of the first tag (default 0)")
+    verb.add_argument(
+        "--size", type=between(3, 250, "a length in mm"), metavar="MM",
+        help="edge of the square between a tag's corners (default 30; on a cube as large as fits)",
+    )  # fmt: skip
+    verb.add_argument("--family", default="tag36h11", metavar="NAME", help="tag family (default tag36h11)")
+    verb.add_argument(
+        "--printed", type=between(50, 200, "a length in mm"), default=100.0, metavar="MM",
+        help="length of the sheet's 100 mm line as measured on the paper: corrects the size of the tags in a cube's "
+        "JSON (for a board, give it to svfl-collect calibrate)",
+    )  # fmt: skip
+    verb.add_argument("--paper", choices=["a4", "letter"], default="a4", help="default a4")
+    verb.add_argument("--out", type=Path, required=True, metavar="FILE", help="FILE.pdf or FILE.png")
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Write the sheet, and say what is on it.
+
+    Raises:
+        UsageError: If the file is neither PDF nor PNG, the tags do not fit, or --printed is not for a cube.
+    """
+    from collectors.apriltags.layout import FACES, Layout
+    from collectors.apriltags.print_files import write
+    from collectors.apriltags.print_layout import RULER, board_page, cell_mm, tag_pages
+    from svfl_data.errors import UsageError
+
+    out, family, first, paper = (getattr(arguments, name) for name in ("out", "family", "first", "paper"))
+    size = arguments.size or SIZE_MM
+    if out.suffix not in (".pdf", ".png"):
+        raise UsageError(f"--out {out}: a sheet is FILE.pdf or FILE.png")
+    if arguments.printed != RULER and not arguments.cube:
+        raise UsageError("--printed corrects the file of a --cube; for a board give it to svfl-collect calibrate")
+    layout = None
+    if arguments.board:
+        columns, rows = arguments.board
+        pages = [board_page(family, columns, rows, size, first, paper)]
+        layout = Layout.grid(columns, rows, 1e-3 * size, 1e-3 * cell_mm(family, size), first, family)
+    elif arguments.cube:
+        largest = arguments.cube * size / cell_mm(family, size)
+        size = arguments.size or largest
+        if size > largest:
+            raise UsageError(f"--size {size:g}: a face of {arguments.cube:g} mm has room for {largest:.4g} mm")
+        ids, places = list(range(first, first + len(FACES))), [f"on {face}" for face in FACES]
+        pages = tag_pages(family, ids, size, paper, places, arguments.cube)
+        layout = Layout.cube(5e-4 * arguments.cube, 1e-3 * size * arguments.printed / RULER, first, family)
+    else:
+        pages = tag_pages(family, list(range(first, first + arguments.count)), size, paper)
+    for file in write(pages, out):
+        say(f"{file}: {paper}, {family}, tags of {size:g} mm")
+    if layout:
+        layout.write(out.with_suffix(".json"))
+        say(f"{out.with_suffix('.json')}: where its {len(layout.tags)} tags are")
+
+
+def _grid(text: str) -> tuple[int, int]:
+    try:
+        columns, rows = map(int, text.lower().split("x"))
+    except ValueError:
+        columns = rows = 0
+    if min(columns, rows) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a grid such as 4x5")
+    return columns, rows

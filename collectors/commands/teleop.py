@@ -1,0 +1,75 @@
+"""``svfl-collect teleop``: a person's demonstrations."""
+
+import argparse
+from pathlib import Path
+
+from collectors.commands.options import add_rerun, add_world, between, world
+from collectors.tasks import TASKS
+from collectors.teleop.devices.by_name import DEVICES, SCRIPT, check_device, open_device
+from svfl_data.system.command_line import Commands, natural, positive
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "teleop",
+        help="demonstrations of a task by a person, with keyboard, gamepad or SpaceMouse",
+        description="Steer the hand in a window and record demonstrations at 20 Hz; its keys are shown in it. An "
+        "episode ends by itself when the task is achieved. The same command goes on where the last session ended. "
+        "A script replays an input log without a window, as fast as it goes (docs/teleoperation.md).",
+        example="svfl-collect teleop --task block_picking --device keyboard --out data/mine\n"
+        "svfl-collect teleop --task peg_insertion --device gamepad --operator ada --log ada.log --out data/pegs\n"
+        "svfl-collect teleop --task peg_insertion --device script ada.log --out data/pegs_again",
+    )
+    verb.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=", ".join(TASKS))
+    verb.add_argument(
+        "--device", nargs="+", required=True, metavar=("DEVICE", "FILE"), help=f"{', '.join(DEVICES)}, or {SCRIPT} FILE"
+    )
+    verb.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="dataset folder")
+    verb.add_argument("--seed", type=natural, default=0, metavar="S", help="seed of the dataset (default 0)")
+    verb.add_argument(
+        "--pace", type=between(0.05, 1, "a number"), default=0.5, metavar="X",
+        help="of full speed, which is 0.5 m/s (default 0.5)",
+    )  # fmt: skip
+    verb.add_argument("--seconds", type=positive, default=120, metavar="N", help="longest episode (default 120)")
+    verb.add_argument("--operator", metavar="ID", help="who steers; kept in the episodes")
+    verb.add_argument("--log", type=Path, metavar="FILE", help="keep what the device told, to be replayed")
+    add_rerun(verb)
+    add_world(verb)
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Open screen and device, and record."""
+    check_device(arguments.device)
+    from collectors.recording.live_view import viewer
+    from collectors.teleop.clock import Clock
+    from collectors.teleop.devices.script import InputLog
+    from collectors.teleop.screen import NoScreen, Screen
+    from collectors.teleop.session import Session, Teleoperation
+    from svfl_data.datasets.dataset import Dataset
+
+    if arguments.rerun:
+        viewer(arguments.rerun)  # what is wrong with it is said before a window opens
+    what = Teleoperation(arguments.seed, arguments.task, world(arguments))
+    screen: Screen = NoScreen()
+    scripted = arguments.device[0] == SCRIPT
+    if not scripted:
+        from collectors.teleop.window import Window
+
+        screen = Window()
+    device = log = None
+    try:
+        device = open_device(arguments.device)
+        screen.present(device)
+        dataset = Dataset.create_or_resume(arguments.out, arguments.task, arguments.seed, what.config())
+        if arguments.log:
+            log = InputLog(arguments.log, device=device.name, task=arguments.task, seed=arguments.seed)
+        about = {"operator": arguments.operator} if arguments.operator else {}
+        steps = 20 * arguments.seconds
+        clock, pace = Clock(not scripted), arguments.pace
+        Session(dataset, what, device, screen, clock, pace, steps, about, log, arguments.rerun).run()
+    finally:
+        for opened in (log, device, screen):
+            if opened:
+                opened.close()

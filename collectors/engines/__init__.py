@@ -1,1 +1,0 @@
-"""Where collectors run: worker processes of this machine, or a Ray cluster. What is collected does not depend on it."""

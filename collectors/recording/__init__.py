@@ -1,0 +1,1 @@
+"""The one recording loop, its workers and its display."""

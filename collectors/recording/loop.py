@@ -1,0 +1,103 @@
+"""The one recording loop: whoever acts, whatever the robot, an episode is recorded here."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from svfl_data.schema.robot import Calibration, Observation, Policy, Rig
+
+State = Mapping[str, np.ndarray]
+"""True values that only a simulation knows, by name."""
+OBJECT = "object"
+"""Name of the state that is the pose of the task's object, (7,): position [m], quat_xyzw, base axes."""
+Watch = Callable[[Rig, Observation, NDArray[np.float32] | None], None]
+"""Is told of every observation and the action that led to it, None at the first; what it does is not recorded."""
+
+
+def _nobody(rig: Rig, observation: Observation, action: NDArray[np.float32] | None) -> None:
+    """Watch nothing."""
+
+
+_watch: ContextVar[Watch] = ContextVar("watch", default=_nobody)
+
+
+@contextmanager
+def watching(watch: Watch) -> Iterator[None]:
+    """Have somebody watch what is recorded in this block, however deep inside."""
+    before = _watch.set(watch)
+    try:
+        yield
+    finally:
+        _watch.reset(before)
+
+
+def record(
+    rig: Rig,
+    policy: Policy,
+    max_steps: int,
+    done: Callable[[], bool] = lambda: False,
+    state: Callable[[], State] = dict,
+) -> dict[str, np.ndarray]:
+    """Run a policy on a rig, which has been homed and tared, and keep everything.
+
+    Args:
+        rig: The robot.
+        policy: Who acts.
+        max_steps: Actions after which the episode ends, if neither policy nor `done` have ended it.
+        done: Whether the task is achieved; asked after each action.
+        state: True values of the moment. Those named `OBJECT` become ``streams/object/pose``, others ``extra/state/``.
+
+    Returns:
+        The arrays of the episode without labels, by dataset path.
+    """
+    watch = _watch.get()
+    observations = [rig.observe()]
+    watch(rig, observations[-1], None)
+    states = [state()]
+    actions: list[NDArray[np.float32]] = []
+    while len(actions) < max_steps and (chosen := policy(observations[-1])) is not None:
+        actions.append(np.asarray(chosen, dtype=np.float32))  # what is stored is what is commanded
+        rig.step(actions[-1])
+        observations.append(rig.observe())
+        states.append(state())
+        watch(rig, observations[-1], actions[-1])
+        if done():
+            break
+    t_ns = np.array([observation.t_ns for observation in observations], dtype=np.int64)
+    arrays: dict[str, np.ndarray] = {
+        "observations/t_ns": t_ns,
+        "observations/proprio": np.stack([observation.proprio for observation in observations]),
+        "actions/action": np.array(actions, dtype=np.float32).reshape(-1, 5),
+        "streams/wrench/t_ns": np.array(rig.wrench_t_ns),
+        "streams/wrench/wrench": np.array(rig.wrench),
+        "streams/wrench/tare": np.array(rig.tare_offset, dtype=np.float64),
+        "streams/joints/t_ns": t_ns.copy(),
+        "streams/joints/position": np.stack([observation.joints for observation in observations]),
+        "workspace": np.array(rig.workspace),
+    }
+    for camera, calibration in rig.cameras.items():
+        arrays |= _camera_arrays(camera, calibration, observations)
+    for name in states[0]:
+        values = np.stack([one[name] for one in states])
+        if name == OBJECT:
+            arrays |= {"streams/object/t_ns": t_ns.copy(), "streams/object/pose": values}
+        else:
+            arrays[f"extra/state/{name}"] = values
+    return arrays
+
+
+def _camera_arrays(name: str, calibration: Calibration, observations: list[Observation]) -> dict[str, np.ndarray]:
+    frames = [observation.frames[name] for observation in observations]
+    arrays: dict[str, np.ndarray] = {
+        "t_ns": np.array([observation.t_ns for observation in observations], dtype=np.int64),
+        "color": np.stack([frame.color for frame in frames]),
+        "depth": np.stack([frame.depth for frame in frames]),
+        "depth_scale": np.array(calibration.depth_scale),
+        "intrinsics": np.array(calibration.intrinsics),
+        "T_base_camera": np.array(calibration.T_base_camera),
+        "image_axes": np.array(calibration.image_axes),
+    }
+    return {f"cameras/{name}/{field}": values for field, values in arrays.items()}

@@ -1,0 +1,72 @@
+"""How a collection goes: a bar for each dataset where a person is looking, a line now and then elsewhere."""
+
+import time
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+from collectors.recording.worker import Collected
+from svfl_data.system.printable import printable, say
+
+QUIET_SECONDS = 10.0
+"""Time between two lines where the output is not a terminal."""
+
+
+class CollectionProgress:
+    """Shows rate, success so far and time left; a context manager."""
+
+    def __init__(self) -> None:
+        console = Console(stderr=True)
+        self._bars = Progress(
+            TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
+            TextColumn("{task.fields[words]}"),
+            TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
+            console=console, disable=not console.is_terminal,
+        )  # fmt: skip
+
+    def __enter__(self) -> "CollectionProgress":
+        self._bars.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bars.stop()
+
+    def begin(self, task: str, episodes: int, missing: int) -> None:
+        """Begin with a dataset.
+
+        Args:
+            task: Its name.
+            episodes: How many it shall have.
+            missing: How many it does not have yet.
+        """
+        self._bar: TaskID = self._bars.add_task(printable(task), total=episodes, completed=episodes - missing, words="")
+        self._task, self._episodes, self._left = task, episodes, missing
+        self._steps = self._successes = self._attempts = self._done = 0
+        self._start = self._said = time.monotonic()
+
+    def advance(self, finished: Collected) -> None:
+        """Count an episode."""
+        self._done += 1
+        self._left -= 1
+        self._steps += finished.steps
+        self._successes += finished.success
+        self._attempts += finished.attempts
+        now = time.monotonic()
+        seconds = max(now - self._start, 1e-3)
+        words = f"{self._steps / seconds:.0f} steps/s, {self._successes}/{self._attempts} attempts succeeded"
+        self._bars.update(self._bar, advance=1, words=words)
+        if self._bars.disable and self._left and now - self._said > QUIET_SECONDS:
+            self._said = now
+            left = self._left * seconds / self._done
+            say(f"{self._task}: {self._episodes - self._left}/{self._episodes}, {words}, {left:.0f} s left")

@@ -1,0 +1,1 @@
+"""Simulated arms: kinematics, joint servo, the Panda."""

@@ -1,0 +1,115 @@
+"""Demonstrations: an expert's attempts until one succeeds; the others are counted, and kept aside if asked for."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from collectors.recording.collection import software_versions
+from collectors.recording.loop import record
+from collectors.simulation.config import WorldConfig
+from collectors.sources.perturbations import Shoved
+from collectors.sources.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
+from collectors.tasks import task_class
+from collectors.tasks.hand import Hand
+from collectors.tasks.task import MAX_STEPS, Task
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.errors import CollectError
+from svfl_data.sampling.samples import INTENDED
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.robot import Policy
+
+
+def forget(episode: Episode) -> None:
+    """What is done with a failed attempt by default: nothing."""
+
+
+@dataclass(frozen=True)
+class ExpertCollector(Simulated):
+    """Produces the demonstration of an index: the same bytes for the same arguments, anywhere.
+
+    Attributes:
+        seed: Seed of the dataset.
+        task: Name of the task.
+        noise: How much demonstrations differ, 0 not at all, 1 as intended, 2 at most.
+        shoves: How likely the hand is to be pushed off its way at an action, see `collectors.sources.perturbations`.
+        world: Physics, arm, sensors and cameras.
+    """
+
+    seed: int
+    task: str
+    noise: float = 1.0
+    shoves: float = 0.0
+    world: WorldConfig = field(default_factory=WorldConfig)
+
+    def config(self) -> dict[str, Any]:
+        """Everything that was set, as JSON values."""
+        shoves = {"shoves": self.shoves} if self.shoves else {}  # datasets from before there were any go on
+        return {"task": self.task, "noise": self.noise, **shoves, "world": asdict(self.world)}
+
+    def __call__(self, index: int, keep: Callable[[Episode], None] = forget) -> Episode:
+        """Record one demonstration.
+
+        Args:
+            index: Of the episode.
+            keep: Gets every failed attempt, as an episode whose index is that of the episode times 20 plus the number
+                of the attempt.
+
+        Raises:
+            CollectError: If no attempt succeeds.
+        """
+        rejected: list[str] = []
+        for attempt in range(ATTEMPTS):
+            episode = self._attempt(index, attempt, list(rejected))
+            if episode.meta.success:
+                return episode
+            keep(episode)
+            early = len(episode) < MAX_STEPS
+            rejected.append("the expert gave up" if early else f"not achieved in {MAX_STEPS} steps")
+        raise CollectError(
+            f"episode {index} of {self.task} (seed {self.seed}): none of {ATTEMPTS} attempts succeeded: "
+            + _counted(Counter(rejected))
+        )
+
+    def _attempt(self, index: int, attempt: int, rejected: list[str]) -> Episode:
+        seed = attempt_seed(self.seed, index, attempt)
+        task = task_class(self.task).begin(self.opened, seed)
+        # Children of the seed, so that the expert's noise and the shoves have nothing to do with the scene's numbers.
+        rng, shoves = (
+            np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=(child,))) for child in range(2)
+        )
+        moves = task.expert(Hand(self.opened, rng, self.noise))
+        policy = Shoved(moves, self.opened.action_bound, self.shoves, shoves)
+        arrays, success = self._recorded(task, policy)
+        if self.shoves:
+            arrays[INTENDED] = np.array(policy.intended, np.float32).reshape(-1, 5)
+        facts = {"drawn": task.drawn(), "index": index, "attempt": attempt, "rejected": rejected}
+        number = index if success else index * ATTEMPTS + attempt
+        meta = Meta(
+            self.task, number, self.seed, "expert", success, self.config() | facts, software_versions(*VERSIONS)
+        )
+        return Episode(meta, arrays)
+
+    def _recorded(self, task: Task, policy: Policy) -> tuple[dict[str, np.ndarray], bool]:
+        """What a policy does at a task that has just been set up, as arrays, and whether it is achieved at the end."""
+        return record(self.opened, policy, MAX_STEPS, task.success, task.state), task.success()
+
+
+def summary(dataset: Dataset) -> str:
+    """What a dataset of demonstrations holds, and how many attempts failed and why."""
+    rejected: Counter[str] = Counter()
+    steps = []
+    for index in dataset.indices:
+        episode = dataset.episode(index)
+        steps.append(len(episode))
+        rejected.update(episode.meta.config["rejected"])
+    attempts = len(steps) + rejected.total()
+    words = f"{dataset.path}: {len(steps)} demonstrations of {np.median(steps):.0f} steps (median)"
+    failed = f", {rejected.total()} of {attempts} attempts failed"
+    return words + failed + (f": {_counted(rejected)}" if rejected else "")
+
+
+def _counted(reasons: Counter[str]) -> str:
+    return ", ".join(f"{count} x {reason}" for reason, count in reasons.most_common())

@@ -1,0 +1,119 @@
+"""A trained policy at work: every episode counts, whether it succeeds or not.
+
+Policies come from elsewhere: whoever can load some kind of file declares a function ``load(path) -> policy`` in the
+entry-point group ``svfl.policies``, under the file's suffix without its dot.
+"""
+
+import hashlib
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collectors.recording.collection import software_versions
+from collectors.recording.loop import record
+from collectors.simulation.config import WorldConfig
+from collectors.sources.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
+from collectors.tasks import task_class
+from collectors.tasks.task import MAX_STEPS
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.errors import FormatError, UsageError
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.robot import Observation, Policy
+from svfl_data.system.regular_file import open_regular
+
+GROUP = "svfl.policies"
+
+
+def loader(checkpoint: Path) -> Callable[[Path], Policy]:
+    """The function that loads a file of this kind.
+
+    Raises:
+        UsageError: If no installed package has one.
+        FormatError: If there is no such file.
+    """
+    known: dict[str, EntryPoint] = {entry.name: entry for entry in entry_points(group=GROUP)}
+    entry = known.get(checkpoint.suffix.removeprefix("."))
+    if entry is None:
+        kinds = ", ".join(f".{name}" for name in sorted(known)) or "none (is svfl installed, not only on the path?)"
+        raise UsageError(f"{checkpoint}: no package here loads policies of this kind; kinds: {kinds}")
+    if not checkpoint.exists():
+        raise FormatError(f"{checkpoint}: no such file")
+    load: Callable[[Path], Policy] = entry.load()
+    return load
+
+
+@dataclass(frozen=True)
+class PolicyCollector(Simulated):
+    """Produces the episode of an index, in a scene that no demonstration of the same seed has.
+
+    Attributes:
+        seed: Seed of the dataset.
+        task: Name of the task.
+        checkpoint: File of the policy.
+        world: Physics, arm, sensors and cameras; the policy sees the first camera as it was trained with.
+    """
+
+    seed: int
+    task: str
+    checkpoint: Path
+    world: WorldConfig = field(default_factory=WorldConfig)
+
+    @cached_property
+    def policy(self) -> Policy:
+        """The policy, loaded once in every process."""
+        return loader(self.checkpoint)(self.checkpoint)
+
+    def config(self) -> dict[str, Any]:
+        """Everything that was set, as JSON values; the checkpoint by its content, wherever it lies."""
+        with open(open_regular(self.checkpoint.resolve()), "rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        checkpoint = {"name": self.checkpoint.name, "sha256": digest}
+        return {"task": self.task, "checkpoint": checkpoint, "world": asdict(self.world)}
+
+    def __call__(self, index: int) -> Episode:
+        """Record one episode."""
+        task = task_class(self.task).begin(self.opened, attempt_seed(self.seed, index, ATTEMPTS))
+        arrays = record(self.opened, self._act, MAX_STEPS, task.success, task.state)
+        facts = {"drawn": task.drawn(), "index": index, "attempt": ATTEMPTS, "rejected": []}
+        software = software_versions(*VERSIONS)
+        meta = Meta(self.task, index, self.seed, "policy", task.success(), self.config() | facts, software)
+        return Episode(meta, arrays)
+
+    def _act(self, observation: Observation) -> NDArray[np.float32] | None:
+        """The policy's action within its bounds: what is recorded is what is carried out."""
+        action = self.policy(observation)
+        if action is None:
+            return None
+        bound = self.opened.action_bound.astype(np.float32)
+        return np.clip(action, np.array([0, *-bound]), np.array([1, *bound])).astype(np.float32)
+
+
+def summary(dataset: Dataset) -> str:
+    """The success rate over all episodes of a dataset, with its 95 % interval."""
+    successes = [dataset.episode(index).meta.success for index in dataset.indices]
+    low, high = wilson(sum(successes), len(successes))
+    return (
+        f"{dataset.path}: {sum(successes)} of {len(successes)} episodes succeeded, {np.mean(successes):.1%} "
+        f"(95 % interval {low:.1%} to {high:.1%})"
+    )
+
+
+def wilson(successes: int, trials: int, z: float = 1.959964) -> tuple[float, float]:
+    """Interval of a success rate (E. B. Wilson, JASA 22, 1927, p. 209).
+
+    Args:
+        successes: How many.
+        trials: Of how many, at least 1.
+        z: Quantile of the normal distribution; the default gives 95 %.
+    """
+    rate, share = successes / trials, z * z / trials
+    centre = rate + share / 2
+    reach = math.sqrt(share * (rate * (1 - rate) + share / 4))
+    return max(0.0, (centre - reach) / (1 + share)), min(1.0, (centre + reach) / (1 + share))

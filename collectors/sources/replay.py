@@ -1,0 +1,183 @@
+"""A recorded episode once more: from its configuration, seed and actions to the same numbers."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+import numpy as np
+
+from collectors.recording.collection import software_versions
+from collectors.recording.loop import OBJECT, record
+from collectors.simulation.centering import CenteringConfig
+from collectors.simulation.config import WorldConfig
+from collectors.simulation.world import World
+from collectors.sources import centering
+from collectors.sources.simulated import VERSIONS, attempt_seed
+from collectors.tasks import TASKS, task_class
+from svfl_data.errors import DatasetError, FormatError, UsageError
+from svfl_data.schema.episode import Episode, Meta, canonical_json
+from svfl_data.system.printable import printable
+
+Config = TypeVar("Config")
+State = Callable[[], Mapping[str, np.ndarray]]
+Number = Annotated[int, msgspec.Meta(ge=0)]
+
+
+class Recorded(msgspec.Struct):
+    """What the configuration of a simulated episode says about its scene.
+
+    Attributes:
+        attempt: Number of the attempt.
+        index: Number of the episode, where it is not that of the dataset.
+    """
+
+    attempt: Number
+    index: Number | None = None
+
+
+class CameFrom(msgspec.Struct):
+    """Where a tool took an episode from."""
+
+    index: Number
+
+
+class Change(msgspec.Struct):
+    """What a tool did to an episode."""
+
+    came_from: CameFrom | None = None
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """How an episode and its re-simulation compare.
+
+    Attributes:
+        differences: Largest absolute difference of every array, in its unit, by dataset path; infinite where shapes
+            differ.
+        scene: Whether the same scene was drawn.
+        versions: What was recorded with another version than is installed: package to recorded and installed one.
+    """
+
+    differences: dict[str, float]
+    scene: bool
+    versions: dict[str, tuple[str, str]]
+
+    @property
+    def exact(self) -> bool:
+        """Whether everything is the same."""
+        return self.scene and not any(self.differences.values())
+
+
+def replay(episode: Episode) -> Replayed:
+    """Simulate an episode again and compare.
+
+    Raises:
+        DatasetError: If it does not come from this simulation.
+        FormatError: If its configuration cannot be read.
+    """
+    meta = episode.meta
+    if "world" not in meta.config or "attempt" not in meta.config:
+        raise DatasetError(
+            f"{episode.name}: not recorded in this simulation (source {meta.source!r}); nothing to replay"
+        )
+    config = from_json(WorldConfig, meta.config["world"], f"{episode.name}: config.world")
+    _refuse_more_than_recorded(episode, config)
+    actions = iter(episode.action)
+    with World(config) as world:
+        state, drawn = _begin(meta, world, episode.name)
+        again = record(world, lambda _: next(actions, None), len(episode), state=state)
+    installed = software_versions(*VERSIONS)
+    return Replayed(
+        {path: _difference(episode.arrays.get(path), values) for path, values in sorted(again.items())},
+        json.loads(canonical_json(drawn)) == meta.config.get("drawn"),
+        {
+            name: (printable(meta.software.get(name), 50), version)
+            for name, version in installed.items()
+            if meta.software.get(name) != version
+        },
+    )
+
+
+def _begin(meta: Meta, world: World, where: str) -> tuple[State, dict[str, Any]]:
+    """Set the episode's scene up; returns how to read the true state, and the scene."""
+    index, attempt = _index(meta, where), from_json(Recorded, meta.config, f"{where}: config").attempt
+    if meta.seed < 0:
+        raise FormatError(f"{where}: seed {meta.seed} is below 0; no simulated episode has such a one")
+    if meta.task == centering.TASK:
+        config = from_json(CenteringConfig, meta.config.get("scene"), f"{where}: config.scene")
+        scene, block = centering.begin(world, config, meta.seed, index, attempt)
+        return lambda: {OBJECT: world.pose(block)}, asdict(scene)
+    if meta.task not in TASKS:
+        raise DatasetError(
+            f"{where}: no task {printable(meta.task)!r} here; the tasks are {', '.join([centering.TASK, *TASKS])}"
+        )
+    task = task_class(meta.task).begin(world, attempt_seed(meta.seed, index, attempt))
+    return task.state, task.drawn()
+
+
+def _refuse_more_than_recorded(episode: Episode, config: WorldConfig) -> None:
+    """Refuse to simulate what the file does not hold: a strange configuration could ask for any number of steps."""
+    readings = len(episode.arrays.get("streams/wrench/t_ns", ()))
+    asked = (config.settle_steps + len(episode)) * config.physics_steps
+    if asked > readings:
+        raise FormatError(f"{episode.name}: config.world makes {asked} readings or more, the file has {readings}")
+    made = {name: (camera.height, camera.width) for name, camera in config.cameras.items()}
+    seen = {name: camera.color.shape[1:3] for name, camera in episode.cameras.items()}
+    if made != seen:
+        raise FormatError(
+            f"{episode.name}: config.world has cameras {printable(made)}, the file pictures of {printable(seen)}"
+        )
+
+
+def _index(meta: Meta, where: str) -> int:
+    """The number that an episode was made with, whatever number merging gave it since."""
+    own = from_json(Recorded, meta.config, f"{where}: config").index
+    if own is not None:
+        return own
+    changes = [from_json(Change, entry, f"{where}: history") for entry in meta.history]
+    return next((change.came_from.index for change in changes if change.came_from), meta.index)
+
+
+def _difference(recorded: np.ndarray | None, again: np.ndarray) -> float:
+    if recorded is None or recorded.shape != again.shape:
+        return np.inf
+    if not again.size:
+        return 0.0
+    return float(np.abs(recorded.astype(np.float64) - again.astype(np.float64)).max())
+
+
+def from_json(kind: type[Config], values: Any, where: str) -> Config:  # noqa: ANN401 - any JSON value
+    """A configuration from its JSON values; what is not there has its default.
+
+    Args:
+        kind: A dataclass with declared bounds (`collectors.simulation.bounds`) or a `msgspec.Struct`.
+        values: What `dataclasses.asdict` and JSON made of one.
+        where: What to name in the error.
+
+    Raises:
+        FormatError: If it is something else.
+    """
+    try:
+        read = msgspec.convert(values, kind)
+    except (msgspec.ValidationError, UsageError) as error:
+        raise FormatError(f"{where}: {printable(error)}") from None
+    if is_dataclass(read):
+        _refuse_unknown(read, values, where)
+    return read
+
+
+def _refuse_unknown(read: Any, values: dict[str, Any], where: str) -> None:  # noqa: ANN401
+    """Refuse names that a dataclass, or one inside it, does not have: they meant something to whoever recorded."""
+    unknown = sorted(values.keys() - {field.name for field in fields(read)})
+    if unknown:
+        named = printable(", ".join(unknown))
+        raise FormatError(f"{where}: this software does not know {named}; was it another version?")
+    for name, value in values.items():
+        inside = getattr(read, name)
+        if is_dataclass(inside):
+            _refuse_unknown(inside, value, f"{where}.{name}")
+        elif isinstance(inside, dict):
+            for key, member in inside.items():
+                _refuse_unknown(member, value[key], printable(f"{where}.{name}.{key}"))

@@ -1,0 +1,1 @@
+"""What a person steers with: keyboard, gamepad, SpaceMouse, a recorded script."""

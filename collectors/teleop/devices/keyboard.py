@@ -1,0 +1,65 @@
+"""The keyboard of the window."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collectors.teleop.devices.device import FINE, Device, reading
+from collectors.teleop.devices.sdl import pygame
+
+# By place, not by letter: on every layout the four keys lie in a cross.
+MOTIONS = {
+    pygame.KSCAN_D: (0, 1), pygame.KSCAN_A: (0, -1),
+    pygame.KSCAN_W: (1, 1), pygame.KSCAN_S: (1, -1),
+    pygame.KSCAN_E: (2, 1), pygame.KSCAN_Q: (2, -1),
+    pygame.KSCAN_LEFT: (3, 1), pygame.KSCAN_RIGHT: (3, -1),
+}  # fmt: skip
+"""Key to component of the motion (right, away, up, turn) and its sign."""
+GRIPPER = pygame.KSCAN_SPACE
+SLOW = (pygame.KSCAN_LSHIFT, pygame.KSCAN_RSHIFT)
+
+
+class Keyboard(Device):
+    """Keys move while they are held; a key that is tapped between two actions moves for one."""
+
+    name = "keyboard"
+    controls = (
+        ("W A S D", "away, left, near, right"),
+        ("E Q", "up, down"),
+        ("arrows", "turn left, right"),
+        ("space", "open or close the gripper"),
+        ("shift", "fine: a quarter of the pace"),
+    )
+
+    def __init__(self) -> None:
+        self._held: set[int] = set()
+        self._tapped: set[int] = set()
+        self._open = True
+
+    def handle(self, event: Any) -> None:  # noqa: ANN401
+        """Keep track of what is held."""
+        if event.type == pygame.KEYDOWN:
+            self._held.add(event.scancode)
+            self._tapped.add(event.scancode)
+            if event.scancode == GRIPPER:
+                self._open = not self._open
+        elif event.type == pygame.KEYUP:
+            self._held.discard(event.scancode)
+        elif event.type == pygame.WINDOWFOCUSLOST:
+            self._held.clear()  # the release would go to another window, and the hand would not stop
+
+    def read(self) -> NDArray[np.float32]:
+        """What is held, or was tapped since the last reading."""
+        keys = self._held | self._tapped
+        self._tapped.clear()
+        pace = FINE if keys.intersection(SLOW) else 1.0
+        motion = np.zeros(4)
+        for key in keys & MOTIONS.keys():
+            component, sign = MOTIONS[key]
+            motion[component] += sign * pace
+        return reading(float(self._open), *motion)
+
+    def begin(self, opened: bool) -> None:
+        """The gripper is where the episode has it."""
+        self._open = opened

@@ -1,0 +1,106 @@
+"""A SpaceMouse, read as a plain HID device: no driver, nothing of the maker's software.
+
+Reports, all little-endian: 1 has the cap's translation (right, near, down) as three 16-bit numbers within about +-350,
+2 its rotation likewise, 3 the buttons as bits. Newer devices put the rotation behind the translation in report 1.
+"""
+
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from collectors.teleop.devices.device import Device, DeviceLostError, reading, without_rest
+from svfl_data.errors import CollectError
+
+FULL = 350.0  # of a full deflection
+REST = 0.08  # of it
+MAKERS = (0x256F, 0x046D)  # 3Dconnexion, and Logitech, under whose number the older ones are sold
+REPORT = 64  # [bytes], longer than any
+
+
+class SpaceMouse(Device):
+    """The first SpaceMouse that is connected.
+
+    Args:
+        opened: What `hid.device` gives: a device that is open and does not wait when read.
+    """
+
+    name = "spacemouse"
+    controls = (
+        ("cap", "push it where the hand shall go"),
+        ("twist", "turn"),
+        ("left button", "open or close the gripper"),
+    )
+
+    def __init__(self, opened: Any) -> None:  # noqa: ANN401 - hidapi has no types
+        self._hid = opened
+        self._shift, self._twist = (0, 0, 0), 0
+        self._buttons = 0
+        self._open = True
+
+    @classmethod
+    def find(cls) -> "SpaceMouse":
+        """Open the first one.
+
+        Raises:
+            CollectError: If there is none, or it may not be opened.
+        """
+        import hid
+
+        connected = hid.enumerate()
+        for found in connected:
+            if is_spacemouse(found):
+                opened = hid.device()
+                try:
+                    opened.open_path(found["path"])
+                except OSError as error:
+                    raise CollectError(
+                        f"--device spacemouse: {found['product_string']} may not be opened; on Linux, a udev rule "
+                        "gives access (docs/teleoperation.md)"
+                    ) from error
+                opened.set_nonblocking(True)
+                return cls(opened)
+        names = sorted({found["product_string"] or "unnamed" for found in connected})
+        raise CollectError(
+            f"--device spacemouse: none is connected; found {', '.join(names) if names else 'no HID device at all'}"
+        )
+
+    def read(self) -> NDArray[np.float32]:
+        """Take all reports that have come, and say where the cap is now."""
+        try:
+            while report := bytes(self._hid.read(REPORT)):
+                self._take(report)
+        except (OSError, ValueError) as error:
+            raise DeviceLostError("the SpaceMouse was unplugged") from error
+        right, near, down = (without_rest(max(-1.0, min(1.0, value / FULL)), REST) for value in self._shift)
+        turn = without_rest(max(-1.0, min(1.0, self._twist / FULL)), REST)
+        return reading(float(self._open), right, -near, -down, -turn)
+
+    def _take(self, report: bytes) -> None:
+        kind, body = report[0], report[1:]
+        if kind == 1 and len(body) >= 6:
+            self._shift = struct.unpack_from("<3h", body)
+            if len(body) >= 12:
+                self._twist = struct.unpack_from("<3h", body, 6)[2]
+        elif kind == 2 and len(body) >= 6:
+            self._twist = struct.unpack_from("<3h", body)[2]
+        elif kind == 3 and body:
+            if body[0] & ~self._buttons & 1:
+                self._open = not self._open
+            self._buttons = body[0]
+
+    def begin(self, opened: bool) -> None:
+        """The gripper is where the episode has it."""
+        self._open = opened
+
+    def close(self) -> None:
+        """Let go of it."""
+        self._hid.close()
+
+
+def is_spacemouse(found: dict[str, Any]) -> bool:
+    """Whether an HID device of `hid.enumerate` is one: SpaceMouse, SpaceNavigator, SpacePilot, or their receiver."""
+    name = (found["product_string"] or "").lower()
+    own = found["vendor_id"] == MAKERS[0]
+    return found["vendor_id"] in MAKERS and ("space" in name or (own and "receiver" in name))

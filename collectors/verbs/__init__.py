@@ -1,1 +1,0 @@
-"""The verbs of ``svfl-collect``, one module each: `add` puts it on the command line, `run` does it."""

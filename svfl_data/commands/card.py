@@ -1,0 +1,35 @@
+"""``svfl-data card``: a dataset card."""
+
+import argparse
+from pathlib import Path
+
+from svfl_data.commands.source import add_dataset
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.errors import UsageError
+from svfl_data.system.command_line import Commands
+from svfl_data.system.printable import say
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "card",
+        help="a dataset card in Markdown, with figures and pictures",
+        description="Write a dataset card in Markdown: figures, streams with units, distributions, one episode as a "
+        "picture, where it came from. The pictures stand in a folder beside it.",
+        example="svfl-data card data/centering   # writes data/centering/README.md",
+    )
+    add_dataset(verb)
+    verb.add_argument("--out", type=Path, metavar="FILE.md", help="file to write (default: README.md in the dataset)")
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Write the card."""
+    out = arguments.out or arguments.path / "README.md"
+    if out.suffix != ".md":
+        raise UsageError(f"--out {out}: the name must end in .md")
+    from svfl_data.reports.dataset_card import write_card
+
+    files = write_card(Dataset.open(arguments.path), out)
+    say("wrote " + ", ".join(map(str, files)))

@@ -1,0 +1,116 @@
+"""``svfl-data filter``: the episodes that meet conditions, as a new dataset."""
+
+import argparse
+import dataclasses
+import json
+import operator
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from svfl_data.commands.source import add_allowances, left_out_words, yes_no
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.errors import UsageError
+from svfl_data.maintenance.merge import choose
+from svfl_data.schema.episode import Episode
+from svfl_data.system.command_line import Commands
+from svfl_data.system.printable import say
+
+OPERATORS: dict[str, Callable[[Any, Any], bool]] = {
+    "!=": operator.ne, "<=": operator.le, ">=": operator.ge, "=": operator.eq, "<": operator.lt, ">": operator.gt,
+}  # fmt: skip
+CONDITION = re.compile(r"([\w.-]+?)(!=|<=|>=|=|<|>)(.*)")
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A comparison with an attribute of an episode.
+
+    Attributes:
+        key: Attribute, with dots into JSON: ``config.world.max_move``; also ``steps`` and ``seconds``.
+        sign: One of `OPERATORS`.
+        value: What to compare with; JSON if it is, otherwise text.
+    """
+
+    key: str
+    sign: str
+    value: Any
+
+    @classmethod
+    def parse(cls, text: str) -> "Condition":
+        """Read ``key=value``; an argument type."""
+        match = CONDITION.fullmatch(text)
+        if not match:
+            raise argparse.ArgumentTypeError(f"{text!r} is not KEY=VALUE (or !=, <, <=, >, >=)")
+        key, sign, value = match.groups()
+        try:
+            return cls(key, sign, json.loads(value))
+        except (ValueError, RecursionError):
+            return cls(key, sign, value)
+
+    def __call__(self, episode: Episode) -> bool:
+        """Whether an episode meets it; one that lacks the attribute does not."""
+        value: Any = dataclasses.asdict(episode.meta) | {
+            "steps": len(episode),
+            "seconds": float(episode.t_ns[-1] - episode.t_ns[0]) / 1e9,
+        }
+        for name in self.key.split("."):
+            if not isinstance(value, dict) or name not in value:
+                return False
+            value = value[name]
+        try:
+            return OPERATORS[self.sign](value, self.value)
+        except TypeError:  # a text is neither larger nor smaller than a number
+            return False
+
+    def __str__(self) -> str:
+        return f"{self.key}{self.sign}{json.dumps(self.value, ensure_ascii=False)}"
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "filter",
+        help="the episodes that meet conditions, as a new dataset",
+        description="Copy the episodes that meet every condition into a new dataset, numbered from 0. Every episode's "
+        "history says which number it had.",
+        example="svfl-data filter data/week data/good --success yes --source teleop\n"
+        "svfl-data filter data/week data/soft --where 'config.drawn.block_friction<0.6' --where 'steps>=8'",
+    )
+    verb.add_argument("path", type=Path, metavar="SRC", help="dataset folder")
+    verb.add_argument("destination", type=Path, metavar="DST", help="new dataset folder")
+    verb.add_argument("--task", metavar="TASK", help="keep this task")
+    verb.add_argument("--success", type=yes_no, metavar="yes|no", help="keep successes, or failures")
+    verb.add_argument("--source", metavar="SOURCE", help="keep what this source recorded, e.g. expert or teleop")
+    verb.add_argument(
+        "--where", type=Condition.parse, action="append", default=[], metavar="KEY=VALUE",
+        help="keep what has this attribute; also !=, <, <=, >, >=; dots lead into config and software; "
+        "steps and seconds can be asked for as well",
+    )  # fmt: skip
+    verb.add_argument(
+        "--valid",
+        action="store_true",
+        help="leave out what svfl-data validate calls an error, damaged files too",
+    )
+    add_allowances(verb)
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Filter."""
+    asked = {key: getattr(arguments, key) for key in ("task", "success", "source")}
+    conditions = [Condition(key, "=", value) for key, value in asked.items() if value is not None] + arguments.where
+    if not conditions and not arguments.once and not arguments.valid:
+        raise UsageError("filter: name a condition: --task, --success, --source, --where, --valid or --once")
+    count, left_out = choose(
+        Dataset.open(arguments.path),
+        arguments.destination,
+        lambda episode: all(condition(episode) for condition in conditions),
+        [str(condition) for condition in conditions] + ["valid"] * arguments.valid,
+        arguments.varies,
+        arguments.once,
+        arguments.valid,
+    )
+    say(f"{arguments.destination}: {count} episodes{left_out_words(left_out)}")

@@ -1,0 +1,155 @@
+"""``svfl-data info``: what a dataset or an episode holds."""
+
+import argparse
+import dataclasses
+from typing import Any
+
+from svfl_data.commands.source import add_episode, add_json, add_path, is_episode, print_json, reader
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.index import Summary, summary
+from svfl_data.schema.fields import FIELDS
+from svfl_data.schema.rates import declared_hz
+from svfl_data.storage.reader import EpisodeReader
+from svfl_data.system.command_line import Commands
+from svfl_data.system.printable import printable
+
+SECONDS_PER_HOUR = 3600
+MOST_NAMED = 20
+"""Tasks, sources, damaged files and the like that are named; how many more there are is said."""
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "info",
+        help="what it holds: episodes, steps, hours, tasks, streams with rate and unit, size",
+        description="What a dataset holds: episodes, steps, hours, tasks, success rate, sources, streams with rate and "
+        "unit, cameras with size and rate, bytes, versions. With --episode, one episode in detail.",
+        example="svfl-data info data/centering\nsvfl-data info data/centering --episode 3 --json",
+    )
+    add_path(verb)
+    add_episode(verb, otherwise="the whole dataset")
+    add_json(verb)
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Print the figures."""
+    if is_episode(arguments.path) or arguments.episode is not None:
+        episode = reader(arguments.path, arguments.episode)
+        print_json(episode_facts(episode)) if arguments.json else print(episode_words(episode))
+        return
+    dataset = Dataset.open(arguments.path)
+    found = summary(dataset)
+    software = dataset.episode(dataset.indices[0]).meta.software if found.episodes and not found.damaged else {}
+    strays = dataset.strays()
+    if arguments.json:
+        facts = {"path": str(dataset.path), "info": dataset.info, "software": software, "not_counted": strays}
+        print_json({**facts, **dataclasses.asdict(found)})
+    else:
+        print(dataset_words(dataset, found, software, strays))
+
+
+def units(group: str) -> str:
+    """Units of a stream's or camera's arrays, from their declarations, e.g. ``N, N m`` for ``streams/wrench``."""
+    declared = [
+        field.unit for field in FIELDS if field.path.startswith(f"{group}/") and not field.path.endswith("t_ns")
+    ]
+    single = [unit for unit in declared[0].split(", ") if unit != "-"] if declared else []
+    return ", ".join(dict.fromkeys(single)) or "-"
+
+
+def dataset_words(dataset: Dataset, found: Summary, software: dict[str, str], strays: list[str]) -> str:
+    """A dataset in a few lines, for a person."""
+    rate = f"{found.successes / found.episodes:.1%}" if found.episodes else "-"
+    lines = [
+        f"{dataset.path}: {found.episodes} episodes, {found.steps} steps, "
+        f"{found.seconds / SECONDS_PER_HOUR:.3g} hours, {size_words(found.bytes)}",
+        f"  tasks     {_counts(found.tasks)}",
+        f"  sources   {_counts(found.sources)}",
+        f"  success   {found.successes} of {found.episodes} ({rate})",
+    ]
+    for name, stream in found.streams.items():
+        known = units(f"streams/{name}")
+        lines.append(f"  stream    {printable(name, 40)}: {_rates(stream)}, {stream['rows']} readings, [{known}]")
+    for name, camera in found.cameras.items():
+        sizes = " and ".join(f"{height} x {width} px" for height, width in camera["sizes"][:MOST_NAMED])
+        lines.append(f"  camera    {printable(name, 40)}: {sizes}, {_rates(camera)}, {camera['rows']} frames")
+    lines += [
+        f"  format    {_counts(found.format_versions)}",
+        f"  software  {_versions(software)}",
+        *_some("damaged", list(found.damaged.values())),
+        *_some("no name", [f"{name}: not counted; an episode is named like episode_000012.hdf5" for name in strays]),
+    ]
+    return "\n".join(map(printable, lines))
+
+
+def _some(head: str, words: list[str]) -> list[str]:
+    """One line each, of many only the first."""
+    more = [f"  {head:9} and {len(words) - MOST_NAMED} more"] if len(words) > MOST_NAMED else []
+    return [*(f"  {head:9} {printable(one)}" for one in words[:MOST_NAMED]), *more]
+
+
+def _versions(software: dict[str, str]) -> str:
+    return printable(", ".join(f"{name} {version}" for name, version in software.items()) or "unknown")
+
+
+def _counts(counts: dict[str, int]) -> str:
+    named = [f"{printable(name, 40)} ({count})" for name, count in counts.items()]
+    more = [f"{len(named) - MOST_NAMED} more"] if len(named) > MOST_NAMED else []
+    return ", ".join([*named[:MOST_NAMED], *more]) or "-"
+
+
+def _rates(stream: dict[str, Any]) -> str:
+    if stream["rate_hz"] is None:
+        return "no rate"
+    low, high = stream["rate_hz"]
+    return f"{low:.4g} Hz" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g} Hz"
+
+
+def size_words(size: int) -> str:
+    """A number of bytes, for a person."""
+    value, unit = float(size), "bytes"
+    for larger in ("kB", "MB", "GB", "TB"):
+        if value < 1000:
+            break
+        value, unit = value / 1000, larger
+    return f"{value:.3g} {unit}"
+
+
+def episode_facts(episode: EpisodeReader) -> dict[str, Any]:
+    """An episode as JSON values."""
+    rates = episode.rates
+    arrays = {
+        path: {
+            "shape": list(episode[path].shape), "dtype": str(episode[path].dtype), "unit": episode[path].unit,
+            "rate_hz": rates.get(path),
+        }
+        for path in episode.paths
+    }  # fmt: skip
+    return {
+        "path": str(episode.extent), "bytes": episode.extent.size, "format_version": episode.format_version,
+        "sha256": episode.seal, "steps": len(episode), "seconds": episode.seconds,
+        "meta": dataclasses.asdict(episode.meta), "arrays": arrays,
+    }  # fmt: skip
+
+
+def episode_words(episode: EpisodeReader) -> str:
+    """An episode in some lines, for a person."""
+    meta = episode.meta
+    lines = [
+        f"  success   {'yes' if meta.success else 'no'}",
+        f"  source    {printable(meta.source, 40)}, seed {meta.seed}",
+        f"  software  {_versions(meta.software)}",
+        f"  file      format {episode.format_version}, {size_words(episode.extent.size)}, sha256 {episode.seal[:12]}",
+    ]
+    declared = {path: declared_hz(meta.config, path.rpartition("/")[0]) for path in episode.rates}
+    lines += [f"  declared  {path.rpartition('/')[0]} {rate:g} Hz" for path, rate in declared.items() if rate]
+    lines += [f"  transform {printable(record)}" for record in meta.transforms]
+    lines += [f"  mark      {_mark_words(one)}" for one in meta.annotations]
+    lines += [f"  history   {printable(one.get('time', ''), 40)} {printable(one['tool'])}" for one in meta.history]
+    return "\n".join([repr(episode), *map(printable, lines)])
+
+
+def _mark_words(one: dict[str, Any]) -> str:
+    return f"{printable(one['name'], 80)} from {one['start_ns'] / 1e9:.3f} to {one['end_ns'] / 1e9:.3f} s"

@@ -1,0 +1,34 @@
+"""``svfl-data merge``: several datasets into one."""
+
+import argparse
+from pathlib import Path
+
+from svfl_data.commands.source import add_allowances, left_out_words
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.maintenance.merge import merge
+from svfl_data.system.command_line import Commands
+from svfl_data.system.printable import say
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "merge",
+        help="several datasets into a new one",
+        description="Copy the episodes of several datasets into a new one, numbered from 0. Every episode's history "
+        "says which dataset, number and seed it had. Episodes whose cameras (names, sizes, calibration), workspace, "
+        "streams or rates differ are refused, and so are copies of one recording.",
+        example="svfl-data merge data/monday data/tuesday data/week\n"
+        "svfl-data merge data/monday data/tuesday data/week --varies cameras/front/T_base_camera --once",
+    )
+    verb.add_argument("sources", type=Path, nargs="+", metavar="SRC", help="dataset folders")
+    verb.add_argument("destination", type=Path, metavar="DST", help="new dataset folder")
+    add_allowances(verb)
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Merge."""
+    sources = [Dataset.open(source) for source in arguments.sources]
+    count, left_out = merge(sources, arguments.destination, arguments.varies, arguments.once)
+    say(f"{arguments.destination}: {count} episodes from {len(sources)} datasets{left_out_words(left_out)}")

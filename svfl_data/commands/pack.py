@@ -1,0 +1,51 @@
+"""``svfl-data pack`` and ``unpack``: a few large files instead of thousands of small ones, and back."""
+
+import argparse
+from pathlib import Path
+
+from svfl_data.commands.source import add_dataset
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.maintenance import pack
+from svfl_data.system.command_line import Commands, positive
+from svfl_data.system.printable import say
+
+MEGABYTE = 10**6
+
+
+def add(commands: Commands) -> None:
+    """Put both verbs on the command line."""
+    verb = commands.add_parser(
+        "pack",
+        help="copy a dataset into a few large shards",
+        description="Copy a dataset into shards that every tool reads like episode files. Each episode stays the same "
+        "to the byte. The same command takes up an interrupted one.",
+        example="svfl-data pack data/centering data/centering_packed --shard-mb 500",
+    )
+    add_dataset(verb)
+    verb.add_argument("out", type=Path, metavar="OUT", help="new dataset folder")
+    verb.add_argument(
+        "--shard-mb", type=positive, default=pack.SHARD_BYTES // MEGABYTE, metavar="MB",
+        help=f"largest size of a shard in megabytes (default {pack.SHARD_BYTES // MEGABYTE})",
+    )  # fmt: skip
+    verb.set_defaults(command=run)
+    verb = commands.add_parser(
+        "unpack",
+        help="copy a packed dataset into one file per episode",
+        description="Copy a packed dataset into one file per episode, the same to the byte as before packing.",
+        example="svfl-data unpack data/centering_packed data/centering_again",
+    )
+    add_dataset(verb)
+    verb.add_argument("out", type=Path, metavar="OUT", help="new dataset folder")
+    verb.set_defaults(command=run_unpack)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Pack."""
+    target = pack.pack(Dataset.open(arguments.path), arguments.out, arguments.shard_mb * MEGABYTE)
+    say(f"{arguments.out}: {len(target)} episodes in {len(list(target.path.glob('shard_*')))} shards")
+
+
+def run_unpack(arguments: argparse.Namespace) -> None:
+    """Unpack."""
+    target = pack.unpack(Dataset.open(arguments.path), arguments.out)
+    say(f"{arguments.out}: {len(target)} episodes in files of their own")

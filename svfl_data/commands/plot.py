@@ -1,0 +1,34 @@
+"""``svfl-data plot``: one picture of an episode."""
+
+import argparse
+from pathlib import Path
+
+from svfl_data.commands.source import add_episode, add_path, read
+from svfl_data.errors import UsageError
+from svfl_data.system.command_line import Commands
+from svfl_data.system.printable import say
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "plot",
+        help="one picture of an episode: images, force, torque, gripper, actions, contacts, label",
+        description="Draw an episode into a PNG: images, force, torque, gripper opening and actions over time, with "
+        "contacts and other annotations, and the label as an arrow in the last image.",
+        example="svfl-data plot data/centering --episode 3 --out episode.png",
+    )
+    add_path(verb)
+    add_episode(verb)
+    verb.add_argument("--out", type=Path, required=True, metavar="FILE.png", help="picture to write")
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Draw the picture."""
+    if arguments.out.suffix != ".png":
+        raise UsageError(f"--out {arguments.out}: the name must end in .png")
+    from svfl_data.reports import plot
+
+    plot.save(read(arguments.path, arguments.episode), arguments.out)
+    say(f"wrote {arguments.out}")

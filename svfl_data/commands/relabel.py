@@ -1,0 +1,124 @@
+"""``svfl-data relabel``: change what is said about episodes."""
+
+import argparse
+import dataclasses
+from collections.abc import Sequence
+
+from svfl_data.commands.source import add_episode, add_path, is_episode, yes_no
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.errors import UsageError
+from svfl_data.maintenance import relabel
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.signals.contact import ContactRule
+from svfl_data.signals.transforms import Gravity, LowPass, Tare
+from svfl_data.system.command_line import Commands, Parser
+from svfl_data.system.printable import say
+from svfl_data.system.progress import progress
+
+RULE = ContactRule()
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "relabel",
+        help="change success, annotations, contacts, recorded transforms",
+        description="Change what is said about an episode; what was recorded stays. The file is rewritten whole or not "
+        "at all, with an entry in its history. Contacts and transforms may be set for all episodes at once.",
+        example="svfl-data relabel data/week --episode 3 --success no\n"
+        "svfl-data relabel data/week --episode 3 --annotate slip 0.42 0.55\n"
+        "svfl-data relabel data/week --contact --threshold 3 --release 1.5\n"
+        "svfl-data relabel data/week --transforms tare low_pass=40",
+    )
+    add_path(verb)
+    add_episode(verb, otherwise="all, for --contact and --transforms")
+    verb.add_argument("--success", type=yes_no, metavar="yes|no", help="whether the task was achieved")
+    verb.add_argument(
+        "--annotate", nargs=3, action="append", default=[], metavar=("NAME", "START", "END"),
+        help="add a named interval, in seconds of the episode clock",
+    )  # fmt: skip
+    verb.add_argument("--remove", action="append", default=[], metavar="NAME", help="remove the annotations of a name")
+    verb.add_argument(
+        "--transforms", nargs="+", type=transform, metavar="STEP",
+        help="how the raw wrench becomes usable, in order: tare, low_pass=HZ, gravity=KG,X,Y,Z (m, hand axes)",
+    )  # fmt: skip
+    verb.add_argument("--contact", action="store_true", help="find contacts and store them as annotations")
+    _add_rule(verb)
+    verb.set_defaults(command=run)
+
+
+def _add_rule(verb: Parser) -> None:
+    for option, unit, default, words in (
+        ("threshold", "N", RULE.threshold_n, "a contact begins above this force"),
+        ("release", "N", RULE.release_n, "and ends below this one"),
+        ("min-duration", "S", RULE.min_duration_s, "what is shorter is no contact"),
+        ("cutoff", "HZ", RULE.cutoff_hz, "corner of the low-pass, 0 for none"),
+    ):
+        verb.add_argument(f"--{option}", type=float, metavar=unit, help=f"{words} (default {default:g})")
+
+
+def transform(text: str) -> Tare | LowPass | Gravity:
+    """Argument type: a transform, as ``--transforms`` takes it."""
+    name, _, values = text.partition("=")
+    try:
+        numbers = tuple(float(value) for value in values.split(",")) if values else ()
+        if name == "tare":
+            return Tare(numbers or None)
+        if name == "low_pass" and len(numbers) == 1:
+            return LowPass(*numbers)
+        if name == "gravity" and len(numbers) == 4:
+            return Gravity(numbers[0], numbers[1:])
+    except (ValueError, UsageError) as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from error
+    raise argparse.ArgumentTypeError(f"{text!r} is none of tare, low_pass=HZ, gravity=KG,X,Y,Z")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Relabel."""
+    changes = _changes(arguments)
+
+    def change(episode: Episode) -> Meta:
+        for one in changes:
+            episode = Episode(one(episode), episode.arrays, episode.name)
+        return episode.meta
+
+    if is_episode(arguments.path):
+        _refuse(arguments.episode is not None, "--episode chooses from a dataset folder")
+        relabel.relabel_file(arguments.path, change)
+        say(f"{arguments.path}: relabelled")
+        return
+    dataset = Dataset.open(arguments.path)
+    if arguments.episode is None:
+        _refuse(arguments.success is not None or bool(arguments.annotate), "--success and --annotate need --episode N")
+    dataset.clear()
+    indices: Sequence[int] = dataset.indices if arguments.episode is None else [arguments.episode]
+    changed = sum(bool(relabel.relabel(dataset, index, change)) for index in progress(indices, "relabelling"))
+    say(f"{arguments.path}: {changed} of {len(indices)} episodes changed")
+
+
+def _changes(arguments: argparse.Namespace) -> list[relabel.Change]:
+    given = {"threshold_n": arguments.threshold, "release_n": arguments.release}
+    given |= {"min_duration_s": arguments.min_duration, "cutoff_hz": arguments.cutoff}
+    given = {key: value for key, value in given.items() if value is not None}
+    _refuse(bool(given) and not arguments.contact, "--threshold, --release, --min-duration, --cutoff need --contact")
+    if "threshold_n" in given and "release_n" not in given:
+        given["release_n"] = given["threshold_n"] / 2
+    changes = [relabel.without_annotations(name) for name in arguments.remove]
+    changes += [] if arguments.success is None else [relabel.with_success(arguments.success)]
+    changes += [relabel.with_transforms(arguments.transforms)] if arguments.transforms else []
+    changes += [relabel.with_contacts(dataclasses.replace(RULE, **given))] if arguments.contact else []
+    changes += [relabel.with_annotation(name, _time(start), _time(end)) for name, start, end in arguments.annotate]
+    _refuse(not changes, "say what to change: --success, --annotate, --remove, --transforms or --contact")
+    return changes
+
+
+def _time(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise UsageError(f"--annotate: {text!r} is not a time in seconds") from error
+
+
+def _refuse(wrong: bool, words: str) -> None:
+    if wrong:
+        raise UsageError(f"relabel: {words}")

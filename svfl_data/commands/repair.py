@@ -1,0 +1,56 @@
+"""``svfl-data repair``: bring a dataset back in order after kills, power cuts and damage."""
+
+import argparse
+import dataclasses
+
+from svfl_data.commands.source import add_dataset, add_json, print_json
+from svfl_data.errors import SvflError
+from svfl_data.maintenance.repair import RepairAction, repair_dataset, repair_exit_code
+from svfl_data.system.command_line import Commands
+from svfl_data.system.printable import say
+
+
+class LossError(SvflError):
+    """Something was lost for good; the rest is in order again."""
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "repair",
+        help="salvage unfinished episodes, set damaged files aside",
+        description="Make episodes of what killed writers left, and move damaged files to damaged/. Nothing is "
+        "deleted; running it twice changes nothing more. Exit code 0 if nothing was lost, 3 if some readings were lost "
+        "and others saved, 1 if nothing could be saved.",
+        example="svfl-data repair data/week\n"
+        "svfl-data repair data/week --reseal   # after editing files with other software",
+    )
+    add_dataset(verb)
+    verb.add_argument("--reseal", action="store_true", help="seal valid episodes again that other software has changed")
+    add_json(verb)
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Repair.
+
+    Raises:
+        LossError: If readings or files were lost; its exit code says whether anything was saved.
+    """
+    actions = repair_dataset(arguments.path, arguments.reseal)
+    if arguments.json:
+        print_json([dataclasses.asdict(action) | {"path": str(action.path)} for action in actions])
+    elif actions:
+        say(*(f"{action.done}: {action.path}: {action.detail}" for action in actions))
+    else:
+        say(f"{arguments.path}: in order, nothing to do")
+    if code := repair_exit_code(actions):
+        problem = LossError(_loss_words(arguments, actions))
+        problem.exit_code = code
+        raise problem
+
+
+def _loss_words(arguments: argparse.Namespace, actions: list[RepairAction]) -> str:
+    lost = [action for action in actions if action.lost]
+    names = ", ".join(action.path.name for action in lost[:3]) + (", ..." if len(lost) > 3 else "")
+    return f"{arguments.path}: readings or files were lost: {names}"

@@ -1,0 +1,61 @@
+"""``rerun-importer-svfl``: how Rerun opens an episode file.
+
+Rerun calls every ``rerun-importer-*`` on the path for every file that it opens, with the file's name and where to put
+it, and reads a recording from standard output. A file of somebody else is left to others, quickly: nothing is imported
+before its last bytes have been looked at.
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+FOREIGN = 66
+"""Exit code for a file that is not ours (``rerun.EXTERNAL_IMPORTER_INCOMPATIBLE_EXIT_CODE``)."""
+SUFFIXES = (".hdf5", ".h5")
+SEAL_SIZE, SEAL_MARK = 78, b"\nsvfl-sha256:"  # svfl_data.storage.seal, which is not imported here: a test compares
+
+
+def main() -> int:
+    """Write the recording of an episode file to standard output; returns the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--application-id")
+    parser.add_argument("--recording-id")
+    parser.add_argument("--entity-path-prefix", default="")
+    arguments, _ = parser.parse_known_args()
+    if not is_ours(arguments.file):
+        return FOREIGN
+    from svfl_data.system.command_line import run
+
+    asked = (arguments.file, arguments.application_id, arguments.recording_id, arguments.entity_path_prefix)
+    return run(lambda: _write(*asked), "rerun-importer-svfl")
+
+
+def is_ours(file: Path) -> bool:
+    """Whether a file is a sealed episode, whole or damaged."""
+    if file.suffix not in SUFFIXES or not file.is_file() or file.stat().st_size < SEAL_SIZE:
+        return False
+    with file.open("rb") as opened:
+        opened.seek(-SEAL_SIZE, os.SEEK_END)
+        return opened.read().startswith(SEAL_MARK)
+
+
+def _write(file: Path, application: str | None, recording_id: str | None, prefix: str) -> None:
+    import rerun as rr
+
+    from svfl_data.storage.reader import EpisodeReader
+    from svfl_data.viewer import names, show
+    from svfl_data.viewer.episode_source import Shown
+
+    recording = rr.RecordingStream(application or names.APPLICATION, recording_id=recording_id)
+    recording.stdout()
+    root = prefix.strip("/")
+    shown = Shown.of(EpisodeReader.of_file(file), f"{root}/" if root else "")
+    show.content([(shown, None)])(recording)
+    recording.flush()
+    recording.disconnect()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,60 @@
+"""``svfl-data split``: which episodes to train and test on."""
+
+import argparse
+
+from svfl_data.commands.source import add_dataset, add_json, print_json
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.sampling.split import check_no_copies, split_episodes
+from svfl_data.system.command_line import Commands, natural
+from svfl_data.system.printable import say
+
+SHARES = [("train", 0.8), ("valid", 0.1), ("test", 0.1)]
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "split",
+        help="draw which episodes to train, validate and test on, and store it",
+        description="Draw a split by whole episodes with a seed, and store it beside them, so that everyone trains and "
+        "tests on the same ones. A stored split of this name is replaced by another one only with --replace. Copies"
+        " of one recording are refused, since one could be trained and the other tested on.",
+        example="svfl-data split data/centering --shares train=0.8 valid=0.1 test=0.1 --seed 0",
+    )
+    add_dataset(verb)
+    verb.add_argument(
+        "--shares", nargs="+", type=share, default=SHARES, metavar="PART=SHARE",
+        help="share of the episodes of each part (default train=0.8 valid=0.1 test=0.1)",
+    )  # fmt: skip
+    verb.add_argument("--seed", type=natural, default=0, metavar="S", help="seed (default 0)")
+    verb.add_argument("--name", default="default", metavar="NAME", help="name of the split (default: default)")
+    verb.add_argument(
+        "--replace",
+        action="store_true",
+        help="replace a stored split of this name; take its statistics again",
+    )
+    add_json(verb)
+    verb.set_defaults(command=run)
+
+
+def share(text: str) -> tuple[str, float]:
+    """Argument type: a part and its share."""
+    part, _, number = text.partition("=")
+    try:
+        return part, float(number)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is not PART=SHARE, e.g. train=0.8") from error
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Draw and store the split."""
+    dataset = Dataset.open(arguments.path)
+    dataset.clear()
+    check_no_copies(dataset)
+    split = split_episodes(dataset.indices, dict(arguments.shares), arguments.seed, arguments.name)
+    file = split.save(dataset, arguments.replace)
+    if arguments.json:
+        print_json({"file": str(file), "sha256": split.sha256, "seed": split.seed, "parts": split.parts})
+    else:
+        parts = ", ".join(f"{part} {len(indices)}" for part, indices in split.parts.items())
+        say(f"{file}: {parts} episodes, seed {split.seed}, sha256 {split.sha256[:12]}")

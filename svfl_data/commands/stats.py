@@ -1,0 +1,54 @@
+"""``svfl-data stats``: mean and scale of every field, from the training episodes."""
+
+import argparse
+import dataclasses
+
+from svfl_data.commands.source import add_dataset, add_json, print_json
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.sampling.split import load_split
+from svfl_data.sampling.statistics import TRAIN, FieldStatistics, compute_statistics, save_statistics
+from svfl_data.schema.fields import field_at
+from svfl_data.system.command_line import Commands
+from svfl_data.system.printable import say
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "stats",
+        help="mean and scale of every field, from the training episodes only, and store them",
+        description="Take the statistics that scale a network's inputs, one scale per representation, from the "
+        "training episodes of a stored split only, and store them beside it.",
+        example="svfl-data split data/centering && svfl-data stats data/centering --split default",
+    )
+    add_dataset(verb)
+    verb.add_argument("--split", default="default", metavar="NAME", help="name of the split (default: default)")
+    add_json(verb)
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Take, store and print the statistics."""
+    dataset = Dataset.open(arguments.path)
+    dataset.clear()
+    split = load_split(dataset, arguments.split)
+    found = compute_statistics(dataset, split[TRAIN])
+    file = save_statistics(dataset, split, found)
+    if arguments.json:
+        fields = {path: dataclasses.asdict(field) for path, field in found.items()}
+        print_json({"file": str(file), "split_sha256": split.sha256, "fields": fields})
+        return
+    say(f"{file}: {len(split[TRAIN])} training episodes")
+    for path, field in found.items():
+        say(f"{path}, {field.count} rows [{field.unit}]")
+        say(*_rows(path, field))
+
+
+def _rows(path: str, field: FieldStatistics) -> list[str]:
+    declared = field_at(path)
+    names = (declared.components if declared else ()) or ("",)
+    columns = zip(names, field.mean, field.scale, field.min, field.max, strict=True)
+    return [
+        f"  {name:8} mean {mean:9.4g}  scale {scale:9.4g}  min {low:9.4g}  max {high:9.4g}"
+        for name, mean, scale, low, high in columns
+    ]

@@ -1,0 +1,107 @@
+"""``svfl-data view``: episodes in Rerun's viewer."""
+
+import argparse
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from svfl_data.commands.source import add_path, is_episode, reader
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.errors import UsageError
+from svfl_data.storage.reader import EpisodeReader
+from svfl_data.system.command_line import Commands, natural, positive
+from svfl_data.system.printable import say
+
+if TYPE_CHECKING:
+    from svfl_data.viewer.episode_source import Shown
+    from svfl_data.viewer.predictions import Opinion
+
+MOST = 6
+"""Episodes that fit beside each other."""
+LOOPBACK = "127.0.0.1"
+PORT = 9090
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "view",
+        help="show episodes: arm, images, forces over time, contacts, labels, what a network thinks",
+        description="Show episodes in Rerun's viewer: the arm in 3-D, images and point cloud, forces over time with "
+        "contacts and labels, actions commanded and achieved, what a trained network thinks. Several episodes are "
+        "shown side by side. With --compare: the forces of two datasets.",
+        example="svfl-data view data/centering --episode 3\n"
+        "svfl-data view data/block_picking --episode 0 4 9            # side by side\n"
+        "svfl-data view data/centering --episode 3 --checkpoint runs/vf/checkpoint.ckpt\n"
+        "svfl-data view data/centering --episode 3 --web              # in a browser of this machine\n"
+        "svfl-data view data/centering --episode 3 --save episode.rrd   # later: rerun episode.rrd\n"
+        "svfl-data view data/block_picking --compare data/mine",
+    )
+    add_path(verb)
+    verb.add_argument(
+        "--episode", type=natural, nargs="+", default=[], metavar="N",
+        help=f"numbers of the episodes in the dataset, at most {MOST} (default: the first)",
+    )  # fmt: skip
+    verb.add_argument("--checkpoint", type=Path, metavar="FILE", help="show what a trained network thinks as well")
+    verb.add_argument("--compare", type=Path, metavar="DATASET", help="show the forces of two datasets instead")
+    verb.add_argument("--urdf", type=Path, metavar="FILE", help="the arm (default: the simulation's Panda)")
+    where = verb.add_mutually_exclusive_group()
+    where.add_argument("--save", type=Path, metavar="FILE.rrd", help="write a file instead of opening the viewer")
+    where.add_argument("--web", action="store_true", help="serve the viewer to a browser")
+    verb.add_argument(
+        "--bind", default=LOOPBACK, metavar="ADDRESS",
+        help=f"with --web: address to listen on (default {LOOPBACK}, this machine only; 0.0.0.0 is every one)",
+    )  # fmt: skip
+    verb.add_argument(
+        "--port", type=positive, default=PORT, metavar="P", help=f"with --web (default {PORT}, and P + 1)"
+    )
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Show or save."""
+    if arguments.save and arguments.save.suffix != ".rrd":
+        raise UsageError(f"--save {arguments.save}: the name must end in .rrd")
+    if arguments.compare and (arguments.episode or arguments.checkpoint):
+        raise UsageError("--compare shows whole datasets; leave --episode and --checkpoint out")
+    os.environ["CI"] = "1"  # the only way to keep Rerun from sending usage statistics that leaves its settings alone
+    from svfl_data.viewer import compare, show
+
+    if arguments.compare:
+        content = compare.content(Dataset.open(arguments.path), Dataset.open(arguments.compare))
+    else:
+        content = show.content(_episodes(arguments), arguments.urdf)
+    if arguments.save:
+        show.save(content, arguments.save)
+        say(f"viewer file {arguments.save}")
+        say(f"open it     {show.command_to_open(arguments.save)}")
+    elif arguments.web:
+        show.serve(content, arguments.bind, arguments.port)
+    else:
+        show.show(content)
+
+
+def _episodes(arguments: argparse.Namespace) -> "Sequence[tuple[Shown, Opinion | None]]":
+    """The episodes asked for, each with what the network thinks of it."""
+    from svfl_data.viewer import predictions
+    from svfl_data.viewer.episode_source import Shown
+
+    network = predictions.load(arguments.checkpoint) if arguments.checkpoint else None
+    readers = _readers(arguments.path, list(dict.fromkeys(arguments.episode)))
+    roots = [f"episode_{one.meta.index}/" if len(readers) > 1 else "" for one in readers]
+    return [
+        (Shown.of(one, root), network(one.load()) if network else None)
+        for one, root in zip(readers, roots, strict=True)
+    ]
+
+
+def _readers(path: Path, episodes: Sequence[int]) -> list[EpisodeReader]:
+    if len(episodes) > MOST:
+        raise UsageError(f"--episode: {len(episodes)} episodes; at most {MOST} fit beside each other")
+    if is_episode(path):
+        return [reader(path, episodes[0] if episodes else None)]
+    if not episodes:
+        return [reader(path, None)]
+    dataset = Dataset.open(path)
+    return [dataset.episode(index) for index in episodes]

@@ -1,0 +1,294 @@
+"""A dataset: a folder of episode files plus ``dataset.json``, which says what they have in common."""
+
+import json
+import os
+import re
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from svfl_data.datasets.shards import MEMBER, member_extent, members, shard_files
+from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
+from svfl_data.schema.episode import Episode
+from svfl_data.storage.chunks import Extent
+from svfl_data.storage.reader import EpisodeReader
+from svfl_data.system.atomic_io import write_atomically
+from svfl_data.system.held_folder import HeldFolder
+from svfl_data.system.leftovers import clear_files
+from svfl_data.system.printable import printable
+from svfl_data.system.regular_file import refuse_link
+from svfl_data.system.side_files import Int64, check_format, parse_as, plain, read_side_file
+
+FORMAT = "svfl-dataset"
+FORMAT_VERSION = "1.0"
+INFO = "dataset.json"
+SPLITS = "splits"
+EPISODE_LIKE = re.compile(r"episode.*\.(hdf5|h5)", re.IGNORECASE)
+"""What a person would take for an episode; it is one only if its name is that of `Dataset.file_name`."""
+BEGINNING = re.compile(rf"\.{re.escape(INFO)}\..*\.part")
+"""Name under which `write_atomically` writes ``dataset.json`` aside."""
+
+
+class Info(msgspec.Struct):
+    """What ``dataset.json`` must say; other keys may stand there, too."""
+
+    format: str
+    format_version: str
+    task: str
+    seed: Int64
+    config: dict[str, Any]
+    varies: list[str] = []
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A folder of episodes that were recorded for one task with one configuration.
+
+    Attributes:
+        path: The folder.
+        info: Content of ``dataset.json``, checked: ``task``, ``seed`` and ``config``, beside format and version, and in
+            ``varies`` (if it is there) the paths and groups in which the episodes may differ on purpose.
+    """
+
+    path: Path
+    info: dict[str, Any]
+
+    @classmethod
+    def open(cls, path: Path | str) -> "Dataset":
+        """Open an existing dataset.
+
+        Raises:
+            FormatError: If the folder or its ``dataset.json`` is missing, unreadable or of another version.
+        """
+        path = Path(path)
+        if not path.is_dir():
+            raise FormatError(f"{path}: {'is a file, not a dataset folder' if path.exists() else 'no such folder'}")
+        file = path / INFO
+        try:
+            info = read_side_file(file)
+        except FileNotFoundError as error:
+            raise FormatError(f"{path}: not a dataset (it has no {INFO})") from error
+        check_format(info, FORMAT, FORMAT_VERSION, file, "does not describe a dataset")
+        parse_as(info, Info, file)
+        return cls(path, info)
+
+    @classmethod
+    def create_or_resume(
+        cls, path: Path | str, task: str, seed: int, config: dict[str, Any], varies: Collection[str] = ()
+    ) -> "Dataset":
+        """Start a dataset, or take up the same one again; any number of processes may do so at the same moment.
+
+        Args:
+            path: The folder; absent, empty, or this dataset.
+            task: What its episodes are about.
+            seed: Of all of them.
+            config: What they are recorded with (JSON values).
+            varies: Paths and groups in which its episodes may differ; stored when it is started.
+
+        Raises:
+            DatasetError: If the folder holds a dataset of another task, seed or configuration, or other files.
+            FieldError: If the configuration cannot be stored as JSON.
+            FormatError: If the folder's ``dataset.json`` is unreadable or of another version.
+            StorageError: If the folder cannot be created or written.
+        """
+        path = Path(path)
+        asked = {"format": FORMAT, "format_version": FORMAT_VERSION, "task": task, "seed": seed, "config": config}
+        info: dict[str, Any] = plain(asked, f"description of {path}")
+        if not (path / INFO).exists():
+            _begin(path, {**info, "varies": sorted(varies)} if varies else info)
+        found = cls.open(path)
+        _check_same(path, found.info, info)
+        return found
+
+    @property
+    def varies(self) -> frozenset[str]:
+        """Paths and groups in which its episodes may differ (`recording_setup`), beside what they say themselves."""
+        return frozenset(self.info.get("varies", ()))
+
+    def episode_path(self, index: int) -> Path:
+        """File of an episode, whether or not it exists."""
+        return self.path / self.file_name(index)
+
+    @staticmethod
+    def file_name(index: int) -> str:
+        """Name of an episode's file."""
+        return f"episode_{index:06d}.hdf5"
+
+    @property
+    def indices(self) -> list[int]:
+        """Indices of the episodes that exist, in files of their own or in shards, ascending; the one answer to that.
+
+        Raises:
+            FormatError: If a shard is damaged.
+            StorageError: If the folder cannot be read.
+        """
+        return sorted(self.own_files().keys() | self.packed().keys())
+
+    def own_files(self) -> dict[int, Path]:
+        """The episodes in files of their own, by index."""
+        return {int(match[1]): self.path / name for name in self._names() if (match := MEMBER.fullmatch(name))}
+
+    def strays(self) -> list[str]:
+        """Names that look like those of episodes and are not; no tool takes these files for episodes."""
+        return sorted(name for name in self._names() if EPISODE_LIKE.fullmatch(name) and not MEMBER.fullmatch(name))
+
+    def _names(self) -> list[str]:
+        try:
+            return os.listdir(self.path)
+        except OSError as error:
+            raise StorageError(f"cannot read {self.path}: {error.strerror}") from error
+
+    def packed(self) -> dict[int, Path]:
+        """The shard of each episode that lies in one; a file of its own comes before it when reading.
+
+        Raises:
+            FormatError: If a shard is damaged.
+        """
+        return {index: shard for shard in shard_files(self.path) for index in members(shard)}
+
+    def extent(self, index: int) -> Extent:
+        """Where the bytes of an episode lie.
+
+        Raises:
+            DatasetError: If the dataset has no such episode.
+            FormatError: If its shard is damaged, or there is a link, folder, pipe or device of its name.
+        """
+        file = self.episode_path(index)
+        if os.path.lexists(file):
+            return Extent.of_file(file)
+        for shard in reversed(shard_files(self.path)):
+            if index in members(shard):
+                return member_extent(shard, members(shard)[index])
+        indices = self.indices
+        span = f"{len(indices)} episodes, {indices[0]} to {indices[-1]}" if indices else "no episodes"
+        raise DatasetError(f"{self.path}: no episode {index}; it has {span}")
+
+    def episode(self, index: int) -> EpisodeReader:
+        """One episode to read lazily.
+
+        Raises:
+            DatasetError: If the dataset has no such episode.
+            FormatError: If its shard is damaged; damage of the episode itself shows when it is read.
+        """
+        return EpisodeReader(self.extent(index))
+
+    def read(self, index: int, images: bool = True) -> Episode:
+        """Read one episode.
+
+        Args:
+            index: Which.
+            images: See `EpisodeReader.load`.
+
+        Raises:
+            DatasetError: If the dataset has no such episode.
+            FormatError: If its file is damaged.
+        """
+        return self.episode(index).load(images)
+
+    def __len__(self) -> int:
+        return len(self.indices)
+
+    def __iter__(self) -> Iterator[Episode]:
+        return (self.read(index) for index in self.indices)
+
+    def __repr__(self) -> str:
+        indices = self.indices
+        task = printable(self.info["task"], 80)
+        head = f"Dataset({self.path}: {task}, {len(indices)} episodes, seed {self.info['seed']})"
+        if not indices:
+            return head
+        try:
+            return f"{head}, the first of which has\n{self.episode(indices[0]).table()}"
+        except SvflError as error:
+            return f"{head}; {error}"
+
+    @contextmanager
+    def writing(self) -> Iterator[HeldFolder]:
+        """Hold the folder for one collector, and clear away what killed ones and killed workers were writing.
+
+        Yields:
+            The folder, which can tell whether it was removed or renamed meanwhile.
+
+        Raises:
+            DatasetError: If another process is collecting into the folder.
+            StorageError: If the folder cannot be opened or locked.
+        """
+        held = HeldFolder(self.path)
+        try:
+            if not held.lock():
+                raise DatasetError(f"{self.path}: another process is collecting into this dataset")
+            self.clear()
+            try:
+                yield held
+            finally:
+                if held.in_own_process and held.in_place:
+                    self.clear()
+        finally:
+            held.close()
+
+    def clear(self) -> None:
+        """Remove what killed processes were writing; files whose writers live are left alone."""
+        clear_files(self.path)
+        if not (self.path / SPLITS).is_symlink():
+            clear_files(self.path / SPLITS)
+
+
+def inner_folder(folder: Path, name: str) -> Path:
+    """A folder inside a dataset's; made if it does not exist.
+
+    Raises:
+        FormatError: If it is a link or a file.
+        StorageError: If the disk refuses.
+    """
+    path = folder / name
+    refuse_link(path)
+    try:
+        path.mkdir(exist_ok=True)
+    except FileExistsError as error:
+        raise FormatError(f"{path}: not a folder") from error
+    except OSError as error:
+        raise StorageError(f"cannot create {path}: {error.strerror}") from error
+    return path
+
+
+def _begin(path: Path, info: dict[str, Any]) -> None:
+    """Put ``dataset.json`` into an absent or empty folder, unless another process does so at the same moment.
+
+    Whoever puts anything else into a dataset's folder has seen its ``dataset.json``, which never goes again. So files
+    that another process has brought meanwhile are told from foreign ones by looking for it after them; before it there
+    is nothing but what others, or killed ones, were writing it to.
+    """
+    empty = not path.exists() or (path.is_dir() and all(BEGINNING.fullmatch(name) for name in os.listdir(path)))
+    if not empty and not (path / INFO).exists():
+        raise DatasetError(f"{path} holds other files and no {INFO}; name a new or empty folder")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"cannot create {path}: {error.strerror}") from error
+    try:
+        write_atomically(path / INFO, (json.dumps(info, indent=2, sort_keys=True) + "\n").encode(), replace=False)
+    except StorageError:
+        if not (path / INFO).exists():
+            raise  # else another process was first, and may have cleared away what was written here
+
+
+def _check_same(path: Path, found: dict[str, Any], asked: dict[str, Any]) -> None:
+    here, wanted = _flat({key: found.get(key) for key in asked}), _flat(asked)
+    for key in wanted | here:  # what only one of them has is a difference, too
+        if here.get(key) != wanted.get(key):
+            its, asked_for = printable(repr(here.get(key)), 200), printable(repr(wanted.get(key)), 200)
+            raise DatasetError(
+                f"{path} holds another dataset: its {printable(key, 200)} is {its}, asked for {asked_for}; "
+                "name another folder"
+            )
+
+
+def _flat(value: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, item in value.items():
+        flat |= _flat(item, f"{prefix}{key}.") if isinstance(item, dict) else {f"{prefix}{key}": item}
+    return flat

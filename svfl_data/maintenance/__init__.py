@@ -1,0 +1,1 @@
+"""Changing datasets: repair, merge, relabel and pack."""

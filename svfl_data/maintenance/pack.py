@@ -1,0 +1,127 @@
+"""Packing thousands of episode files into a few large shards, and back; each episode stays the same to the byte."""
+
+import re
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from svfl_data.datasets.dataset import SPLITS, Dataset, inner_folder
+from svfl_data.datasets.shards import shard_files
+from svfl_data.errors import DatasetError, FormatError, UsageError
+from svfl_data.storage.chunks import Extent
+from svfl_data.storage.header import checked_seal
+from svfl_data.system.atomic_io import write_atomically, written_aside
+from svfl_data.system.progress import progress
+from svfl_data.system.regular_file import read_regular, refuse_link
+from svfl_data.system.side_files import SIZE_LIMIT
+
+SHARD_BYTES = 2**30
+"""Large enough for disks and networks to run at full speed, small enough to be sent again after a failure."""
+
+SHARD = re.compile(r"shard_(\d{6,18})\.zip", re.ASCII)
+EARLIEST = (1980, 1, 1, 0, 0, 0)  # times would make equal shards differ
+
+
+def pack(dataset: Dataset, out: Path | str, shard_bytes: int = SHARD_BYTES) -> Dataset:
+    """Copy a dataset into shards.
+
+    Every episode's seal is checked on the way. An interrupted call is taken up again by the same call.
+
+    Args:
+        dataset: What to copy, its splits included.
+        out: Folder of the new dataset: absent, empty, or what an interrupted call left.
+        shard_bytes: A shard is closed before it would grow beyond this, unless a single episode does, [bytes].
+
+    Returns:
+        The new dataset.
+
+    Raises:
+        UsageError: If `shard_bytes` is not positive, or `out` is the dataset itself.
+        DatasetError: If the folder holds another dataset.
+        FormatError: If an episode is damaged; shards that were finished before are kept.
+        StorageError: If the disk refuses; shards that were finished before are kept.
+    """
+    if shard_bytes < 1:
+        raise UsageError(f"shard_bytes is {shard_bytes}; it must be at least 1")
+    target = _copy_of(dataset, out)
+    with target.writing():
+        missing = sorted(set(dataset.indices) - set(target.indices))
+        numbers = (SHARD.fullmatch(file.name) for file in shard_files(target.path))
+        number = 1 + max((int(match[1]) for match in numbers if match), default=-1)
+        waiting: list[tuple[int, Extent]] = []
+        size = 0
+        for index in progress(missing, "packing"):
+            extent = dataset.extent(index)
+            checked_seal(extent)
+            if waiting and size + extent.size > shard_bytes:
+                _write_shard(target.path / f"shard_{number:06d}.zip", waiting)
+                waiting, size, number = [], 0, number + 1
+            waiting.append((index, extent))
+            size += extent.size
+        if waiting:
+            _write_shard(target.path / f"shard_{number:06d}.zip", waiting)
+    return target
+
+
+def unpack(dataset: Dataset, out: Path | str) -> Dataset:
+    """Copy a dataset into one file per episode, undoing `pack`.
+
+    Args:
+        dataset: What to copy, its splits included.
+        out: Folder of the new dataset: absent, empty, or what an interrupted call left.
+
+    Returns:
+        The new dataset.
+
+    Raises:
+        UsageError: If `out` is the dataset itself.
+        DatasetError: If the folder holds another dataset.
+        FormatError: If an episode is damaged; those written before are kept.
+        StorageError: If the disk refuses; episodes written before are kept.
+    """
+    target = _copy_of(dataset, out)
+    with target.writing():
+        for index in progress(sorted(set(dataset.indices) - set(target.indices)), "unpacking"):
+            extent = dataset.extent(index)
+            checked_seal(extent)
+            write_atomically(target.episode_path(index), b"".join(extent.blocks()))
+    return target
+
+
+def _copy_of(dataset: Dataset, out: Path | str) -> Dataset:
+    """A dataset of the same description and splits in another folder."""
+    out = Path(out)
+    if out.exists() and dataset.path.exists() and out.samefile(dataset.path):
+        raise UsageError(f"{out} is the dataset itself; name another folder")
+    info = dataset.info
+    target = Dataset.create_or_resume(out, info["task"], info["seed"], info["config"], dataset.varies)
+    if not (dataset.path / SPLITS).exists():
+        return target
+    refuse_link(dataset.path / SPLITS)
+    for file in sorted((dataset.path / SPLITS).glob("*.json")):
+        copy = inner_folder(target.path, SPLITS) / file.name
+        content = _content(file)
+        if copy.exists() and _content(copy) != content:
+            raise DatasetError(f"{copy} differs from {file}; name another folder")
+        write_atomically(copy, content)
+    return target
+
+
+def _content(file: Path) -> bytes:
+    try:
+        return read_regular(file, SIZE_LIMIT)
+    except OSError as error:
+        raise FormatError(f"{file}: {error.strerror}") from error
+
+
+def _write_shard(file: Path, episodes: Sequence[tuple[int, Extent]]) -> None:
+    """Write a shard so that it is either whole or absent."""
+    size = sum(extent.size for _, extent in episodes)
+    with written_aside(file, size) as whole, zipfile.ZipFile(whole, "w", zipfile.ZIP_STORED) as archive:
+        for index, extent in episodes:
+            info = zipfile.ZipInfo(Dataset.file_name(index), EARLIEST)
+            info.external_attr = 0o644 << 16
+            info.file_size = extent.size
+            with archive.open(info, "w") as member:
+                for block in extent.blocks():
+                    member.write(block)

@@ -1,0 +1,184 @@
+"""Bringing a dataset back in order after kills, power cuts and damage: what can be saved is, nothing is deleted.
+
+Journals of writers that are gone become episodes; damaged files move to ``damaged/``. Writers that live are left alone,
+and running it twice changes nothing more.
+"""
+
+import filecmp
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from svfl_data.datasets.dataset import Dataset, inner_folder
+from svfl_data.errors import DatasetError, FieldError, FormatError, StorageError, SvflError
+from svfl_data.recording.index_locks import INFLIGHT, PART, SETUP, build, claim, inflight, locked, publish, take_over
+from svfl_data.recording.journal import SUFFIX, read_journal
+from svfl_data.recording.salvage import TOOL, Salvaged, salvage
+from svfl_data.schema.clocks import GAP
+from svfl_data.schema.episode import Meta
+from svfl_data.storage.seal import check_seal, has_seal
+from svfl_data.storage.store import resealed_bytes
+from svfl_data.system.atomic_io import write_atomically
+from svfl_data.system.printable import printable
+from svfl_data.system.regular_file import refuse_link
+
+DAMAGED = "damaged"
+
+
+@dataclass(frozen=True)
+class RepairAction:
+    """One thing that was found and what was done about it.
+
+    Attributes:
+        path: The file that matters now.
+        done: ``published`` (a whole episode that lacked only its name), ``salvaged`` (an unfinished episode, up to the
+            last flush), ``resealed``, ``quarantined`` (moved to ``damaged/``), ``cleared`` (remains of a step that was
+            finished already), ``in use`` (its writer lives, nothing was done) or ``left alone`` (it cannot be opened).
+        detail: In words, for a person.
+        saved: Whether readings became usable by it.
+        lost: Whether readings are missing, or a file cannot be used.
+    """
+
+    path: Path
+    done: str
+    detail: str
+    saved: bool = False
+    lost: bool = False
+
+
+def repair_dataset(path: Path | str, reseal: bool = False) -> list[RepairAction]:
+    """Repair a dataset.
+
+    Args:
+        path: The dataset's folder.
+        reseal: Whether files that lost their seal to other software are sealed again, if what they hold is a valid
+            episode; otherwise they are set aside like damaged ones.
+
+    Returns:
+        What was found and done; empty if everything was in order.
+
+    Raises:
+        FormatError: If the folder is not a dataset.
+        StorageError: If the disk refuses; what was done before stays done, and repairing again goes on.
+    """
+    dataset = Dataset.open(path)
+    actions: list[RepairAction] = []
+    refuse_link(dataset.path / INFLIGHT)
+    if (dataset.path / INFLIGHT).is_dir():
+        for journal in sorted((dataset.path / INFLIGHT).glob(f"*{SUFFIX}")):
+            actions += _finish(dataset, journal)
+    for index, file in sorted(dataset.own_files().items()):
+        actions += _check_file(dataset, index, file, reseal)
+    return actions
+
+
+def repair_exit_code(actions: list[RepairAction]) -> int:
+    """How a repair went, as a process says it: 0 all saved, 3 some readings lost, 1 nothing could be saved."""
+    if not any(action.lost for action in actions):
+        return 0
+    return 3 if any(action.saved for action in actions) else 1
+
+
+def _finish(dataset: Dataset, path: Path) -> list[RepairAction]:
+    """Make an episode of a journal, if its writer is gone."""
+    try:
+        descriptor = take_over(path)
+    except (FormatError, IsADirectoryError) as error:
+        return [_set_aside(dataset, path, _words(error, path))]
+    except OSError as error:  # its writer may live
+        return [RepairAction(path, "left alone", f"cannot be opened ({error.strerror})", lost=True)]
+    if descriptor is None:
+        return [RepairAction(path, "in use", "is being written")] if path.exists() else []
+    try:
+        return [_finish_journal(dataset, path, descriptor)]
+    except StorageError:
+        raise
+    except Exception as error:  # whoever made it: one journal that cannot be used must not keep others from being saved
+        path.with_suffix(PART).unlink(missing_ok=True)
+        return [_set_aside(dataset, path, _words(error, path))]
+    finally:
+        path.with_suffix(SETUP).unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def _finish_journal(dataset: Dataset, path: Path, descriptor: int) -> RepairAction:
+    journal = read_journal(descriptor)
+    try:
+        saved = salvage(journal, str(path))
+    except FieldError as error:
+        raise FieldError(f"too little was recorded for an episode, or what no episode may hold ({error})") from error
+    if saved.meta.task not in str(dataset.info["task"]).split("+"):
+        raise DatasetError(f"is of task {saved.meta.task!r}, not of {dataset.info['task']!r} as the dataset")
+    if path.name != f"episode_{saved.meta.index:06d}{SUFFIX}":
+        raise DatasetError(f"says that it is of episode {saved.meta.index}")
+    action = _publish(dataset, saved)
+    if journal.incomplete:
+        aside = _set_aside(dataset, path, "kept")
+        action = replace(action, detail=f"{action.detail}; the damaged journal is kept as {aside.path}")
+    path.unlink(missing_ok=True)
+    path.with_suffix(PART).unlink(missing_ok=True)
+    return action
+
+
+def _publish(dataset: Dataset, saved: Salvaged) -> RepairAction:
+    meta, arrays = saved.meta, saved.arrays
+    path = dataset.episode_path(meta.index)
+    part = build(dataset, meta, arrays)
+    try:
+        check_seal(part)
+        publish(part, path)
+    except FileExistsError:
+        if filecmp.cmp(part, path, shallow=False):
+            part.unlink()
+            return RepairAction(path, "cleared", "had been published already", saved=True, lost=not saved.whole)
+        part.unlink()
+        index, descriptor, journal = claim(dataset)  # the index went to another episode: take the next one
+        try:
+            return _publish(dataset, replace(saved, meta=replace(meta, index=index)))
+        finally:
+            journal.unlink()
+            os.close(descriptor)
+    steps = arrays["actions/action"].shape[0]
+    if not saved.whole:
+        return RepairAction(path, "salvaged", _salvaged_words(steps, meta), saved=True, lost=True)
+    return RepairAction(path, "published", f"all {steps} steps", saved=True)
+
+
+def _salvaged_words(steps: int, meta: Meta) -> str:
+    gaps = [one for one in meta.annotations if one["name"] == GAP and one.get("by", {}).get("tool") == TOOL]
+    where = ", ".join(sorted({printable(one["stream"]) for one in gaps}))
+    return f"{steps} steps up to the writer's last flush" + (f", with {len(gaps)} gaps in {where}" if gaps else "")
+
+
+def _words(error: Exception, path: Path) -> str:
+    """Why a journal cannot be used, in a line."""
+    words = str(error) if isinstance(error, SvflError) else f"not a readable journal ({error!r})"
+    return printable(words.replace(f"{path}: ", ""), 500)
+
+
+def _check_file(dataset: Dataset, index: int, path: Path, reseal: bool) -> list[RepairAction]:
+    """Set a damaged episode aside."""
+    try:
+        check_seal(path)
+        return []
+    except FormatError as error:
+        why = str(error).removeprefix(f"{path}: ")
+    if not reseal or has_seal(path):
+        return [_set_aside(dataset, path, why)]
+    try:
+        content = resealed_bytes(path, {"tool": "repair", "resealed": True})
+    except SvflError:
+        return [_set_aside(dataset, path, f"{why}; what it holds is not a valid episode")]
+    write_atomically(path, content)
+    check_seal(path)
+    return [RepairAction(path, "resealed", f"holds a valid episode {index}", saved=True)]
+
+
+def _set_aside(dataset: Dataset, path: Path, why: str) -> RepairAction:
+    """Move a file to ``damaged/``, never over another one."""
+    folder = inner_folder(dataset.path, DAMAGED)
+    with locked(inflight(dataset.path)):
+        copies = [path.name, *(f"{path.stem}.{number}{path.suffix}" for number in range(1, 10_000))]
+        target = next(folder / name for name in copies if not os.path.lexists(folder / name))
+        os.rename(path, target)
+    return RepairAction(target, "quarantined", f"{path.name}: {why}", lost=True)

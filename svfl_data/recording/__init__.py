@@ -1,0 +1,1 @@
+"""How an episode grows: appending, the journal, sealing, and what is saved after a crash."""

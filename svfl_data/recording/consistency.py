@@ -1,0 +1,132 @@
+"""That all episodes of a dataset agree: writers are held to what is sealed and to what others are recording now.
+
+Nothing is remembered beside the episodes. What a dataset's setup is follows from its sealed episodes (through the
+index, so that they need not be opened again), and from writers that live: each keeps its setup in a file beside its
+journal, which counts as long as the journal's lock is held. So an attempt that was discarded, and episodes that were
+deleted, bind nobody.
+"""
+
+import os
+import threading
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.index import entries, known_entries
+from svfl_data.errors import DatasetError, FormatError, StorageError
+from svfl_data.recording.index_locks import SETUP, inflight, locked, take_over
+from svfl_data.recording.journal import SUFFIX as JOURNAL
+from svfl_data.schema.episode import Meta
+from svfl_data.schema.recording_setup import RATES, Array, Common, Setup, first_difference, refuse_difference
+from svfl_data.system.regular_file import open_regular
+from svfl_data.system.side_files import parse_as, read_side_file
+
+
+class Agreement:
+    """What one writer records with, held to what the dataset's other episodes were recorded with.
+
+    Args:
+        dataset: Where it records.
+        journal: Its journal, locked.
+        meta: What its episode is about.
+        constants: Calibration and other arrays that the episode has once, by dataset path.
+
+    Raises:
+        DatasetError: If sealed episodes, or those being recorded now, say otherwise.
+        FormatError: If the folder is no dataset any more.
+        StorageError: If the disk refuses.
+    """
+
+    def __init__(self, dataset: Dataset, journal: Path, meta: Meta, constants: Mapping[str, Array]) -> None:
+        self._dataset, self._file = dataset, journal.with_suffix(SETUP)
+        self._setup = Setup.of(meta, constants)
+        self._sealed: list[tuple[str, Setup]] = []
+        self._lock = threading.Lock()  # several threads append to an episode
+        self._hold(self._setup, fresh=True)
+
+    def extend(self, arrays: Mapping[str, Array]) -> None:
+        """Hold the first rows of a stream to those of others; errors as above, and then nothing is remembered."""
+        with self._lock:
+            self._hold(self._setup.with_arrays(arrays))
+
+    def confirm(self, constants: Mapping[str, Array]) -> None:
+        """Compare the whole episode once more before it is sealed, with what has been sealed meanwhile.
+
+        Args:
+            constants: Arrays that have become known since.
+
+        Raises:
+            DatasetError: If sealed episodes say otherwise; what was recorded is intact.
+        """
+        with self._lock:
+            self._hold(self._setup.with_arrays(constants), fresh=True, whole=True)
+
+    def leave(self) -> None:
+        """The writer has ended."""
+        self._file.unlink(missing_ok=True)
+
+    def _hold(self, setup: Setup, fresh: bool = False, whole: bool = False) -> None:
+        with locked(inflight(self._dataset.path)):
+            if fresh:
+                self._sealed = [(f"episode {entry.index}", entry.setup) for entry in known_entries(self._dataset)]
+            common = Common(self._dataset.varies)
+            for where, other in [*self._sealed, *self._living()]:
+                common.add(other, where)
+            for found in common.differences(setup, whole):
+                kept = "; what was recorded is kept, and svfl-data repair makes an episode of it" if whole else ""
+                raise DatasetError(
+                    f"{self._dataset.path}: {found.name} is {found.here}, but the dataset was recorded with "
+                    f"{found.there} ({found.where}); record into a new dataset, or say that it varies between "
+                    f"episodes (varies=[{found.name.removeprefix(RATES)!r}]){kept}"
+                )
+            self._write(setup)
+        self._setup = setup
+
+    def _living(self) -> Iterator[tuple[str, Setup]]:
+        """What other writers record with that live; what dead ones have left is removed."""
+        for file in sorted(self._file.parent.glob(f"*{SETUP}")):
+            if file == self._file:
+                continue
+            journal = file.with_suffix(JOURNAL)
+            descriptor = take_over(journal)
+            if descriptor is not None:
+                os.close(descriptor)
+            if descriptor is not None or not journal.exists():
+                file.unlink(missing_ok=True)
+                continue
+            yield f"{file.stem}, which is being recorded", parse_as(read_side_file(file), Setup, file)
+
+    def _write(self, setup: Setup) -> None:
+        try:  # neither synced nor renamed: it is read under the same lock, and means nothing once its writer is dead
+            descriptor = open_regular(self._file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(msgspec.json.encode(setup))
+        except OSError as error:
+            raise StorageError(f"cannot write {self._file}: {error.strerror}") from error
+
+
+def check_agreement(dataset: Dataset, episodes: Sequence[int], cameras: Collection[str] | None = None) -> None:
+    """Check that episodes that are to be used together were recorded with the same setup.
+
+    Args:
+        dataset: Where they are.
+        episodes: Which.
+        cameras: The cameras that will be used; all by default.
+
+    Raises:
+        DatasetError: If two differ in what the dataset does not say to vary.
+        FormatError: If one is damaged.
+    """
+    wanted = set(episodes)
+    found = [entry for entry in entries(dataset) if entry.index in wanted]
+    for entry in found:
+        if entry.error:
+            raise FormatError(entry.error)
+    setups = [(str(dataset.path / entry.name), entry.setup) for entry in found]
+    refuse_difference(
+        first_difference(setups, Common(dataset.varies, cameras)),
+        "use these episodes together",
+        "if that is meant, copy them with svfl-data merge SRC DST --varies {name}",
+    )

@@ -1,0 +1,212 @@
+"""The clocks of an episode while it is recorded: they ascend, gaps are declared, and what is missing is named.
+
+Everything that reads an episode needs ascending time stamps, and a sensor that fell silent leaves a file that looks
+whole. Both are told while the robot still stands there, not found in the data set weeks later.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from svfl_data.errors import FieldError, UsageError
+from svfl_data.schema.clocks import GAP
+from svfl_data.schema.rates import FEW, Found, rate_words
+
+Late = Literal["refuse", "drop"]
+COVERED = 0.9
+"""Share of an episode that a stream must have readings of, apart from declared gaps."""
+STOPPED_NS = 1_000_000_000
+"""Before the end of the episode that a stream may stop at most, [ns]."""
+SILENCE_PERIODS, SILENCE_NS = 10, 500_000_000
+"""Time without a reading from which it counts as silence: so many periods, and no less than so many ns."""
+
+
+def is_clock(t_ns: np.ndarray) -> bool:
+    """Whether an array of this name is one of time stamps; below ``extra/`` it may be anything."""
+    return t_ns.dtype == np.int64 and t_ns.ndim == 1
+
+
+@dataclass
+class Clock:
+    """The time stamps of one group so far.
+
+    Attributes:
+        count: How many.
+        first_ns: The first, [ns].
+        last_ns: The last, [ns].
+        silences: Times of more than `SILENCE_NS` between two readings, start and end, [ns].
+        dropped: Readings that came too late and were left out.
+    """
+
+    count: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+    silences: list[tuple[int, int]] = field(default_factory=list)
+    dropped: int = 0
+
+    def newer(self, group: str, t_ns: np.ndarray, late: Late) -> np.ndarray | None:
+        """Which rows may be appended.
+
+        Args:
+            group: For the message.
+            t_ns: Their time stamps, shape (M,), [ns].
+            late: What to do with rows that are not newer than all before them.
+
+        Returns:
+            Boolean, shape (M,); None, which is most often and soon told, for all.
+
+        Raises:
+            FieldError: If one is not newer and none may be dropped.
+        """
+        if not len(t_ns) or ((not self.count or int(t_ns[0]) > self.last_ns) and bool((t_ns[1:] > t_ns[:-1]).all())):
+            return None
+        least = self.last_ns if self.count else int(t_ns[0]) - 1
+        before = np.maximum(least, np.maximum.accumulate(np.concatenate([[least], t_ns[:-1]])))
+        newer = t_ns > before
+        if late == "refuse":
+            row = int(np.argmin(newer))
+            raise FieldError(
+                f"{group}: row {self.count + row} has t_ns {t_ns[row]}, which is not after the {before[row]} of the "
+                "row before; the time stamps of a stream ascend (late='drop' leaves such readings out)"
+            )
+        return newer
+
+    def take(self, t_ns: np.ndarray) -> None:
+        """Count rows that were appended."""
+        if not len(t_ns):
+            return
+        first, last = int(t_ns[0]), int(t_ns[-1])
+        if self.count and first - self.last_ns > SILENCE_NS:
+            self.silences.append((self.last_ns, first))
+        if last - first > SILENCE_NS:
+            rows = np.flatnonzero(np.diff(t_ns) > SILENCE_NS)
+            self.silences += zip(t_ns[rows].tolist(), t_ns[rows + 1].tolist(), strict=True)
+        self.first_ns = self.first_ns if self.count else first
+        self.last_ns = last
+        self.count += len(t_ns)
+
+    @property
+    def found(self) -> Found:
+        """The time stamps in short."""
+        return Found(self.count, self.first_ns, self.last_ns)
+
+    @property
+    def period_ns(self) -> float:
+        """Mean interval, silences left aside, [ns]; 0 for fewer than two readings."""
+        found, silent = self.found, sum(end - start for start, end in self.silences)
+        if found.count - 1 > len(self.silences):
+            return (found.last_ns - found.first_ns - silent) / (found.count - 1 - len(self.silences))
+        return (found.last_ns - found.first_ns) / max(1, found.count - 1)
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A time in which a stream has no readings, as its recorder says.
+
+    Attributes:
+        stream: The group.
+        start_ns: From when, [ns].
+        end_ns: Until when, [ns]; None while nobody knows.
+        reason: In words.
+    """
+
+    stream: str
+    start_ns: int
+    end_ns: int | None
+    reason: str
+
+    def __post_init__(self) -> None:
+        """Refuse what is none.
+
+        Raises:
+            UsageError: If it ends before it starts, or has no reason.
+        """
+        times = [self.start_ns] if self.end_ns is None else [self.start_ns, self.end_ns]
+        if any(type(time) is not int for time in times) or times != sorted(times):
+            raise UsageError(f"{self.stream}: a gap needs integer times in order, got {self.start_ns}, {self.end_ns}")
+        if not isinstance(self.reason, str) or not self.reason:
+            raise UsageError(f"{self.stream}: a gap needs a reason")
+
+    def annotation(self, start_ns: int, end_ns: int, tool: str) -> dict[str, Any] | None:
+        """The gap as an annotation, cut to an episode; None if it lies outside.
+
+        Args:
+            start_ns: Beginning of the episode, [ns].
+            end_ns: Its end, [ns].
+            tool: Who says so.
+        """
+        start = max(self.start_ns, start_ns)
+        end = end_ns if self.end_ns is None else min(self.end_ns, end_ns)
+        if end < start:
+            return None
+        return {
+            "name": GAP, "stream": self.stream, "start_ns": start, "end_ns": end, "reason": self.reason,
+            "by": {"tool": tool},
+        }  # fmt: skip
+
+
+def clock_faults(
+    clocks: Mapping[str, Clock], span_ns: tuple[int, int], gaps: Sequence[Gap], rates_hz: Mapping[str, float]
+) -> Iterator[str]:
+    """What is wrong with the clocks of an episode that is about to be sealed, in words.
+
+    Args:
+        clocks: By group.
+        span_ns: First and last observation, [ns].
+        gaps: What was declared.
+        rates_hz: Declared rates by group, [Hz].
+    """
+    for group in rates_hz.keys() - clocks.keys() - {gap.stream for gap in gaps} - {"actions"}:
+        yield f"{group}: {rates_hz[group]:g} Hz was declared, but nothing was appended"
+    for group, clock in clocks.items():
+        own, declared = [gap for gap in gaps if gap.stream == group], rates_hz.get(group)
+        found = _without(clock.found, own)
+        rate, cover = rate_words(group, found, declared), _coverage_words(group, clock, span_ns, own, declared)
+        slow = declared is not None and found.rate_hz < declared  # perhaps only because of a silence
+        if words := (cover or rate) if slow else (rate or cover):
+            yield f"{group} {words}"
+
+
+def _coverage_words(
+    group: str, clock: Clock, span_ns: tuple[int, int], gaps: Sequence[Gap], declared_hz: float | None
+) -> str | None:
+    """Whether a stream was silent for too much of an episode.
+
+    Watched are the streams that an episode must have and those with a declared rate, from the first observation on;
+    other ``streams/`` from their own first reading on; none below ``extra/``, which may hold rare events.
+    """
+    (start, end), found = span_ns, clock.found
+    needed = declared_hz is not None or group == "streams/wrench" or group.startswith("cameras/")
+    watched = group != "observations" and (needed or group.startswith("streams/"))
+    if not watched or not found.count or (found.count < FEW and declared_hz is None):
+        return None
+    start = start if needed else max(start, found.first_ns)
+    allowed = max(SILENCE_PERIODS * (1e9 / declared_hz if declared_hz else clock.period_ns), SILENCE_NS)
+    times = [(start, found.first_ns), *clock.silences, (found.last_ns, end)]
+    inside = ((max(a, start), min(b, end)) for a, b in times)
+    silent = [(a, b) for a, b in inside if b - a > allowed]
+    missing = sum(_outside(one, gaps) for one in silent)
+    if silent and silent[-1][1] == end and (late := _outside(silent[-1], gaps)) > STOPPED_NS:
+        return f"stopped {late / 1e9:.2f} s before the end of the episode, and no gap was declared"
+    if end > start and missing > (1 - COVERED) * (end - start):
+        share = 1 - missing / (end - start)
+        return f"has readings of {share:.0%} of the episode ({(end - start) / 1e9:.2f} s), and no gap was declared"
+    return None
+
+
+def _outside(span_ns: tuple[int, int], gaps: Sequence[Gap]) -> int:
+    """Length of a time outside some gaps, [ns]."""
+    start, end = span_ns
+    left, at = 0, start
+    for gap in sorted(gaps, key=lambda gap: gap.start_ns):
+        left += max(0, min(gap.start_ns, end) - at)
+        at = max(at, min(end if gap.end_ns is None else gap.end_ns, end))
+    return left + max(0, end - at)
+
+
+def _without(found: Found, gaps: Sequence[Gap]) -> Found:
+    """Time stamps as if declared gaps took no time."""
+    length = _outside((found.first_ns, found.last_ns), gaps)
+    return Found(found.count, found.first_ns, found.first_ns + length) if gaps else found

@@ -1,0 +1,179 @@
+"""From a journal to an episode: everything intact is kept, what is missing is named, nothing is invented."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from svfl_data.errors import FormatError, UsageError
+from svfl_data.recording.growth import grows
+from svfl_data.recording.journal import Journal, Spans
+from svfl_data.recording.recording_clocks import Gap
+from svfl_data.schema.episode import Meta
+from svfl_data.schema.fields import CAMERA, FIELDS, camera_names
+from svfl_data.schema.validity import check_arrays
+from svfl_data.storage.store import Rows
+
+TOOL = "repair"
+OBSERVATIONS, ACTIONS = "observations", "actions"
+
+
+@dataclass(frozen=True)
+class Salvaged:
+    """What a journal gives.
+
+    Attributes:
+        meta: What the episode is about.
+        arrays: Dataset path to array.
+        whole: Whether it is all that was recorded, as its writer meant it.
+    """
+
+    meta: Meta
+    arrays: dict[str, Rows]
+    whole: bool
+
+
+def salvage(journal: Journal, where: str) -> Salvaged:
+    """Make an episode of a journal.
+
+    Of one that was being sealed and is intact, everything as its writer meant it. Otherwise the episode is no success,
+    and each group keeps the rows that are intact in all its streams. Rows that are missing inside a group with a clock
+    become a ``gap`` annotation. Steps cannot be left out in the middle, since each action leads from one observation to
+    the next: the longest run of intact steps is kept, and groups without a clock, which have a row per step, are cut to
+    the same rows.
+
+    Args:
+        journal: What is intact of it.
+        where: What to name in errors.
+
+    Raises:
+        FormatError: If its metadata are not intact.
+        FieldError: If too little was recorded for an episode, or it holds numbers that no episode may hold.
+    """
+    if journal.meta is None:
+        raise FormatError("not even its first record is intact")
+    if journal.end is not None and not journal.damaged:
+        streams: dict[str, Rows] = {path: stream.rows() for path, stream in journal.streams.items()}
+        return Salvaged(journal.end, _checked({**journal.constants, **streams}, where), whole=True)
+    kept = _kept(journal)
+    arrays = _checked(_with_constants(journal, _cut(journal, kept)), where)
+    return Salvaged(_meta(journal, kept, arrays), arrays, whole=False)
+
+
+def _kept(journal: Journal) -> dict[str, Spans]:
+    """The rows that are kept of each group."""
+    intact: dict[str, Spans] = {}
+    for path, stream in journal.streams.items():
+        group = path.rpartition("/")[0]
+        intact[group] = _common(intact[group], stream.spans) if group in intact else stream.spans
+    first, steps = 0, None
+    if OBSERVATIONS in intact:
+        first, steps = _longest_run(intact[OBSERVATIONS], intact.get(ACTIONS, []))
+        intact[OBSERVATIONS] = _common(intact[OBSERVATIONS], [(first, first + steps + 1)])
+    if ACTIONS in intact:
+        intact[ACTIONS] = [(first, first + steps)] if steps else []
+    for group, spans in intact.items():
+        if group in (OBSERVATIONS, ACTIONS) or f"{group}/t_ns" in journal.streams:
+            continue
+        wanted = [(first, first + (steps or 0) + 1)] if first else [(0, 2**48)]
+        found = _common(spans, wanted)
+        intact[group] = [found[0]] if found and found[0][0] == first else []
+    return intact
+
+
+def _longest_run(observations: Spans, actions: Spans) -> tuple[int, int]:
+    """First step and number of steps of the longest run in which nothing is missing."""
+    followed = [(start, stop - 1) for start, stop in observations if stop - 1 > start]  # by another observation
+    runs = _common(followed, actions)
+    if runs:
+        start, stop = max(runs, key=lambda run: run[1] - run[0])
+        return start, stop - start
+    return (observations[0][0] if observations else 0), 0
+
+
+def _common(one: Spans, other: Spans) -> Spans:
+    """The rows that are in both; each is disjoint and ascending."""
+    spans: Spans = []
+    left, right = 0, 0
+    while left < len(one) and right < len(other):
+        low, high = max(one[left][0], other[right][0]), min(one[left][1], other[right][1])
+        if low < high:
+            spans.append((low, high))
+        if one[left][1] < other[right][1]:
+            left += 1
+        else:
+            right += 1
+    return spans
+
+
+def _cut(journal: Journal, kept: Mapping[str, Spans]) -> dict[str, Rows]:
+    return {path: stream.rows(kept[path.rpartition("/")[0]]) for path, stream in journal.streams.items()}
+
+
+def _with_constants(journal: Journal, streams: dict[str, Rows]) -> dict[str, Rows]:
+    """What had not begun yet has no rows; cameras without a frame are left out."""
+    for field in FIELDS:
+        if grows(field) and not field.optional and CAMERA not in field.path and field.path not in streams:
+            sizes = [size for size in field.shape[1:] if isinstance(size, int)]
+            streams[field.path] = np.zeros((0, *sizes), field.dtype)
+    frames = tuple(f"cameras/{camera}/" for camera in camera_names(streams))
+    constants = journal.constants.items()
+    known = {path: array for path, array in constants if not path.startswith("cameras/") or path.startswith(frames)}
+    return {**streams, **known}
+
+
+def _checked(arrays: dict[str, Rows], where: str) -> dict[str, Rows]:
+    """The arrays, if they make an episode."""
+    check_arrays(arrays, where)
+    return arrays
+
+
+def _meta(journal: Journal, kept: Mapping[str, Spans], arrays: Mapping[str, Rows]) -> Meta:
+    """The metadata of an episode that is not whole."""
+    meta = journal.end or journal.meta
+    assert meta is not None
+    rows = {path: array.shape[0] for path, array in arrays.items() if path in journal.streams}
+    entry: dict[str, Any] = {"tool": TOOL, "salvaged": True, "rows": rows}
+    entry["damaged_bytes"] = sum(size for _, size in journal.damaged)
+    if journal.faults:
+        entry["faults"] = journal.faults
+    if kept.get(OBSERVATIONS, [(0, 0)])[0][0]:
+        entry["first_step"] = kept[OBSERVATIONS][0][0]
+    t_ns = arrays[f"{OBSERVATIONS}/t_ns"][0 : 2**48]
+    wrench_t_ns = arrays["streams/wrench/t_ns"][0 : 2**48]
+    last_ns = max([int(t_ns[-1]), *wrench_t_ns[-1:].tolist()])
+    gaps = [*_declared(journal), *_missing(kept, arrays, int(t_ns[0]))]
+    annotations = [one for gap in gaps if (one := gap.annotation(0, last_ns, TOOL))]
+    if journal.end is not None:
+        annotations = [one for one in annotations if one not in meta.annotations]
+    return replace(meta, success=False, history=[*meta.history, entry], annotations=[*meta.annotations, *annotations])
+
+
+def _declared(journal: Journal) -> list[Gap]:
+    """What the recorder declared; a gap that was given an end later stands there twice."""
+    gaps: dict[tuple[str, int], Gap] = {}
+    for facts in journal.gaps if journal.end is None else ():
+        try:
+            gap = msgspec.convert(facts, Gap)
+        except (msgspec.ValidationError, UsageError):  # means nothing
+            continue
+        gaps[gap.stream, gap.start_ns] = gap
+    return list(gaps.values())
+
+
+def _missing(kept: Mapping[str, Spans], arrays: Mapping[str, Rows], start_ns: int) -> Iterable[Gap]:
+    """Where rows of a group with a clock are missing between others, or before the first."""
+    for group, spans in kept.items():
+        t_ns = arrays.get(f"{group}/t_ns")
+        if t_ns is None or group == OBSERVATIONS or not spans:
+            continue
+        count = 0
+        for before, (first, stop) in zip([(0, 0), *spans], spans, strict=False):
+            if first > before[1]:
+                ends = int(t_ns[count : count + 1][0])
+                began = int(t_ns[count - 1 : count][0]) if count else min(start_ns, ends)
+                reason = f"{first - before[1]} rows were damaged in the journal"
+                yield Gap(group, began, max(began, ends), reason)
+            count += stop - first

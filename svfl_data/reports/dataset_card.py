@@ -1,0 +1,240 @@
+"""A dataset card: what a dataset holds, in Markdown, with pictures beside it."""
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from svfl_data.checks import check_episode
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.index import Summary, entries, summary
+from svfl_data.errors import DatasetError, StorageError
+from svfl_data.reports import plot
+from svfl_data.sampling.split import FOLDER as SPLITS
+from svfl_data.schema.episode import Episode
+from svfl_data.schema.fields import FIELDS
+from svfl_data.signals.transforms import processed_wrench
+from svfl_data.symmetry import DIRECTIONS
+from svfl_data.system.atomic_io import write_atomically
+from svfl_data.system.printable import markdown
+from svfl_data.system.progress import progress
+from svfl_data.system.regular_file import refuse_link
+
+PICTURES = "{stem}_files"
+"""Folder of the pictures, beside the card."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What the card says of one episode.
+
+    Attributes:
+        index: Its number.
+        success: Whether the task was achieved.
+        seconds: From the first to the last observation, [s].
+        peak_n: Largest force after the recorded transforms, from the first observation on, [N].
+        direction: Its label, -1 if it has none.
+        annotations: Names of its annotations, one for each.
+        findings: Severity of each finding of the checks.
+    """
+
+    index: int
+    success: bool
+    seconds: float
+    peak_n: float
+    direction: int
+    annotations: tuple[str, ...]
+    findings: tuple[str, ...]
+
+
+def write_card(dataset: Dataset, out: Path) -> list[Path]:
+    """Write the card of a dataset and its pictures.
+
+    Args:
+        dataset: Which; all of its episodes are read.
+        out: The Markdown file; replaced if it exists.
+
+    Returns:
+        The files that were written, the card last.
+
+    Raises:
+        DatasetError: If there is no episode, or one is damaged.
+        StorageError: If the disk refuses.
+    """
+    found = entries(dataset)
+    for entry in found:
+        if entry.error:
+            raise DatasetError(f"{entry.error}; see svfl-data validate and svfl-data repair")
+    if not found:
+        raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
+    facts = [episode_facts(dataset.read(entry.index)) for entry in progress(found, "reading episodes")]
+    folder = out.parent / PICTURES.format(stem=out.stem)
+    refuse_link(folder)
+    refuse_link(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"cannot create {folder}: {error.strerror}") from error
+    typical = sorted(facts, key=lambda fact: fact.seconds)[len(facts) // 2]
+    pictures = [folder / "episode.png", folder / "distributions.png"]
+    plot.save(dataset.read(typical.index), pictures[0])
+    write_atomically(pictures[1], plot.png(distributions(facts)))
+    beside = [picture.relative_to(out.parent).as_posix() for picture in pictures]
+    write_atomically(out, card(dataset, summary(dataset), facts, typical.index, beside).encode())
+    return [*pictures, out]
+
+
+def episode_facts(episode: Episode) -> Facts:
+    """What the card says of an episode."""
+    after = episode.wrench_t_ns >= episode.t_ns[0]
+    force = np.linalg.norm(processed_wrench(episode)[after, :3].astype(np.float64), axis=1)
+    return Facts(
+        episode.meta.index,
+        episode.meta.success,
+        float(episode.t_ns[-1] - episode.t_ns[0]) / 1e9,
+        float(force.max()) if len(force) else 0.0,
+        int(episode.label_direction) if episode.has("label_direction") else -1,
+        tuple(str(one.get("name")) for one in episode.meta.annotations if isinstance(one, dict)),
+        tuple(finding.severity for finding in check_episode(episode)),
+    )
+
+
+def distributions(facts: Sequence[Facts]) -> Figure:
+    """Histograms over the episodes: duration, largest force, labels if there are any."""
+    figure = Figure(figsize=(11, 2.8), layout="constrained")
+    labelled = any(fact.direction >= 0 for fact in facts)
+    axes = np.atleast_1d(figure.subplots(1, 3 if labelled else 2))
+    _histogram(axes[0], facts, "seconds", "duration, s")
+    _histogram(axes[1], facts, "peak_n", "largest force, N")
+    axes[0].legend(fontsize=8, frameon=False)
+    if labelled:
+        counts = [sum(fact.direction == number for fact in facts) for number in range(len(DIRECTIONS))]
+        axes[2].bar(DIRECTIONS, counts, color=plot.GREY)
+        axes[2].set_xlabel("label: direction in the image")
+    for axis in axes:
+        axis.set_ylabel("episodes")
+        axis.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def _histogram(axis: Axes, facts: Sequence[Facts], name: str, label: str) -> None:
+    """Successes and failures on top of each other; the hatching tells them apart without colour."""
+    values = [[getattr(fact, name) for fact in facts if fact.success == success] for success in (True, False)]
+    everything = values[0] + values[1]
+    span = (min(everything), max(everything)) if min(everything) < max(everything) else None
+    edges = np.histogram_bin_edges(everything, bins=20, range=span)
+    success, failure = (np.histogram(chosen, edges)[0] for chosen in values)
+    width = np.diff(edges)
+    axis.bar(edges[:-1], success, width, align="edge", color=plot.Z, label="success")
+    if failure.any():
+        axis.bar(edges[:-1], failure, width, success, align="edge", color=plot.X, hatch="//", label="no success")
+    axis.set_xlabel(label)
+
+
+def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, pictures: Sequence[str]) -> str:
+    """The card's text."""
+    name = dataset.path.resolve().name
+    first = dataset.episode(dataset.indices[0])
+    lines = [
+        f"# {markdown(name)}",
+        "",
+        f"{found.episodes} episodes of {' and '.join(map(markdown, found.tasks))}: {found.steps} steps, "
+        f"{found.seconds / 60:.3g} minutes, {found.bytes / 1e6:.3g} MB. Source: {_listed(found.sources)}.",
+        "",
+        "| | |",
+        "| --- | --- |",
+        *(f"| {key} | {value} |" for key, value in _figures(dataset, found, facts, first.meta.software)),
+        "",
+        "## Streams",
+        "",
+        "| stream | rate, Hz | rows | what |",
+        "| --- | --- | --- | --- |",
+        *_streams(found),
+        "",
+        "Each stream has its own timestamps. SI units; vectors in base axes, torque about the sensor origin. Wrench "
+        "readings are raw: subtract the tare, or apply the recorded transforms.",
+        "",
+        "## Distributions",
+        "",
+        f"![Histograms of duration, largest force and labels]({quote(pictures[1])})",
+        "",
+        f"## Episode {shown}, of median duration",
+        "",
+        f"![Images, force, torque, gripper and actions of episode {shown}]({quote(pictures[0])})",
+        "",
+        "## How to read it",
+        "",
+        "```python",
+        "from svfl_data.datasets.dataset import Dataset",
+        "",
+        f"dataset = Dataset.open({json.dumps(name)})",
+        f"episode = dataset.read({shown})",
+        "print(episode)",
+        "```",
+        "",
+        *_origins(dataset.info.get("config", {})),
+    ]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _figures(
+    dataset: Dataset, found: Summary, facts: Sequence[Facts], software: dict[str, str]
+) -> Iterator[tuple[str, str]]:
+    peaks = np.array([fact.peak_n for fact in facts])
+    yield "success", f"{found.successes} of {found.episodes} ({found.successes / found.episodes:.1%})"
+    yield "duration of an episode", f"{_range([fact.seconds for fact in facts])} s"
+    yield "largest force of an episode", f"{_range(peaks.tolist())} N"
+    if marks := Counter(name for fact in facts for name in fact.annotations):
+        yield "annotations", _listed(marks)
+    if any(fact.direction >= 0 for fact in facts):
+        labels = Counter(DIRECTIONS[fact.direction] for fact in facts if 0 <= fact.direction < len(DIRECTIONS))
+        yield "labels", _listed(labels)
+    kinds = Counter(severity for fact in facts for severity in fact.findings)
+    yield "svfl-data validate", f"{kinds['error']} errors, {kinds['warning']} warnings"
+    splits = sorted(file.stem for file in (dataset.path / SPLITS).glob("*.json") if "." not in file.stem)
+    yield "splits", ", ".join(map(markdown, splits)) or "none"
+    yield "seed", markdown(dataset.info.get("seed"))
+    yield "format", _listed(found.format_versions)
+    yield "software", ", ".join(markdown(f"{package} {version}") for package, version in software.items()) or "unknown"
+
+
+def _range(values: Sequence[float]) -> str:
+    return f"{min(values):.3g} to {max(values):.3g} (median {float(np.median(values)):.3g})"
+
+
+def _listed(counts: dict[str, int] | Counter[str]) -> str:
+    return ", ".join(f"{markdown(name)} ({count})" for name, count in counts.items()) or "-"
+
+
+def _streams(found: Summary) -> Iterator[str]:
+    for name, stream in found.streams.items():
+        fields = [field for field in FIELDS if field.path.startswith(f"streams/{name}/") and "t_ns" not in field.path]
+        what = "; ".join(f"{field.path.rpartition('/')[2]} [{field.unit}]" for field in fields)
+        yield f"| {markdown(name)} | {_rate(stream)} | {stream['rows']} | {what} |"
+    for name, camera in found.cameras.items():
+        sizes = " and ".join(f"{height} x {width} px" for height, width in camera["sizes"])
+        yield f"| camera {markdown(name)} | {_rate(camera)} | {camera['rows']} | {sizes} |"
+
+
+def _rate(stream: dict[str, Any]) -> str:
+    low, high = stream["rate_hz"] or (0.0, 0.0)
+    return "-" if not high else f"{low:.4g}" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g}"
+
+
+def _origins(config: dict[str, Any]) -> list[str]:
+    """Where a merged or filtered dataset came from."""
+    if "sources" not in config:
+        return []
+    conditions = f", keeping {' and '.join(map(markdown, config['conditions']))}" if "conditions" in config else ""
+    origins = [
+        f"- {markdown(one.get('dataset'))}: {markdown(one.get('task'))}, seed {markdown(one.get('seed'))}"
+        for one in config["sources"]
+    ]
+    return ["## Where it came from", "", f"{markdown(config.get('made_by'))}{conditions}, from", "", *origins]

@@ -1,0 +1,1 @@
+"""From episodes to training samples: windows, batches, splits and statistics."""

@@ -1,0 +1,152 @@
+"""Samples for the block-centering task: what was seen and felt right after the collision, and where to move."""
+
+from collections.abc import Collection
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from svfl_data.checks import check_usable
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.errors import DatasetError
+from svfl_data.sampling.windows import WINDOW, latest, wrench_window
+from svfl_data.schema.episode import Camera, Episode
+from svfl_data.signals.topdown import topdown
+from svfl_data.symmetry import OFFSET_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act, points_towards
+from svfl_data.system.progress import progress
+
+View = Literal["camera", "top"]
+VIEWS: tuple[View, ...] = ("camera", "top")
+INPUTS = ("image", "wrench", "proprio")
+
+
+@dataclass(frozen=True)
+class CenteringSamples:
+    """Observations right after a collision with their labels; vectors in image-aligned axes (x right, y up).
+
+    Attributes:
+        image: Colour / 255, then depth in metres, shape (S, 4, H, W), float32; H = W = 0 if images were not asked for.
+        wrench: Tared wrench window, shape (S, T, 6), float32, [N] and [N m], about the sensor origin.
+        proprio: Gripper opening 0..1, x and y relative to the workspace centre and z [m], yaw [rad], shape (S, 5),
+            float32.
+        offset: Displacement that centres the hand over the block, shape (S, 2), float32, [m].
+        direction: Nearest direction (`svfl_data.symmetry.DIRECTIONS`), shape (S,), int64.
+        episode: Index of the episode each sample comes from, shape (S,), int64.
+    """
+
+    image: np.ndarray
+    wrench: np.ndarray
+    proprio: np.ndarray
+    offset: np.ndarray
+    direction: np.ndarray
+    episode: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.direction)
+
+    def take(self, index: np.ndarray) -> "CenteringSamples":
+        """The chosen samples, in the given order."""
+        return CenteringSamples(**{field.name: getattr(self, field.name)[index] for field in fields(self)})
+
+
+def load_centering(
+    path: Path | str, window: int = WINDOW, view: View = "camera", inputs: Collection[str] = INPUTS
+) -> CenteringSamples:
+    """Load the samples of a block-centering dataset into memory.
+
+    Args:
+        path: Dataset folder.
+        window: Readings per wrench window, T.
+        view: Images as the ``camera`` took them, or as seen from straight above (``top``, `svfl_data.signals.topdown`).
+        inputs: What will be used of ``image``, ``wrench`` and ``proprio``; what is wrong with the rest, such as a
+            second camera, does not matter. Without ``image`` none are read, and `CenteringSamples.image` has no pixels.
+
+    Returns:
+        One sample per episode, from its final observation.
+
+    Raises:
+        FormatError: If the folder is not a dataset or an episode is damaged.
+        DatasetError: If there are no episodes, one is unfit for training, labels are missing, or episodes have
+            different image sizes.
+    """
+    dataset = Dataset.open(path)
+    indices = dataset.indices
+    readers = [dataset.episode(index) for index in indices]
+    uses = ["labels/offset", "labels/direction", *(["streams/wrench"] if "wrench" in inputs else [])]
+    if "image" in inputs:
+        uses += {f"cameras/{camera}" for reader in readers for camera in reader.cameras}
+    check_usable(dataset, indices, uses)
+    episodes = (reader.load(images=False) for reader in readers)
+    samples = [
+        sample_of(episode, window, view if "image" in inputs else None)
+        for episode in progress(episodes, "reading samples", total=len(readers))
+    ]
+    if not samples:
+        raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
+    sizes = sorted({sample["image"].shape for sample in samples})
+    if len(sizes) > 1:
+        raise DatasetError(f"{dataset.path}: episodes have different image sizes: {sizes}")
+    return CenteringSamples(**{name: np.stack([sample[name] for sample in samples]) for name in samples[0]})
+
+
+def sample_of(episode: Episode, window: int = WINDOW, view: View | None = "camera") -> dict[str, np.ndarray]:
+    """What `CenteringSamples` holds of one episode.
+
+    Args:
+        episode: With labels.
+        window: Readings per wrench window, T.
+        view: As for `load_centering`; None if no image is needed.
+
+    Raises:
+        DatasetError: If it has no labels, or an image is needed and there is not exactly one camera with depth.
+    """
+    if not (episode.has("label_offset") and episode.has("label_direction")):
+        raise DatasetError(f"{episode.name}: has no labels (labels/offset and labels/direction) to learn from")
+    camera = _only_camera(episode) if view else _labelled_camera(episode)
+    wrench, _ = wrench_window(episode, length=window)
+    proprio = episode.proprio[-1].copy()
+    proprio[1:3] -= episode.centre
+    return {
+        "image": _image(episode, camera, view) if view else np.empty((4, 0, 0), np.float32),
+        "wrench": act(camera.image_axes, wrench, WRENCH_PARTS),
+        "proprio": act(camera.image_axes, proprio, PROPRIO_PARTS),
+        "offset": act(camera.image_axes, episode.label_offset, OFFSET_PARTS).astype(np.float32),
+        "direction": np.asarray(episode.label_direction),
+        "episode": np.asarray(episode.meta.index, dtype=np.int64),
+    }
+
+
+def _image(episode: Episode, camera: Camera, view: View) -> np.ndarray:
+    color, depth_m = _pictures(episode, camera, view)
+    image = np.concatenate([color.astype(np.float32) / 255, depth_m[..., None]], axis=-1)  # (H, W, 4)
+    return image.transpose(2, 0, 1)  # (H, W, 4) -> (4, H, W)
+
+
+def _pictures(episode: Episode, camera: Camera, view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Colour (H, W, 3) uint8 and depth (H, W) float32, [m], of the final observation."""
+    if view == "top":
+        above = topdown(episode, steps=len(episode.t_ns) - 1, size=camera.arrays["color"].shape[1])
+        return above.color, above.depth * np.float32(above.view.depth_scale)
+    frame = latest(camera.t_ns, episode.t_ns[-1])
+    if frame < 0:
+        raise DatasetError(f"{episode.name}: camera {camera.name} has no frame at or before the final observation")
+    return camera.arrays["color"][frame], camera.arrays["depth"][frame] * np.float32(camera.depth_scale)
+
+
+def _labelled_camera(episode: Episode) -> Camera:
+    """The camera in whose image the label's direction is the nearest one: the first, if there are several."""
+    for camera in episode.cameras.values():
+        if points_towards(int(episode.label_direction), act(camera.image_axes, episode.label_offset, OFFSET_PARTS)):
+            return camera
+    raise DatasetError(f"{episode.name}: recorded without a camera in whose image its direction points to its offset")
+
+
+def _only_camera(episode: Episode) -> Camera:
+    cameras = episode.cameras
+    if len(cameras) != 1:
+        raise DatasetError(f"{episode.name}: a sample needs exactly one camera, found: {', '.join(cameras) or 'none'}")
+    (camera,) = cameras.values()
+    if not camera.has("depth"):
+        raise DatasetError(f"{episode.name}: a sample needs depth, but camera {camera.name} was recorded without")
+    return camera

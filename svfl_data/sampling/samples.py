@@ -1,0 +1,279 @@
+"""Training samples from a dataset: what was seen, felt and known up to a step, and the actions from there on.
+
+Everything is as recorded, in the units and axes of ``data/README.md``; colour stays uint8 and depth uint16, so that
+little memory moves until a batch is where it is used. A key of a batch is the path of the field it was cut from.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+
+from svfl_data.checks import check_usable
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.errors import DatasetError, UsageError
+from svfl_data.recording.consistency import check_agreement
+from svfl_data.sampling.frames import Frames, corners, draws
+from svfl_data.sampling.ragged import join, rows_until, starts
+from svfl_data.sampling.windows import WINDOW
+from svfl_data.schema.clocks import Clock
+from svfl_data.storage.reader import EpisodeReader, StoredArray
+from svfl_data.system.progress import progress
+
+TIMES, PROPRIO = "observations/t_ns", "observations/proprio"
+ACTION, INTENDED = "actions/action", "actions/intended"
+WRENCH, WRENCH_TIMES, TARE = "streams/wrench/wrench", "streams/wrench/t_ns", "streams/wrench/tare"
+Batch = dict[str, np.ndarray]
+Values = TypeVar("Values", bound=Any)
+
+
+class Samples:
+    """Samples of a dataset, numbered from 0; ``samples[i]`` is one, ``samples.batch(indices)`` many at once.
+
+    A sample at step t, with the keys of a batch (shapes with the batch size B in front):
+
+    - ``cameras/NAME/color`` (B, K, h, w, 3) uint8 and ``cameras/NAME/depth`` (B, K, h, w) uint16: the last K frames at
+      or before the observation, latest last; ``cameras/NAME/depth_scale`` (B,): metres per unit of depth.
+    - ``streams/wrench/wrench`` (B, T, 6) float32, [N] and [N m], base axes, about the sensor origin: the last T
+      readings at or before the observation, tared.
+    - ``observations/proprio`` (B, 5) float32, as recorded.
+    - ``actions/action`` (B, A, 5) float32: the actions of steps t .. t+A-1.
+    - ``.../padding`` of each camera, of the wrench and of the actions, (B, K), (B, T), (B, A) bool: true where there
+      was no frame or reading yet, or no action any more; the nearest one of the episode is repeated there, zeros if it
+      has none so far. True also where a frame or reading is left over from before a break: a declared gap, or more than
+      10 periods without any (`svfl_data.schema.clocks.Clock`).
+    - ``.../age`` of each camera and of the wrench, (B,) float32: time from the newest frame or reading to the
+      observation, [s]; infinite if there is none.
+    - any fields named as `labels`; ``episode`` and ``step`` (B,) int64: where the sample comes from.
+
+    Pickling (for worker processes that are not forked) takes the description only; the copy reads the files again.
+    """
+
+    def __init__(
+        self,
+        dataset: Dataset,
+        episodes: Sequence[int] | None = None,
+        *,
+        at: Literal["each action", "the end"] = "each action",
+        cameras: Sequence[str] | None = None,
+        frames: int = 1,
+        wrench_window: int = WINDOW,
+        action_chunk: int = 1,
+        intended: bool = False,
+        crop: int | None = None,
+        crop_at: Literal["centre", "random"] = "centre",
+        labels: Sequence[str] = (),
+        cache: bool = False,
+        budget: int | None = None,
+        seed: int = 0,
+        validated: bool = True,
+    ) -> None:
+        """Find the samples, and read everything but the images.
+
+        Args:
+            dataset: Where from.
+            episodes: Which episodes, such as ``split["train"]``; all by default.
+            at: One sample at each observation that an action follows, or one at each episode's last observation.
+            cameras: Which cameras; those of the first episode by default.
+            frames: Frames per camera and sample, K.
+            wrench_window: Readings per sample, T; 0 leaves the wrench out.
+            action_chunk: Actions per sample, A.
+            intended: Give as actions what an expert meant rather than what was done, where an episode tells them
+                apart.
+            crop: Height and width to cut out of each image, [px]; whole images by default.
+            crop_at: Where: in the middle, or anywhere, drawn from `seed`, epoch and number of the sample.
+            labels: Paths of fields that hold for a whole episode, such as ``labels/direction`` or ``workspace``.
+            cache: Whether to keep the images in memory as well.
+            budget: Most memory to take, [bytes]; half of the machine's by default.
+            seed: For random crops.
+            validated: Whether to refuse episodes in whose fields ``svfl-data validate`` finds an error.
+
+        Raises:
+            UsageError: If a size is not positive.
+            DatasetError: If there are no samples, an episode is unfit for training, episodes differ in what they hold,
+                or the budget is too small.
+            FieldError: If an episode lacks a field.
+            FormatError: If an episode is damaged.
+        """
+        for name, value, least in (
+            ("frames", frames, 1),
+            ("wrench_window", wrench_window, 0),
+            ("action_chunk", action_chunk, 1),
+        ):
+            if value < least:
+                raise UsageError(f"{name} is {value}; it must be at least {least}")
+        self.dataset, self.episodes = dataset, list(dataset.indices if episodes is None else episodes)
+        self.at, self.cameras, self.labels = at, None if cameras is None else list(cameras), list(labels)
+        self.frames, self.wrench_window, self.action_chunk = frames, wrench_window, action_chunk
+        self.intended = intended
+        self.crop, self.crop_at, self.seed = crop, crop_at, seed
+        self.cache = cache
+        self.budget = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2 if budget is None else budget
+        self._load(validated)
+
+    def __len__(self) -> int:
+        return len(self._step)
+
+    def __getitem__(self, index: int) -> Batch:
+        """One sample, without the batch dimension."""
+        position = index + len(self) if index < 0 else index
+        if not 0 <= position < len(self):
+            raise IndexError(f"no sample {index}; there are {len(self)}")
+        return {key: values[0] for key, values in self.batch([position]).items()}
+
+    def __getitems__(self, indices: Sequence[int]) -> list[Batch]:
+        """Many samples, one by one, as PyTorch's loaders ask for them; `batch` gives them as one."""
+        return apart(self.batch(indices), len(indices))
+
+    def batch(self, indices: Sequence[int] | np.ndarray, epoch: int = 0) -> Batch:
+        """Many samples at once.
+
+        Args:
+            indices: Which, shape (B,), each in 0 .. len - 1.
+            epoch: Random crops of another epoch are other crops.
+
+        Returns:
+            Arrays by key, as the class describes; in memory of their own.
+        """
+        chosen = np.asarray(indices, dtype=np.int64)
+        episode = self._episode[chosen]
+        out = {"episode": self._index[episode], "step": self._step[chosen]}
+        for path, values in self._constants.items():
+            out[path] = values[episode]
+        out[PROPRIO] = self._proprio[self._observation[chosen]]
+        if self.wrench_window:
+            rows, out["streams/wrench/padding"] = self._wrench_rows.last(chosen, self.wrench_window)
+            out["streams/wrench/age"] = self._wrench_rows.age[chosen]
+            out[WRENCH] = self._wrench[rows]
+        rows, out["actions/padding"] = self._action_rows(chosen)
+        out[ACTION] = self._action[rows]
+        fraction = draws(self.seed, epoch, chosen) if self.crop_at == "random" else None
+        for camera, seen in self._frame_rows.items():
+            rows, out[f"cameras/{camera}/padding"] = seen.last(chosen, self.frames)
+            out[f"cameras/{camera}/age"] = seen.age[chosen]
+            for path in (f"cameras/{camera}/color", f"cameras/{camera}/depth"):
+                if path in self._images:
+                    height, width = self._sizes[path]
+                    size = (self.crop, self.crop) if self.crop else (height, width)
+                    out[path] = self._images[path].cut(episode, rows, corners(height, width, size, fraction), size)
+        return out
+
+    def _action_rows(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of the actions that follow, shape (B, A), and where there are none any more."""
+        begin, end = (bound[self._episode[chosen], None] for bound in self._actions)
+        rows = begin + self._step[chosen, None] + np.arange(self.action_chunk)
+        padding = rows >= end
+        return np.where(padding, np.where(end > begin, end - 1, 0), rows), padding
+
+    def _load(self, validated: bool = False) -> None:
+        readers = [self.dataset.episode(index) for index in self.episodes]
+        if not readers:
+            raise DatasetError(f"{self.dataset.path}: no episodes to take samples from")
+        if self.cameras is None:
+            self.cameras = readers[0].cameras
+        check_agreement(self.dataset, self.episodes, self.cameras)
+        needed = [TIMES, PROPRIO, ACTION, *([WRENCH, WRENCH_TIMES, TARE] if self.wrench_window else ()), *self.labels]
+        needed += [f"cameras/{camera}/{name}" for camera in self.cameras for name in ("t_ns", "color")]
+        has_depth = [camera for camera in self.cameras if f"cameras/{camera}/depth" in readers[0]]
+        needed += [f"cameras/{camera}/{name}" for camera in has_depth for name in ("depth", "depth_scale")]
+        stored = [{path: reader[path] for path in needed} for reader in progress(readers, "opening episodes")]
+        if self.intended:
+            for of_episode, reader in zip(stored, readers, strict=True):
+                of_episode[ACTION] = reader[INTENDED if INTENDED in reader else ACTION]
+        self._check(stored, readers)
+        if validated:
+            uses = [
+                *(["streams/wrench"] if self.wrench_window else ()),
+                *self.labels,
+                *(f"cameras/{camera}" for camera in self.cameras),
+            ]
+            check_usable(self.dataset, self.episodes, uses)
+
+        arrays = {path: [of_episode[path] for of_episode in stored] for path in needed}
+        images = [path for path in needed if path.endswith(("/color", "/depth"))]
+        self._sizes = {path: stored[0][path].shape[1:3] for path in images}
+        self._images = {path: Frames.of(arrays[path], self.cache) for path in images}
+        values = {path: [_sound(array) for array in arrays[path]] for path in needed if path not in images}
+
+        action_counts = [len(piece) for piece in values[ACTION]]
+        steps = [np.arange(count) if self.at == "each action" else np.array([count]) for count in action_counts]
+        now_ns = [times[step] for times, step in zip(values[TIMES], steps, strict=True)]
+        self._index = np.array(self.episodes, dtype=np.int64)
+        self._episode = np.repeat(np.arange(len(steps)), [len(step) for step in steps])
+        self._step = np.concatenate(steps).astype(np.int64)
+        if not len(self._step):
+            raise DatasetError(f"{self.dataset.path}: the episodes have no steps to take samples from")
+        self._observation = starts([len(times) for times in values[TIMES]])[self._episode] + self._step
+        self._proprio, self._action = join(values[PROPRIO]), join(values[ACTION])
+        first = starts(action_counts)
+        self._actions = first, first + action_counts
+        metas = [reader.meta for reader in readers]
+        self._wrench = np.empty((0, 6), np.float32)
+        if self.wrench_window:
+            raw = zip(values[WRENCH], values[TARE], strict=True)
+            self._wrench = join([(wrench - tare).astype(np.float32) for wrench, tare in raw])
+            clocks = [Clock.of(meta, "streams/wrench") for meta in metas]
+            self._wrench_rows = rows_until(values[WRENCH_TIMES], now_ns, clocks)
+        self._frame_rows = {
+            camera: rows_until(
+                values[f"cameras/{camera}/t_ns"], now_ns, [Clock.of(meta, f"cameras/{camera}") for meta in metas]
+            )
+            for camera in self.cameras
+        }
+        constants = [*self.labels, *(f"cameras/{camera}/depth_scale" for camera in has_depth)]
+        self._constants = {path: np.stack(values[path]) for path in constants}
+
+    def _check(self, stored: list[dict[str, StoredArray]], readers: list[EpisodeReader]) -> None:
+        """Refuse episodes that do not fit together, and more than fits into memory, before anything is read."""
+        for path, array in stored[0].items():
+            rows = 0 if path in self.labels or not array.shape else 1
+            for other in stored[1:]:
+                if other[path].shape[rows:] != array.shape[rows:]:
+                    raise DatasetError(
+                        f"{path} is {array.shape[rows:]} in {array.extent}, but {other[path].shape[rows:]} in "
+                        f"{other[path].extent}; a batch needs equal shapes"
+                    )
+            if self.crop and path.endswith(("/color", "/depth")) and not 1 <= self.crop <= min(array.shape[1:3]):
+                raise UsageError(f"crop is {self.crop} px; {path} has {array.shape[1]} x {array.shape[2]} px")
+        small = images = 0
+        for path, array in ((path, array) for of_episode in stored for path, array in of_episode.items()):
+            size = int(np.prod(array.shape, dtype=np.int64)) * array.dtype.itemsize
+            small, images = (small, images + size) if path.endswith(("/color", "/depth")) else (small + size, images)
+        need = small + (images if self.cache else 0)
+        if need > self.budget:
+            way = "cache=False, " if self.cache else ""
+            raise DatasetError(
+                f"{self.dataset.path}: samples need {need / 1e6:.1f} MB of memory ({images / 1e6:.1f} MB of images), "
+                f"the budget is {self.budget / 1e6:.1f} MB; choose {way}fewer episodes or a larger budget"
+            )
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if not name.startswith("_")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._load()
+
+    def __repr__(self) -> str:
+        size = sum(values.nbytes for values in (self._wrench, self._proprio, self._action))
+        size += sum(images.memory.nbytes for images in self._images.values() if images.memory is not None)
+        return (
+            f"Samples({self.dataset.path}: {len(self)} at {self.at} of {len(self.episodes)} episodes, "
+            f"{self.frames} frames of {', '.join(self.cameras or ['no camera'])}, {self.wrench_window} readings, "
+            f"{self.action_chunk} actions, {size / 1e6:.1f} MB in memory)"
+        )
+
+
+def apart(batch: Mapping[str, Values], count: int) -> list[dict[str, Values]]:
+    """The samples of a batch, each without the batch dimension."""
+    return [{key: values[row] for key, values in batch.items()} for row in range(count)]
+
+
+def _sound(array: StoredArray) -> np.ndarray:
+    """All of an array, if a sample may be cut from it: time runs forwards."""
+    values = array[()]
+    if array.path.endswith("/t_ns") and (np.diff(values) < 0).any():
+        row = int(np.flatnonzero(np.diff(values) < 0)[0]) + 1
+        raise DatasetError(f"{array.extent}: {array.path} runs backwards at row {row}; nothing can be cut causally")
+    return values

@@ -1,0 +1,220 @@
+"""Splits that are the same wherever they are drawn: by sample for one experiment, by episode to be stored.
+
+Steps of one episode are nearly copies of each other. A dataset is therefore only ever split by whole episodes, and the
+split is stored beside them, so that everyone trains and tests on the same ones.
+"""
+
+import hashlib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from svfl_data.datasets.dataset import SPLITS as FOLDER
+from svfl_data.datasets.dataset import Dataset, inner_folder
+from svfl_data.datasets.duplicates import copies, copies_words
+from svfl_data.datasets.index import entries
+from svfl_data.errors import DatasetError, FormatError, StorageError, UsageError
+from svfl_data.schema.episode import canonical_json
+from svfl_data.system.atomic_io import write_atomically
+from svfl_data.system.regular_file import refuse_link
+from svfl_data.system.side_files import Count, Int64, check_format, parse_as, read_side_file
+
+FORMAT = "svfl-split"
+FORMAT_VERSION = "1.0"
+NAME = re.compile(r"[\w-]{1,100}")
+MOST_NAMED = 5
+"""Missing episodes or stored splits that an error names."""
+
+
+class SplitFile(msgspec.Struct):
+    """What the file of a split must say."""
+
+    sha256: str
+    seed: Int64
+    rule: dict[str, Any]
+    parts: dict[str, list[Count]]
+
+
+@dataclass(frozen=True)
+class Split:
+    """Which episodes of a dataset serve which purpose.
+
+    Attributes:
+        name: Its name, and that of its file.
+        seed: With which it was drawn.
+        rule: How it was drawn: the shares asked for, and from how many episodes.
+        parts: Indices of the episodes of each part, ascending; disjoint.
+    """
+
+    name: str
+    seed: int
+    rule: dict[str, Any]
+    parts: dict[str, list[int]]
+
+    def __getitem__(self, part: str) -> list[int]:
+        if part not in self.parts:
+            raise DatasetError(f"split {self.name!r} has no part {part!r}; it has {', '.join(self.parts)}")
+        return self.parts[part]
+
+    @property
+    def sha256(self) -> str:
+        """Hash of which episodes are in which part, in hexadecimal; does not depend on names or on how it was drawn."""
+        return hashlib.sha256(canonical_json(self.parts).encode()).hexdigest()
+
+    def save(self, dataset: Dataset, replace: bool = False) -> Path:
+        """Store it beside the dataset's episodes; returns the file.
+
+        Args:
+            dataset: Where to.
+            replace: Whether it takes the place of another split of this name.
+
+        Raises:
+            DatasetError: If another split of this name is stored already; experiments may rest on it.
+            FormatError: If the file or its folder is a link.
+            StorageError: If the disk refuses.
+        """
+        file = split_file(dataset, self.name)
+        inner_folder(dataset.path, FOLDER)
+        refuse_link(file)
+        content = {"format": FORMAT, "format_version": FORMAT_VERSION, "sha256": self.sha256, **asdict(self)}
+        try:
+            write_atomically(file, (canonical_json(content) + "\n").encode(), replace)
+        except StorageError:
+            if replace or not file.exists():
+                raise  # else it is stored already, perhaps by a process that was first by an instant
+            if load_split(dataset, self.name).sha256 != self.sha256:
+                raise DatasetError(
+                    f"{file} holds another split; choose another name, or replace it (svfl-data split --replace) if "
+                    "nothing that was trained on it shall be tested on it"
+                ) from None
+        return file
+
+
+def split_file(dataset: Dataset, name: str) -> Path:
+    """File of a split, whether or not it exists.
+
+    Raises:
+        UsageError: If the name cannot be one.
+    """
+    if not NAME.fullmatch(name):
+        raise UsageError(f"{name!r} cannot be the name of a split: use letters, digits, - and _")
+    return dataset.path / FOLDER / f"{name}.json"
+
+
+def split_episodes(indices: Sequence[int], shares: Mapping[str, float], seed: int, name: str = "default") -> Split:
+    """Draw which episodes serve which purpose.
+
+    Args:
+        indices: The episodes, in any order.
+        shares: Part to its share of the episodes, such as ``{"train": 0.8, "valid": 0.1, "test": 0.1}``; they sum to at
+            most 1. Each part gets its share rounded down, and what is left over goes, one each, to those that
+            rounding took most from.
+        seed: The same seed and episodes give the same split.
+        name: Its name.
+
+    Raises:
+        UsageError: If the shares are not shares, or the name cannot be one.
+        DatasetError: If there are too few episodes to give one to each part.
+    """
+    total = sum(shares.values())
+    if not shares or min(shares.values()) <= 0 or total > 1 + 1e-9:
+        raise UsageError(f"shares must be positive and sum to at most 1, asked for {dict(shares)}")
+    exact = np.array(list(shares.values())) * len(indices)
+    sizes = np.floor(exact + 1e-9).astype(int)
+    left = round(min(1.0, total) * len(indices)) - sizes.sum()
+    sizes[np.argsort(sizes - exact, kind="stable")[:left]] += 1
+    if (sizes < 1).any():
+        raise DatasetError(f"{len(indices)} episodes are too few to split into {dict(shares)}")
+    shuffled = np.random.default_rng(seed).permutation(np.sort(np.asarray(indices, dtype=np.int64)))
+    ends = np.cumsum(sizes)
+    parts = {
+        part: sorted(shuffled[end - size : end].tolist()) for part, size, end in zip(shares, sizes, ends, strict=True)
+    }
+    return Split(name, seed, {"by": "episode", "shares": dict(shares), "episodes": len(indices)}, parts)
+
+
+def check_no_copies(dataset: Dataset) -> None:
+    """Check that no episode is a copy of another one, which a split could put into another part.
+
+    Raises:
+        DatasetError: If one is.
+    """
+    found = copies((dataset.path / entry.name, entry.content) for entry in entries(dataset) if not entry.error)
+    if found:
+        raise DatasetError(
+            f"the same recording more than once: {copies_words(found)}; in a split one could be trained and the other "
+            f"tested on; svfl-data filter {dataset.path} NEW --once takes the first of each"
+        )
+
+
+def load_split(dataset: Dataset, name: str) -> Split:
+    """A stored split.
+
+    Raises:
+        FormatError: If it is not a split, was edited, or is of another version.
+        DatasetError: If it is not stored, or names episodes that the dataset lacks.
+    """
+    file = split_file(dataset, name)
+    refuse_link(file.parent)
+    try:
+        found = read_side_file(file)
+    except FileNotFoundError as error:
+        stored = sorted(other.stem for other in file.parent.glob("*.json") if NAME.fullmatch(other.stem))
+        raise DatasetError(f"{dataset.path}: no split {name!r}; it has {_named(stored)}") from error
+    check_format(found, FORMAT, FORMAT_VERSION, file, "not a split")
+    whole = parse_as(found, SplitFile, f"{file}: not a whole split")
+    split = Split(name, whole.seed, whole.rule, whole.parts)
+    together = [index for part in split.parts.values() for index in part]
+    if split.sha256 != whole.sha256 or len(set(together)) != len(together):
+        raise FormatError(f"{file}: was edited (its parts do not match its hash)")
+    if missing := sorted(set(together) - set(dataset.indices)):
+        raise DatasetError(
+            f"{file}: the dataset lacks {len(missing)} of its {len(together)} episodes ({_named(missing)}); put them "
+            f"back, or draw it again among those there are: svfl-data split {dataset.path} --name {name} --replace, or "
+            "under another name"
+        )
+    return split
+
+
+def _named(things: Sequence[object]) -> str:
+    """Numbers or names, the first few of them."""
+    more = f" and {len(things) - MOST_NAMED} more" if len(things) > MOST_NAMED else ""
+    return (", ".join(str(one) for one in things[:MOST_NAMED]) or "none") + more
+
+
+def train_test_split(labels: np.ndarray, train: int, test: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Draw a training set that is balanced over the classes, and a test set that does not depend on the seed.
+
+    Args:
+        labels: Class of each sample, shape (S,).
+        train: Samples to train on.
+        test: Samples to test on.
+        seed: Chooses the training samples among those that are not test samples.
+
+    Returns:
+        Indices of the training and of the test samples; disjoint.
+
+    Raises:
+        UsageError: If a size is not positive.
+        DatasetError: If there are not enough samples.
+    """
+    if train < 1 or test < 1:
+        raise UsageError(f"asked for {train} training and {test} test samples; both must be at least 1")
+    if train + test > len(labels):
+        raise DatasetError(
+            f"asked for {train} training and {test} test samples, but the dataset has {len(labels)}; "
+            f"with this test set at most {max(0, len(labels) - test)} can be trained on"
+        )
+    shuffled = np.random.default_rng(0).permutation(len(labels))  # a constant: every run has the same test set
+    test_index, pool = shuffled[:test], np.random.default_rng(seed).permutation(shuffled[test:])
+    turn = np.empty(len(pool), dtype=np.int64)  # how many of its class come before it
+    for label in np.unique(labels):
+        own = labels[pool] == label
+        turn[own] = np.arange(own.sum())
+    balanced = pool[np.argsort(turn, kind="stable")]
+    return balanced[:train], np.sort(test_index)

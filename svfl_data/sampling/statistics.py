@@ -1,0 +1,258 @@
+"""Statistics for scaling inputs: one scale per representation, from the training episodes only, stored with them.
+
+A mean is subtracted from invariants only, and both components of a vector have one scale: anything else would make a
+rotated input look different from a rotated output (`svfl_data.symmetry`). They are gathered in one pass over the
+files, chunk by chunk, and stored beside the split with its hash and that of the episodes they were taken from.
+
+Source of the merging: Chan, Golub, LeVeque, "Algorithms for computing the sample variance", The American Statistician,
+1983, equation 2.1.
+"""
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from svfl_data.checks import check_usable
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.errors import DatasetError, FormatError
+from svfl_data.sampling.split import Split, split_file
+from svfl_data.schema.episode import canonical_json
+from svfl_data.schema.fields import field_at
+from svfl_data.storage.reader import EpisodeReader
+from svfl_data.symmetry import Part
+from svfl_data.system.atomic_io import write_atomically
+from svfl_data.system.printable import printable
+from svfl_data.system.progress import progress
+from svfl_data.system.regular_file import refuse_link
+from svfl_data.system.side_files import check_format, parse_as, read_side_file
+
+FORMAT = "svfl-statistics"
+FORMAT_VERSION = "1.0"
+TRAIN = "train"
+CONSTANT = 1e-6
+"""Below this scale, in SI units, a quantity counts as constant and is not scaled up."""
+
+SUMMARISED = ("observations/proprio", "actions/action", "streams/wrench/wrench", "labels/offset")
+ROWS_AT_ONCE = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """What is kept of rows of C components that have gone by.
+
+    Attributes:
+        count: Rows.
+        mean: Shape (C,), float64.
+        squares: Sum of squared differences from the mean, shape (C,), float64.
+        low: Smallest, shape (C,).
+        high: Largest, shape (C,).
+    """
+
+    count: int
+    mean: np.ndarray
+    squares: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def none(cls, components: int) -> "Moments":
+        """Of no rows."""
+        zero = np.zeros(components)
+        return cls(0, zero, zero, np.full(components, np.inf), np.full(components, -np.inf))
+
+    def and_also(self, values: np.ndarray) -> "Moments":
+        """Of what has gone by and of more values, shape (..., C)."""
+        rows = values.reshape(-1, values.shape[-1]).astype(np.float64)  # (..., C) -> (rows, C)
+        if not len(rows):
+            return self
+        count, mean = self.count + len(rows), rows.mean(axis=0)
+        gap = mean - self.mean
+        return Moments(
+            count,
+            self.mean + gap * (len(rows) / count),
+            self.squares + ((rows - mean) ** 2).sum(axis=0) + gap**2 * (self.count * len(rows) / count),
+            np.minimum(self.low, rows.min(axis=0)),
+            np.maximum(self.high, rows.max(axis=0)),
+        )
+
+    def scaling(self, parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
+        """Mean of invariants (zero for the rest), and root mean square of each part about it.
+
+        Args:
+            parts: The kinds of the C components.
+
+        Returns:
+            Mean and scale, shape (C,), float64, in the units of the values; the scale is 1 for what hardly varies.
+        """
+        mean, scale = np.zeros(len(self.mean)), np.ones(len(self.mean))
+        if self.count:
+            for part in parts:
+                index = list(part.index)
+                if part.kind == "invariant":
+                    mean[index] = self.mean[index]
+                about = self.squares[index] + self.count * (self.mean[index] - mean[index]) ** 2
+                spread = float(np.sqrt(about.sum() / (self.count * len(index))))
+                scale[index] = spread if spread > CONSTANT else 1.0
+        return mean, scale
+
+
+@dataclass(frozen=True)
+class FieldStatistics:
+    """Statistics of one field; lists of one number per component.
+
+    Attributes:
+        unit: Of all numbers below.
+        count: Rows (pixels, for images) they were taken from.
+        mean: To subtract; zero unless the component is invariant.
+        scale: To divide by; one per representation.
+        min: Smallest value.
+        max: Largest value.
+    """
+
+    unit: str
+    count: Annotated[int, msgspec.Meta(ge=0)]
+    mean: list[float]
+    scale: list[Annotated[float, msgspec.Meta(gt=0)]]
+    min: list[float]
+    max: list[float]
+
+
+class StatisticsFile(msgspec.Struct):
+    """What the file of statistics must say."""
+
+    split_sha256: str
+    episodes_sha256: str
+    fields: dict[str, FieldStatistics]
+
+
+def statistics(values: np.ndarray, parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and scale (`Moments.scaling`) of values in memory, shape (..., C)."""
+    return Moments.none(values.shape[-1]).and_also(values).scaling(parts)
+
+
+def compute_statistics(dataset: Dataset, episodes: Sequence[int]) -> dict[str, FieldStatistics]:
+    """Statistics of episodes, in one pass over their files.
+
+    The wrench is tared; the position in proprio is relative to the workspace centre; colour is divided by 255; depth is
+    in metres, without pixels that hold no measurement.
+
+    Args:
+        dataset: Where from.
+        episodes: Which episodes: those of a training part.
+
+    Returns:
+        By field path: proprio, action, wrench, the label's offset if all have it, and the images of each camera that
+        all have.
+
+    Raises:
+        DatasetError: If there are no episodes, or one is unfit for training.
+        FormatError: If one is damaged.
+    """
+    if not episodes:
+        raise DatasetError(f"{dataset.path}: no episodes to take statistics of")
+    check_usable(dataset, episodes)
+    moments: dict[str, Moments] = {}
+    seen: dict[str, int] = {}
+    for index in progress(episodes, "statistics"):
+        reader = dataset.episode(index)
+        for path in _summarised(reader):
+            seen[path] = seen.get(path, 0) + 1
+            for values in _values(reader, path):
+                moments[path] = moments.get(path, Moments.none(values.shape[-1])).and_also(values)
+    return {path: _field_statistics(path, found) for path, found in moments.items() if seen[path] == len(episodes)}
+
+
+def save_statistics(dataset: Dataset, split: Split, found: dict[str, FieldStatistics]) -> Path:
+    """Store the statistics of a split's training part beside it; returns the file.
+
+    Raises:
+        StorageError: If the disk refuses.
+    """
+    file = statistics_file(dataset, split.name)
+    content = {
+        "format": FORMAT,
+        "format_version": FORMAT_VERSION,
+        "split": split.name,
+        "split_sha256": split.sha256,
+        "part": TRAIN,
+        "episodes_sha256": fingerprint(dataset, split[TRAIN]),
+        "fields": {path: asdict(field) for path, field in found.items()},
+    }
+    refuse_link(file.parent)
+    write_atomically(file, (canonical_json(content) + "\n").encode())
+    return file
+
+
+def load_statistics(dataset: Dataset, split: Split) -> dict[str, FieldStatistics]:
+    """Stored statistics, if they are those of this split of these episodes.
+
+    Raises:
+        DatasetError: If there are none, or they belong to another split or to other episodes.
+        FormatError: If they cannot be read.
+    """
+    file = statistics_file(dataset, split.name)
+    refuse_link(file.parent)
+    try:
+        content = read_side_file(file)
+    except FileNotFoundError as error:
+        raise DatasetError(f"{dataset.path}: no statistics of split {split.name!r} yet") from error
+    check_format(content, FORMAT, FORMAT_VERSION, file, "not readable as statistics")
+    found = parse_as(content, StatisticsFile, f"{file}: not readable as statistics")
+    for path, field in found.fields.items():
+        if len({len(field.mean), len(field.scale), len(field.min), len(field.max)}) > 1:
+            raise FormatError(f"{file}: fields.{printable(path, 80)}: its lists have different lengths")
+    if found.split_sha256 != split.sha256:
+        raise DatasetError(f"{file}: statistics of another split of this name; take them again")
+    if found.episodes_sha256 != fingerprint(dataset, split[TRAIN]):
+        raise DatasetError(f"{file}: the training episodes have changed since; take the statistics again")
+    return found.fields
+
+
+def statistics_file(dataset: Dataset, name: str) -> Path:
+    """Where the statistics of a split are stored, whether or not they are."""
+    return split_file(dataset, name).with_suffix(".statistics.json")
+
+
+def fingerprint(dataset: Dataset, episodes: Iterable[int]) -> str:
+    """Hash of the content of episodes, in hexadecimal, from their seals."""
+    digest = hashlib.sha256()
+    for index in episodes:
+        digest.update(f"{index}:{dataset.episode(index).written_seal}\n".encode())
+    return digest.hexdigest()
+
+
+def _summarised(reader: EpisodeReader) -> list[str]:
+    images = [path for path in reader.paths if (field := field_at(path)) and field.image]
+    return [path for path in SUMMARISED if path in reader] + images
+
+
+def _values(reader: EpisodeReader, path: str) -> Iterable[np.ndarray]:
+    """Values of a field in SI units, shape (..., C) each, a few images at a time."""
+    array, leaf = reader[path], path.rpartition("/")[2]
+    if leaf == "color":
+        return (array[row : row + ROWS_AT_ONCE] / np.float32(255) for row in range(0, len(array), ROWS_AT_ONCE))
+    if leaf == "depth":
+        scale = float(reader[f"{path}_scale"][()])
+        blocks = (array[row : row + ROWS_AT_ONCE] for row in range(0, len(array), ROWS_AT_ONCE))
+        return (block[block > 0][:, None] * scale for block in blocks)  # (pixels, 1)
+    values = array[:].astype(np.float64)
+    if path == "streams/wrench/wrench":
+        values = values - reader["streams/wrench/tare"][:]
+    if path == "observations/proprio":
+        values[:, 1:3] -= reader["workspace"][:2].mean(axis=1)
+    return [values]
+
+
+def _field_statistics(path: str, found: Moments) -> FieldStatistics:
+    field = field_at(path)
+    assert field, path
+    parts = field.parts or tuple(Part("invariant", (channel,)) for channel in range(len(found.mean)))
+    mean, scale = found.scaling(parts)
+    unit = {"depth": "m"}.get(field.name, field.unit)
+    low, high = (found.low, found.high) if found.count else (mean, mean)
+    return FieldStatistics(unit, found.count, mean.tolist(), scale.tolist(), low.tolist(), high.tolist())

@@ -1,0 +1,241 @@
+"""The view from straight above, computed from colour and depth of cameras that stand anywhere.
+
+Turning or mirroring the workspace about its centre turns or mirrors this picture, pixel for pixel, as far as the
+cameras have seen the scene. In an oblique picture it does not: there the symmetry of the task is only latent (Wang et
+al., "The surprising effectiveness of equivariant models in domains with latent symmetry", ICLR 2023).
+
+Every pixel of a depth picture is a small patch of a surface. Patches are laid onto the plane, the highest wins
+(surface splatting: Zwicker et al., SIGGRAPH 2001). What no patch covers was hidden from the cameras, or outside their
+pictures, and reads 0. Nothing is invented there.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from svfl_data.errors import UsageError
+
+SIZE = 76  # [px], as the paper's pictures
+EYE_M = 1.0  # [m]; above everything that the arm does over a table, and depth is 1 m minus height
+FARTHEST = 2**16 - 1  # of uint16
+MOST_POINTS = 2 * 10**7
+"""Of one picture, 400 MB while they are drawn; a camera of 640 x 480 px above a table gives 3 * 10^5."""
+
+
+class Picture(Protocol):
+    """Colour and depth of one camera, such as `svfl_data.schema.robot.Frame`.
+
+    Attributes:
+        color: (H, W, 3) uint8 RGB.
+        depth: (H, W) uint16 along the camera's axis, 0 = nothing seen.
+    """
+
+    @property
+    def color(self) -> np.ndarray:
+        """The colours."""
+
+    @property
+    def depth(self) -> np.ndarray:
+        """The depths."""
+
+
+class Optics(Protocol):
+    """What `svfl_data.schema.fields` declares of a camera beside its pictures; an `episode.Camera` has it, and so has
+    `svfl_data.schema.robot.Calibration`.
+    """  # noqa: D205
+
+    @property
+    def intrinsics(self) -> np.ndarray:
+        """Pinhole matrix, (3, 3), [px]."""
+
+    @property
+    def T_base_camera(self) -> np.ndarray:
+        """Pose of the camera in base, (4, 4), [m]."""
+
+    @property
+    def image_axes(self) -> np.ndarray:
+        """Base (x, y) to image (right, up), (2, 2)."""
+
+    @property
+    def depth_scale(self) -> float | np.ndarray:
+        """Metres per unit of depth."""
+
+
+@dataclass(frozen=True, eq=False)
+class TopView:
+    """A camera without perspective that looks straight down at the middle of the workspace.
+
+    Attributes:
+        centre: Middle of the picture, base (x, y), shape (2,), [m].
+        image_axes: Base (x, y) to the picture's (right, up), shape (2, 2): those of the camera that it is made from,
+            so that a vector in image-aligned axes fits both pictures.
+        size: Height and width, [px].
+        extent: Edge of the square that it shows, [m].
+        depth_scale: Metres per unit of depth.
+        eye: Height from which depth is taken, base z, [m]; what is above it is not seen. A low one sees beneath the
+            hand: what the cameras saw there.
+    """
+
+    centre: np.ndarray
+    image_axes: np.ndarray
+    size: int
+    extent: float
+    depth_scale: float
+    eye: float = EYE_M
+
+    def __post_init__(self) -> None:
+        """Check the sizes.
+
+        Raises:
+            UsageError: If size or extent are not positive.
+        """
+        if self.size < 1:
+            raise UsageError(f"size is {self.size} px; a picture has at least 1")
+        if not 0 < self.extent < math.inf:
+            raise UsageError(f"extent is {self.extent:g} m; it must be positive")
+
+    @classmethod
+    def over(
+        cls,
+        workspace: np.ndarray,
+        optics: Optics,
+        size: int = SIZE,
+        extent: float | None = None,
+        eye: float = EYE_M,
+    ) -> "TopView":
+        """The view of a workspace that fits a camera.
+
+        Args:
+            workspace: Bounds of x, y, z in base, shape (3, 2), [m].
+            optics: The camera that gives axes and depth scale.
+            size: Height and width, [px].
+            extent: Edge of the square that it shows, [m]; the wider side of the workspace by default.
+            eye: Height from which depth is taken, base z, [m].
+
+        Raises:
+            UsageError: If size or extent are not positive.
+        """
+        sides = np.asarray(workspace, np.float64)[:2]
+        edge = float(np.ptp(sides, axis=1).max()) if extent is None else extent
+        return cls(sides.mean(axis=1), np.asarray(optics.image_axes), size, edge, float(optics.depth_scale), eye)
+
+    @property
+    def metres_per_pixel(self) -> float:
+        """Edge of a pixel on the table, [m]; everywhere the same."""
+        return self.extent / self.size
+
+    def pixel(self, xy: np.ndarray) -> np.ndarray:
+        """Where base (x, y), shape (..., 2), [m], lies in the picture: (row, column), the first pixel's centre at 0."""
+        right_up = (np.asarray(xy) - self.centre) @ self.image_axes.T / self.metres_per_pixel
+        return right_up[..., ::-1] * [-1.0, 1.0] + (self.size - 1) / 2
+
+    def height_m(self, depth: np.ndarray) -> np.ndarray:
+        """Base z of what the picture's depth shows, [m]; NaN where it shows nothing."""
+        return np.where(depth > 0, self.eye - depth * self.depth_scale, np.nan)
+
+    def draw(self, pictures: Sequence[tuple[Picture, Optics]]) -> tuple[np.ndarray, np.ndarray]:
+        """See from above what one or several cameras saw at one moment.
+
+        Args:
+            pictures: What each saw, and its optics.
+
+        Returns:
+            Colour (size, size, 3) uint8, black where nothing was seen, and depth (size, size) uint16 in units of
+            `depth_scale`, 0 where nothing was seen.
+        """
+        patches = [self._patches(picture, optics) for picture, optics in pictures]
+        places, colors = (np.concatenate(part, axis=1) for part in zip(*patches, strict=True))
+        return self.splat(places, colors)
+
+    def splat(self, places: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Draw points; in each pixel the mean of those that lie at most its own width below the highest.
+
+        All sums are of integers, so neither the order of the points nor the turn of the scene changes a bit of them.
+
+        Args:
+            places: Right and up of the middle of the picture and down from the eye, shape (3, P), [m].
+            colors: Their colours, shape (3, P), uint8.
+
+        Returns:
+            Colour and depth, as `draw`.
+        """
+        size, outside = self.size, self.size**2
+        right, up, down = places
+        column = np.floor(right / self.metres_per_pixel + size / 2)
+        row = np.floor(size / 2 - up / self.metres_per_pixel)
+        units = np.rint(down / self.depth_scale)
+        inside = (np.minimum(column, row) >= 0) & (np.maximum(column, row) < size) & (units > 0) & (units <= FARTHEST)
+        pixel = np.where(inside, row * size + column, outside).astype(np.intp)
+        nearest = np.full(outside + 1, FARTHEST, units.dtype)
+        np.minimum.at(nearest, pixel, units)
+        nearest[outside] = -np.inf
+        top = np.flatnonzero(units <= nearest[pixel] + round(self.metres_per_pixel / self.depth_scale))
+        pixel = pixel[top]
+        sums = [np.bincount(pixel, values[top], outside) for values in (units, *colors)]
+        means = np.rint(sums / np.maximum(np.bincount(pixel, minlength=outside), 1)).reshape(4, size, size)
+        return np.ascontiguousarray(means[1:].transpose(1, 2, 0), np.uint8), means[0].astype(np.uint16)
+
+    def _patches(self, picture: Picture, optics: Optics) -> tuple[np.ndarray, np.ndarray]:
+        """The surface that one camera saw, as points no farther apart than this view's pixels, as `splat` takes it."""
+        depth, color = np.asarray(picture.depth), np.asarray(picture.color)
+        points = self._points(depth, optics)
+        count = self._fineness(optics)
+        reach = count * self.metres_per_pixel
+        seen = depth > 0
+        chosen = np.flatnonzero(seen & (np.abs(points[:2]) <= 0.5 * self.extent + reach).all(axis=0))
+        if len(chosen) * count**2 > MOST_POINTS:
+            raise UsageError(
+                f"a view from above of {self.size} px needs {len(chosen) * count**2:.1g} points of a camera as coarse "
+                f"as this, possible are {MOST_POINTS:.1g}; choose a smaller size or a larger extent"
+            )
+        colors = color.reshape(-1, 3)[chosen].T
+        places = points.reshape(3, -1)[:, chosen]
+        if count > 1 and len(chosen):
+            offsets = ((np.arange(count) - 0.5 * (count - 1)) / count).astype(np.float32)
+            down, across = (self._towards(points, seen, axis, chosen, offsets, reach) for axis in (0, 1))
+            places = (places[:, None, None] + down[:, :, None] + across[:, None]).reshape(3, -1)
+            colors = np.tile(colors, count**2)
+        return places, colors
+
+    def _points(self, depth: np.ndarray, optics: Optics) -> np.ndarray:
+        """Each pixel's point: right and up of the middle of this view and down from its eye, (3, H, W), [m]."""
+        axes = np.zeros((3, 3))
+        axes[:2, :2], axes[2, 2] = self.image_axes, -1.0
+        K, T = np.asarray(optics.intrinsics), np.asarray(optics.T_base_camera)
+        to_view = (axes @ T[:3, :3] @ np.linalg.inv(K))[..., None, None]
+        rows, columns = np.arange(depth.shape[0])[:, None], np.arange(depth.shape[1])
+        rays = columns * to_view[:, 0] + rows * to_view[:, 1] + to_view[:, 2]
+        start = axes @ (T[:3, 3] - [*self.centre, self.eye])
+        return (start[:, None, None] + rays * (depth * float(optics.depth_scale))).astype(np.float32)
+
+    def _fineness(self, optics: Optics) -> int:
+        """Into how many points a camera's pixel is divided along each side, so that their spacing on the table is at
+        most a pixel of this view. A pixel at distance r and seen from height h covers at most r / f by r / f * r / h.
+        """  # noqa: D205
+        x, y, h = np.asarray(optics.T_base_camera)[:3, 3]
+        corners = self.extent / 2 * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) @ self.image_axes + self.centre
+        r = np.sqrt(((corners - [x, y]) ** 2).sum(axis=1).max() + h**2)
+        focal = min(optics.intrinsics[0, 0], optics.intrinsics[1, 1])
+        return max(1, math.ceil(r / focal * r / max(h, 0.2 * r) / self.metres_per_pixel))
+
+    @staticmethod
+    def _towards(
+        points: np.ndarray, seen: np.ndarray, axis: int, chosen: np.ndarray, offsets: np.ndarray, reach: float
+    ) -> np.ndarray:
+        """How far the surface at chosen pixels goes on along one axis of the picture, (3, offsets, P), [m].
+
+        Towards a neighbour that belongs to the same surface, because it is no farther away in space than `reach`:
+        straight at it. Away from an edge of a surface: as on its other side. A pixel without neighbours is a point.
+        """
+        low, high = (np.s_[..., :-1, :], np.s_[..., 1:, :]) if axis == 0 else (np.s_[..., :-1], np.s_[..., 1:])
+        steps = points[high] - points[low]
+        joined = seen[high] & seen[low] & ((steps**2).sum(axis=0) <= reach**2)
+        steps *= joined
+        ahead, behind = np.zeros_like(points), np.zeros_like(points)
+        ahead[low], behind[high] = steps, steps
+        ahead, behind = ahead.reshape(3, -1)[:, chosen], behind.reshape(3, -1)[:, chosen]
+        ahead, behind = np.where(ahead.any(axis=0), ahead, behind), np.where(behind.any(axis=0), behind, ahead)
+        return np.stack([offset * (ahead if offset > 0 else behind) for offset in offsets], axis=1)

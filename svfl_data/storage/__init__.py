@@ -1,0 +1,1 @@
+"""The sealed episode file: how one is written, examined, judged and read."""

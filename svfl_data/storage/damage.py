@@ -1,0 +1,41 @@
+"""Which arrays of a damaged episode file cannot be read any more.
+
+The seal says that a file is damaged, not where. HDF5 knows more; it is asked in a process of its own, as for every
+file.
+"""
+
+import os
+from pathlib import Path
+
+from svfl_data.errors import SvflError
+from svfl_data.schema.fields import CAMERA, FIELDS
+from svfl_data.storage.examination import Unanswered, ask
+from svfl_data.storage.seal import SEAL_MARK, SEAL_SIZE
+from svfl_data.system.printable import printable
+from svfl_data.system.regular_file import open_regular
+
+
+def damaged_arrays(path: Path) -> list[str]:
+    """Ask HDF5 which arrays of a file it cannot read.
+
+    Args:
+        path: An episode file that does not match its seal, or has none.
+
+    Returns:
+        Dataset paths of arrays that cannot be read or that are gone, as far as HDF5 gets; empty if the damage is
+        elsewhere (in metadata), or so bad that HDF5 does not return.
+    """
+    expected = [field.path for field in FIELDS if not field.optional and CAMERA not in field.path]
+    try:
+        descriptor = open_regular(path)
+    except (OSError, SvflError):
+        return []
+    try:
+        size = os.fstat(descriptor).st_size
+        sealed = os.pread(descriptor, SEAL_SIZE, max(0, size - SEAL_SIZE)).startswith(SEAL_MARK)
+        question = {"offset": 0, "size": size - SEAL_SIZE if sealed else size, "expected": expected}
+        return [printable(line) for line in ask(descriptor, question).decode(errors="replace").splitlines()]
+    except (OSError, Unanswered):
+        return []
+    finally:
+        os.close(descriptor)

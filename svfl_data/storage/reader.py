@@ -1,0 +1,198 @@
+"""Lazy reading of one episode: shapes at once, numbers only when asked for.
+
+An episode is judged when it is first opened (`svfl_data.storage.header`); from then on its bytes are read by `pread` at
+known places (`svfl_data.storage.chunks`), and refused if the file has changed meanwhile. A reader holds no open file:
+it can be copied, pickled, and carried through a fork. Reading a whole episode compares its bytes with its seal, once in
+each process; reading rows relies on the file being the one, unchanged, whose seal was compared before.
+"""
+
+import functools
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from svfl_data.errors import FieldError, FormatError
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.fields import EXTRA, camera_names, field_at
+from svfl_data.storage.chunks import Extent, pread
+from svfl_data.storage.damage import damaged_arrays
+from svfl_data.storage.header import Header, header, unsealed_header
+from svfl_data.storage.metadata import parse_meta
+from svfl_data.storage.seal import SEAL_MARK, SEAL_SIZE
+from svfl_data.storage.stored_array import StoredArray as StoredArray  # for those who read
+from svfl_data.system.printable import printable
+
+
+@dataclass(frozen=True)
+class EpisodeReader:
+    """An episode on disk; nothing is read before it is asked for, as in ``reader["streams/wrench/wrench"][-64:]``.
+
+    Attributes:
+        extent: Where it lies.
+    """
+
+    extent: Extent
+
+    @classmethod
+    def of_file(cls, file: Path | str) -> "EpisodeReader":
+        """The episode of a file that the user names, be it by a link.
+
+        Raises:
+            FormatError: If there is no such file.
+        """
+        return cls(_named(Path(file)))
+
+    @property
+    def seal(self) -> str:
+        """SHA-256 of the episode's content, in hexadecimal: equal for equal episodes."""
+        return header(self.extent).seal
+
+    @property
+    def written_seal(self) -> str:
+        """The seal as it stands in the file, read without checking it.
+
+        Raises:
+            FormatError: If the episode has none.
+        """
+        descriptor = self.extent.open()
+        try:
+            tail = pread(self.extent, descriptor, SEAL_SIZE, self.extent.size - SEAL_SIZE)
+        finally:
+            os.close(descriptor)
+        if not tail.startswith(SEAL_MARK):
+            raise FormatError(f"{self.extent}: not a sealed episode")
+        return tail[len(SEAL_MARK) : -1].decode(errors="replace")
+
+    @property
+    def format_version(self) -> str:
+        """Version of the format it was written in."""
+        return str(header(self.extent).attributes["format_version"])
+
+    @functools.cached_property
+    def meta(self) -> Meta:
+        """What the episode is about."""
+        return parse_meta(header(self.extent).attributes, self.extent)
+
+    @property
+    def paths(self) -> list[str]:
+        """Dataset paths of its arrays."""
+        return list(header(self.extent).placements)
+
+    @property
+    def cameras(self) -> list[str]:
+        """Names of the cameras, sorted."""
+        return camera_names(self.paths)
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first to the last observation, [s]."""
+        t_ns = self["observations/t_ns"][:]
+        return float(t_ns[-1] - t_ns[0]) / 1e9
+
+    @property
+    def rates(self) -> dict[str, float]:
+        """Mean rate of every stream and camera with at least two rows, [Hz], by the path of its timestamps."""
+        rates = {}
+        for path in self.paths:
+            if path.endswith("/t_ns") and not path.startswith(EXTRA) and len(self[path]) > 1:
+                t_ns = self[path][:]
+                rates[path] = (len(t_ns) - 1) * 1e9 / max(1, int(t_ns[-1] - t_ns[0]))
+        return rates
+
+    def load(self, images: bool = True) -> Episode:
+        """The whole episode in memory, its bytes compared with its seal.
+
+        Args:
+            images: Whether images and the user's own arrays are in memory too. Else they are `StoredArray` objects,
+                which give rows when indexed and cannot be read any more once the file has changed: enough to check an
+                episode or to copy it, in little memory, whatever its images expand to.
+
+        Raises:
+            FieldError: If a field does not fit its declaration.
+            FormatError: If the file has changed or cannot be read.
+        """
+        return _loaded(self.extent, header(self.extent, hashed=True), images)
+
+    def __getitem__(self, path: str) -> StoredArray:
+        placements = header(self.extent).placements
+        if path not in placements:
+            raise FieldError(f"{self.extent}: recorded without {path}; it has {', '.join(placements)}")
+        return StoredArray(path, self.extent, placements[path])
+
+    def __contains__(self, path: object) -> bool:
+        return path in header(self.extent).placements
+
+    def __len__(self) -> int:
+        return self["actions/action"].shape[0]
+
+    def table(self) -> str:
+        """Every array in one line: type, shape, unit, and mean rate if it has a clock."""
+        rates, lines = self.rates, []
+        for path in self.paths:
+            array = self[path]
+            unit = f" [{array.unit}]" if array.unit != "-" else ""
+            clock = path.rpartition("/")[0] + "/t_ns"
+            same = clock in rates and array.shape[:1] == self[clock].shape
+            rate = f" at {rates[clock]:.1f} Hz" if same else ""
+            lines.append(printable(f"  {path} {array.dtype} {array.shape}{unit}{rate}"))
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        head = f"Episode {self.meta.index} of {self.meta.task}: {len(self)} steps, {self.seconds:.2f} s, {self.extent}"
+        return f"{printable(head)}\n{self.table()}"
+
+
+def read_episode(path: Path | str, images: bool = True) -> Episode:
+    """Read a whole episode.
+
+    Args:
+        path: An episode file.
+        images: See `EpisodeReader.load`.
+
+    Returns:
+        The episode, every array checked against its declaration.
+
+    Raises:
+        FormatError: If the file is missing, truncated, damaged, not an episode, or of an unknown version.
+        FieldError: If a field is missing or does not fit its declaration.
+    """
+    return EpisodeReader.of_file(path).load(images)
+
+
+def read_unsealed(path: Path) -> Episode:
+    """Read an episode file that lost its seal to other software.
+
+    Little protects from damage here: what HDF5 can read may still be other numbers than were written.
+
+    Raises:
+        FormatError: If it is not a readable episode.
+        FieldError: If a field is missing or does not fit its declaration.
+    """
+    extent = Extent.of_file(path)
+    if damaged := damaged_arrays(path):
+        raise FormatError(f"{path}: damaged, {', '.join(damaged)} cannot be read")
+    return _loaded(extent, unsealed_header(extent), images=True)
+
+
+def _named(file: Path) -> Extent:
+    """The whole of a file that the user names, be it by a link."""
+    if file.is_dir():
+        raise FormatError(f"{file}: is a folder, not an episode file")
+    if not file.exists():
+        raise FormatError(f"{file}: no such file")
+    return Extent.of_file(file.resolve() if file.is_symlink() else file)
+
+
+def _loaded(extent: Extent, found: Header, images: bool) -> Episode:
+    stored = {path: StoredArray(path, extent, placement) for path, placement in found.placements.items()}
+    arrays: dict[str, Any] = {  # a `StoredArray` gives rows as an array does
+        path: array if not images and _may_be_large(path) else array[()] for path, array in stored.items()
+    }
+    return Episode(parse_meta(found.attributes, extent), arrays, name=str(extent))
+
+
+def _may_be_large(path: str) -> bool:
+    """Whether the size of an array is bounded with that of all only (`svfl_data.storage.admission`)."""
+    field = field_at(path)
+    return field is None or field.image

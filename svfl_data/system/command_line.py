@@ -1,0 +1,180 @@
+"""What the three commands share: one-line errors, exit codes and ``--help`` with an example."""
+
+import argparse
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any, NoReturn
+
+from svfl_data.errors import SvflError
+from svfl_data.system import standard_streams
+from svfl_data.system.extras import OURS, needs
+from svfl_data.system.library_caches import confine_caches
+from svfl_data.system.printable import LONGEST_LINE, printable
+from svfl_data.system.refused import refusal
+
+SIGNALLED = 128  # plus the signal: exit code of a command that one has ended, the shell's convention
+
+
+class Parser(argparse.ArgumentParser):
+    """Argument parser whose mistakes are one line with exit code 2, and whose help ends with examples."""
+
+    def __init__(self, *, example: str = "", **kwargs: Any) -> None:  # noqa: ANN401 - passed on to argparse
+        if example:
+            kwargs["epilog"] = "example:\n" + "\n".join(f"  {line}" for line in example.splitlines())
+        super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
+
+    def _print_message(self, message: str, file: Any = None) -> None:  # noqa: ANN401 - as argparse declares it
+        """Print help or a mistake; unlike argparse's own, not in silence if it cannot be written."""
+        if message:
+            (file or sys.stderr).write(message)
+
+    def error(self, message: str) -> NoReturn:
+        """Print the mistake and where help is, and exit with 2."""
+        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
+Commands = argparse._SubParsersAction  # what `add_subparsers` returns; argparse has no public name
+"""The verbs of a command."""
+
+
+def positive(text: str) -> int:
+    """Argument type: an integer of at least 1."""
+    return _integer(text, 1)
+
+
+def natural(text: str) -> int:
+    """Argument type: an integer of at least 0."""
+    return _integer(text, 0)
+
+
+def _integer(text: str, least: int) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        value = least - 1
+    if value < least:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an integer of at least {least}")
+    return value
+
+
+def main(root: Parser, words: list[str] | None = None) -> int:
+    """Do what a command line asks for.
+
+    Args:
+        root: The program's command line. Its verbs set `command`, the function to call, and their name is in `verb`.
+        words: The command line; None for that of this process.
+
+    Returns:
+        Exit code; see `run`.
+
+    Raises:
+        SystemExit: After ``--help``, and with code 2 after a mistake in the command line.
+    """
+    return run(lambda: _called(root, words), root.prog)
+
+
+def _called(root: Parser, words: list[str] | None) -> None:
+    arguments = root.parse_args(words)
+    verb = vars(arguments).pop("verb")
+    confine_caches()
+    try:
+        arguments.command(arguments)
+    except ModuleNotFoundError as error:
+        if not error.name or error.name.partition(".")[0] in OURS:
+            raise
+        raise SvflError(f"{verb} {needs(error.name)}") from error
+    except ImportError as error:  # a library that lacks one of its own, or was built for another machine
+        raise SvflError(f"{verb} cannot load a library: {error}") from error
+
+
+def run(command: Callable[[], None], program: str) -> int:
+    """Run a command and turn the user's mistakes, and what the system refuses, into one line.
+
+    Args:
+        command: The work to do.
+        program: Name to put before the message.
+
+    Returns:
+        Exit code: 0, the error's own code, or 128 and the signal's number after Ctrl-C, SIGTERM or SIGHUP.
+    """
+    standard_streams.prepare()
+    try:
+        with _ended_by_signals():
+            command()
+    except SvflError as error:
+        return _failed(program, str(error), error.exit_code)
+    except KeyboardInterrupt as interrupt:
+        _failed(program, "interrupted; everything finished so far is on disk")
+        return SIGNALLED + (interrupt.number if isinstance(interrupt, Ended) else signal.SIGINT)
+    except OSError as error:
+        code = _flushed(program)
+        if isinstance(error, BrokenPipeError) and standard_streams.is_reader_gone():
+            return 0
+        return _failed(program, refusal(error)) if code is None else code
+    except MemoryError as error:
+        return _failed(program, f"not enough memory: {str(error) or 'end other programs, or ask for less at a time'}")
+    except UnicodeEncodeError as error:
+        return _failed(program, f"no {error.encoding} text, such as the name of a file to be renamed: {error.object}")
+    except SystemExit:  # argparse has printed help or a mistake
+        if code := _flushed(program):
+            return code
+        raise
+    return _flushed(program) or 0
+
+
+def _flushed(program: str) -> int | None:
+    """None if all output has been written, else the exit code."""
+    error = standard_streams.flush_output()
+    if error is None:
+        return None
+    if isinstance(error, BrokenPipeError):  # the reader of our output, such as `head`, has gone
+        return 0
+    return _failed(program, refusal(error, "standard output"))
+
+
+def _failed(program: str, message: str, code: int = 1) -> int:
+    standard_streams.complain(f"{program}: {printable(message, LONGEST_LINE)}")
+    return code
+
+
+class Ended(KeyboardInterrupt):
+    """SIGTERM or SIGHUP asks for the end; wherever Ctrl-C leaves things in order, so does this.
+
+    Attributes:
+        number: Of the signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Treat SIGTERM and SIGHUP as Ctrl-C is: workers, servers and open files come to their end with the command.
+
+    A signal that is ignored (nohup) or has a handler already stays as it is, and a forked child is ended as usual.
+    """
+    own, signals = os.getpid(), (signal.SIGTERM, signal.SIGHUP)
+
+    def end(number: int, _: FrameType | None) -> None:
+        if os.getpid() != own:
+            signal.signal(number, signal.SIG_DFL)
+            os.kill(os.getpid(), number)
+        raise Ended(number)
+
+    usual = [number for number in signals if signal.getsignal(number) == signal.SIG_DFL]
+    if threading.current_thread() is not threading.main_thread():
+        usual = []  # only the main thread may say what a signal does
+    for number in usual:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in usual:
+            signal.signal(number, signal.SIG_DFL)

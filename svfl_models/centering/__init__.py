@@ -1,0 +1,1 @@
+"""Block centering: data, classifier, training, evaluation and report."""

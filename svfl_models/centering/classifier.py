@@ -1,0 +1,97 @@
+"""Block centering: from image and wrench window to where the hand must move."""
+
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from svfl_data.errors import TrainingError
+from svfl_data.sampling.centering_samples import CenteringSamples
+from svfl_models.centering.config import TARGETS
+from svfl_models.centering.data import Crops
+from svfl_models.centering.latent_trunk import LatentTrunk
+from svfl_models.networks.heads import OffsetHead
+from svfl_models.networks.inputs import ENCODERS, IMAGE_SIZES, INPUTS
+from svfl_models.networks.layer_factory import Layers, kit
+from svfl_models.networks.presets import PRESETS
+from svfl_models.networks.visual_force import Batch, VisualForceEncoder
+from svfl_models.symmetry.groups import GROUPS, group_named
+
+LATENT_INPUTS = "vfp"
+
+
+class CenteringClassifier(nn.Module):
+    """Encoders, fusion, and scores of the four directions, or the offset itself.
+
+    Args:
+        encoder: ``v`` (image), ``f`` (wrench window) or ``vf`` (both).
+        group: Symmetry group, one of `groups.GROUPS`; ``none`` builds the plain twin.
+        preset: Sizes, one of `presets.PRESETS`.
+        target: ``direction`` (scores of four classes) or ``offset`` (where the block's centre is, in metres).
+        image_size: Height and width of the images, one of `config.IMAGE_SIZES`, [px].
+        window: Readings T per wrench window.
+        torque: ``axial``, or the paper's ``polar`` (see `representations.wrench_parts`).
+        latent_network: Arguments of a `LatentTrunk` to build on instead. It looks at ``vfp``, has no symmetry, and
+            decides on its sizes itself.
+
+    Raises:
+        TrainingError: If an argument is not one of its possible values.
+    """
+
+    def __init__(
+        self,
+        encoder: str = "vf",
+        group: str = "D4",
+        preset: str = "default",
+        target: str = "direction",
+        image_size: int = 64,
+        window: int = 64,
+        torque: str = "axial",
+        latent_network: dict[str, Any] | None = None,
+    ) -> None:
+        super().__init__()
+        _check("encoder", encoder, (LATENT_INPUTS,) if latent_network else ENCODERS)
+        _check("preset", preset, tuple(PRESETS))
+        _check("target", target, TARGETS)
+        _check("image size", image_size, IMAGE_SIZES)
+        self.group, self.target = group_named(group), target
+        layers: Layers = kit(self.group)
+        self.trunk: VisualForceEncoder | LatentTrunk
+        if latent_network:
+            _check("group of a latent encoder", group, ("none",))
+            _check("image size of a latent encoder", image_size, (LatentTrunk.image_size,))
+            _check("window of a latent encoder", window, (LatentTrunk.window,))
+            self.trunk = LatentTrunk(**latent_network)
+            hidden = layers.hidden(self.trunk.width)
+        else:
+            widths = PRESETS[preset]["cnn" if self.group == GROUPS["none"] else "svfl"]
+            self.trunk = VisualForceEncoder(layers, widths, encoder, image_size, window, torque)
+            hidden = layers.hidden(widths.latent)
+        self.head = layers.scores(hidden) if target == "direction" else OffsetHead(layers, hidden)
+
+    def fit(self, samples: CenteringSamples) -> None:
+        """Take the statistics of training samples: scales of the inputs, and of offsets where they are the output.
+
+        A latent encoder's inputs have their scales from the pretraining; its features get theirs here.
+        """
+        if isinstance(self.trunk, LatentTrunk):
+            self.trunk.fit(Crops(samples, INPUTS[LATENT_INPUTS], self.trunk.image_size)[list(range(len(samples)))])
+        else:
+            self.trunk.normalization.fit(image=samples.image if samples.image.size else None, wrench=samples.wrench)
+        if isinstance(self.head, OffsetHead):
+            self.head.fit(torch.from_numpy(samples.offset))
+
+    def forward(self, batch: Batch) -> Tensor:
+        """Scores of the directions (B, 4), order of `svfl_data.symmetry.DIRECTIONS`; or offsets (B, 2), [m].
+
+        Both in image-aligned axes.
+
+        Raises:
+            TrainingError: If an input is missing or has a shape that the network was not built for.
+        """
+        return self.head(self.trunk(batch))
+
+
+def _check(what: str, value: object, possible: tuple[object, ...]) -> None:
+    if value not in possible:
+        raise TrainingError(f"unknown {what} {value!r}; possible: {', '.join(map(str, possible))}")

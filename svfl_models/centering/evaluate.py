@@ -1,0 +1,85 @@
+"""How good a trained network is on samples, and on which ones it errs."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from svfl_data.sampling.centering_samples import CenteringSamples
+from svfl_data.symmetry import border_distance
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.centering.data import Crops, in_order
+from svfl_models.centering.module import CenteringModule, directions
+from svfl_models.networks.inputs import INPUTS
+from svfl_models.training.writing import write_rows
+
+COLUMNS = ("samples", "episode", "direction", "predicted", "border_deg", "offset_x", "offset_y", "guess_x", "guess_y")
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """Predictions beside the truth.
+
+    Attributes:
+        samples: What was judged.
+        predicted: Direction classes, shape (S,).
+        guess: Predicted offsets, shape (S, 2), [m]; None if the network scores directions.
+    """
+
+    samples: CenteringSamples
+    predicted: np.ndarray
+    guess: np.ndarray | None
+
+    @property
+    def accuracy(self) -> float:
+        """Share of directions that are right, 0..1."""
+        return float(np.mean(self.predicted == self.samples.direction))
+
+    @property
+    def confusion(self) -> np.ndarray:
+        """Counts by true (row) and predicted (column) direction, shape (4, 4)."""
+        counts = np.zeros((4, 4), dtype=int)
+        np.add.at(counts, (self.samples.direction, self.predicted), 1)
+        return counts
+
+    @property
+    def offset_error_mm(self) -> float | None:
+        """Mean distance between predicted and true offset, [mm]."""
+        if self.guess is None:
+            return None
+        return float(1000 * np.linalg.norm(self.guess - self.samples.offset, axis=1).mean())
+
+    @property
+    def border_deg(self) -> np.ndarray:
+        """Angle between each true offset and the nearest border of two classes, shape (S,), [deg]."""
+        return np.rad2deg(border_distance(self.samples.offset))
+
+
+@torch.no_grad()
+def judge(module: CenteringModule, samples: CenteringSamples, config: TrainingConfig) -> Judgement:
+    """Let a network predict, in eval mode, from centre crops."""
+    module.eval()
+    crops = Crops(samples, INPUTS[config.encoder], config.image_size)
+    on_device = (module.transfer_batch_to_device(batch, module.device, 0) for batch in in_order(crops))
+    output = torch.cat([module(batch).cpu() for batch in on_device])
+    guess = output.numpy() if output.shape[-1] == 2 else None
+    return Judgement(samples, directions(output).numpy(), guess)
+
+
+def write_predictions(judged: dict[str, Judgement], path: Path) -> None:
+    """One row per sample, as CSV; lengths in [m]."""
+    rows: list[Iterable[object]] = [COLUMNS]
+    for name, one in judged.items():
+        guesses = [("", "")] * len(one.predicted) if one.guess is None else [_metres(guess) for guess in one.guess]
+        for row in range(len(one.predicted)):
+            truth = one.samples
+            border = f"{one.border_deg[row]:.2f}"
+            who = (name, truth.episode[row], truth.direction[row], one.predicted[row], border)
+            rows.append([*who, *_metres(truth.offset[row]), *guesses[row]])
+    write_rows(path, rows)
+
+
+def _metres(vector: np.ndarray) -> tuple[str, str]:
+    return f"{vector[0]:.5f}", f"{vector[1]:.5f}"

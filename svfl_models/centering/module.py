@@ -1,0 +1,106 @@
+"""The training step of block centering."""
+
+from typing import Any
+
+import lightning.pytorch as pl
+import torch
+from lightning.pytorch.utilities.types import OptimizerLRScheduler
+from torch import Tensor
+from torch.nn import functional
+
+from svfl_data.errors import TrainingError
+from svfl_models.centering.classifier import CenteringClassifier
+from svfl_models.networks.heads import OffsetHead
+from svfl_models.networks.visual_force import Batch
+
+FORMAT = "svfl-centering"
+FORMAT_VERSION = "1.0"
+
+
+class CenteringModule(pl.LightningModule):
+    """Loss and Adam around a `CenteringClassifier` (Kohler et al., CoRL 2023, appendix: cross-entropy, rate 1e-3).
+
+    For offsets the loss is the squared error in units of the training offsets' root mean square. A checkpoint holds the
+    configuration and the normalisation with the weights; `checkpoint.load_centering` opens it.
+
+    Args:
+        network: Arguments of `CenteringClassifier`.
+        learning_rate: Of Adam, at the start.
+        epochs: Over which the learning rate falls to zero along a cosine (Loshchilov & Hutter, ICLR 2017, one cycle).
+        training: The rest of the training's configuration, plain values, kept for whoever opens the checkpoint.
+        trunk_rate: Learning rate of the trunk at the start, if it is another; with 0 its weights stay as they are.
+    """
+
+    def __init__(
+        self,
+        network: dict[str, Any],
+        learning_rate: float = 1e-3,
+        epochs: int = 500,
+        training: dict[str, Any] | None = None,
+        trunk_rate: float | None = None,
+    ) -> None:
+        super().__init__()
+        self.save_hyperparameters()
+        self.classifier = CenteringClassifier(**network)
+        self.learning_rate, self.epochs, self.trunk_rate = learning_rate, epochs, trunk_rate
+        if self.frozen:
+            self.classifier.trunk.requires_grad_(False)
+
+    @property
+    def frozen(self) -> bool:
+        """Whether only the head learns."""
+        return self.trunk_rate == 0
+
+    def forward(self, batch: Batch) -> Tensor:
+        """Scores of the four directions, shape (B, 4), or offsets, shape (B, 2), [m]."""
+        return self.classifier(batch)
+
+    def training_step(self, batch: Batch, batch_index: int) -> Tensor:
+        """Loss of a batch."""
+        return self._loss(batch, "train")
+
+    def validation_step(self, batch: Batch, batch_index: int) -> None:
+        """Loss and accuracy on the test samples."""
+        self._loss(batch, "test")
+
+    def configure_optimizers(self) -> OptimizerLRScheduler:
+        """Adam, slower with every epoch."""
+        learning: Any = [parameter for parameter in self.parameters() if parameter.requires_grad]
+        if self.trunk_rate:
+            head, trunk = self.classifier.head.parameters(), self.classifier.trunk.parameters()
+            learning = [{"params": head}, {"params": trunk, "lr": self.trunk_rate}]
+        adam = torch.optim.Adam(learning, lr=self.learning_rate)
+        return [adam], [torch.optim.lr_scheduler.CosineAnnealingLR(adam, self.epochs)]
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Say what kind of file this is."""
+        checkpoint["svfl"] = {"format": FORMAT, "format_version": FORMAT_VERSION}
+
+    def _loss(self, batch: Batch, stage: str) -> Tensor:
+        output, direction = self(batch), batch["direction"]
+        head = self.classifier.head
+        if isinstance(head, OffsetHead):
+            loss = functional.mse_loss(output / head.scale, batch["offset"] / head.scale)
+        else:
+            loss = functional.cross_entropy(output, direction)
+        if not torch.isfinite(loss):
+            for name, values in batch.items():
+                if not torch.isfinite(values).all():
+                    raise TrainingError(
+                        f"{name} in a {stage} batch of epoch {self.current_epoch} holds NaN or infinity"
+                    )
+            raise TrainingError(
+                f"the {stage} loss became {loss.item()} in epoch {self.current_epoch}: the training diverged; "
+                f"try a smaller learning rate than {self.learning_rate}"
+            )
+        correct = (directions(output) == direction).float().mean()
+        of_epoch: dict[str, Any] = {"on_step": False, "on_epoch": True, "batch_size": len(direction)}
+        self.log_dict({f"{stage}_loss": loss, f"{stage}_accuracy": correct}, **of_epoch)
+        return loss
+
+
+def directions(output: Tensor) -> Tensor:
+    """Direction classes of scores (B, 4) or of offsets (B, 2), shape (B,)."""
+    if output.shape[-1] == 4:
+        return output.argmax(dim=-1)
+    return (torch.atan2(output[..., 1], output[..., 0]) / (torch.pi / 2)).round().long() % 4

@@ -1,0 +1,178 @@
+"""What a training run leaves for people: two pictures, a page and the numbers."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from svfl_data.symmetry import DIRECTIONS
+from svfl_data.system.printable import markdown
+from svfl_models.centering.config import Latent, TrainingConfig
+from svfl_models.centering.paper_figures import centering_figure, centering_words
+from svfl_models.training import run_folder
+from svfl_models.training.progress import History
+from svfl_models.training.writing import write_figure, write_json, write_text
+
+NAMES = {
+    "v": "V", "f": "F", "vf": "V+F", "vfp": "V+F+P", "svfl": "SVFL", "cnn": "CNN",
+    "vtt": "VTT", "poe": "PoE", "concat": "concat",
+    "frozen": "frozen", "tuned": "fine-tuned", "scratch": "from scratch",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Result:
+    """Outcome of a training run.
+
+    Attributes:
+        test_accuracy: Of the final weights, 0..1. Not chosen by its own value, hence the headline.
+        best_test_accuracy: Highest of all epochs, 0..1: a maximum over noisy measurements, and so optimistic.
+        fresh_accuracy: On the samples of another dataset, 0..1, if there was one.
+        offset_error_mm: Mean distance of predicted and true offset on the test samples, [mm]; None if the network
+            predicts directions.
+        epochs: Epochs trained.
+        seconds: Time of the training, without imports and loading.
+        parameters: Learned numbers of the network.
+        train_samples: Per class, in the order of `DIRECTIONS`.
+        confusion: Test samples by true (row) and predicted (column) direction.
+    """
+
+    test_accuracy: float
+    best_test_accuracy: float
+    fresh_accuracy: float | None
+    offset_error_mm: float | None
+    epochs: int
+    seconds: float
+    parameters: int
+    train_samples: list[int]
+    confusion: list[list[int]]
+
+
+def cell_name(config: TrainingConfig) -> str:
+    """Name of a run's cell in the paper's table, e.g. ``V+F SVFL, 100 training samples``."""
+    group = "" if config.group in ("D4", "none") else f" ({config.group})"
+    network = latent_name(config.latent) if config.latent else f"{NAMES[config.model]}{group}"
+    return f"{NAMES[config.encoder]} {network}, {config.train_samples} training samples"
+
+
+def latent_name(latent: Latent) -> str:
+    """Name of a pretrained encoder in its use, e.g. ``PoE fine-tuned``."""
+    return f"{NAMES[latent.model]} {NAMES[latent.use]}"
+
+
+def pretraining(latent: Latent) -> str:
+    """What a checkpoint was trained on, in words."""
+    return f"{latent.steps:,} steps on {markdown(latent.data)}, preset {markdown(latent.preset)}"
+
+
+def write_report(out: Path, config: TrainingConfig, result: Result, history: History) -> None:
+    """Write pictures, page and numbers into the run's folder."""
+    plot_history(history, out / run_folder.LEARNING_CURVE, cell_name(config))
+    plot_confusion(np.array(result.confusion), out / run_folder.CONFUSION, cell_name(config))
+    write_text(out / run_folder.REPORT, page(config, result))
+    figure = centering_figure(config.encoder, config.model, config.train_samples)
+    numbers = {"config": config.plain(), "result": asdict(result), "paper_accuracy_percent": figure}
+    write_json(out / run_folder.RESULT, numbers)
+
+
+def page(config: TrainingConfig, result: Result) -> str:
+    """The run in Markdown."""
+    paper = centering_words(config.encoder, config.model, config.train_samples)
+    settings = "\n".join(f"| {name} | {markdown(value)} |" for name, value in _settings(config).items())
+    return f"""# Block centering: {cell_name(config)}
+
+| | accuracy |
+| --- | --- |
+| **{config.test_samples} test samples, final weights** | **{result.test_accuracy:.1%}** |
+| the same, best epoch | {result.best_test_accuracy:.1%} |
+{_fresh(result)}| paper, same cell, simulation, 3 seeds | {paper} |
+
+{_stopping(config)} The best epoch is chosen on the test samples and is optimistic; the headline is the accuracy of
+the weights that the training ended with. The paper's data are not published: its figure is of the same task, not of
+the same samples.
+
+{_latent(config)}{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training on \
+{_classes(result)}.
+{_offsets(result)}
+
+![learning curve]({run_folder.LEARNING_CURVE})
+![confusion matrix]({run_folder.CONFUSION})
+
+| setting | value |
+| --- | --- |
+{settings}
+"""
+
+
+def _settings(config: TrainingConfig) -> dict[str, Any]:
+    plain = config.plain()
+    latent = plain.pop("latent", {})
+    return plain | {f"latent {name}": value for name, value in latent.items()}
+
+
+def _latent(config: TrainingConfig) -> str:
+    if config.latent is None:
+        return ""
+    checkpoint = f"{markdown(config.latent.checkpoint)} (SHA-256 {config.latent.sha256[:12]})"
+    if config.latent.use == "scratch":
+        return (
+            f"The encoder has the architecture and input scales of {checkpoint}, but random weights to begin with.\n\n"
+        )
+    kept = "stays as it was" if config.latent.use == "frozen" else "goes on learning"
+    return f"The encoder is that of {checkpoint}, pretrained {pretraining(config.latent)}; it {kept}.\n\n"
+
+
+def _fresh(result: Result) -> str:
+    return "" if result.fresh_accuracy is None else f"| samples of another dataset | {result.fresh_accuracy:.1%} |\n"
+
+
+def _offsets(result: Result) -> str:
+    if result.offset_error_mm is None:
+        return ""
+    return f"Predicted offsets are {result.offset_error_mm:.1f} mm off on average; the direction is read off them.\n"
+
+
+def _stopping(config: TrainingConfig) -> str:
+    if not config.patience:
+        return f"The training lasted {config.epochs} epochs, whatever the test accuracy."
+    return (
+        f"The training stopped when the test accuracy had not improved for {config.patience} epochs, as in the paper, "
+        f"or at {config.epochs}."
+    )
+
+
+def _classes(result: Result) -> str:
+    return ", ".join(f"{count} {name}" for name, count in zip(DIRECTIONS, result.train_samples, strict=True))
+
+
+def plot_history(history: History, path: Path, title: str) -> None:
+    """Loss and accuracy of training and test over the epochs, as PNG."""
+    figure = Figure(figsize=(9, 3.4), layout="constrained")
+    axes = figure.subplots(1, 2)
+    for stage, color in (("train", "tab:blue"), ("test", "tab:orange")):
+        rows = [row for row in history if f"{stage}_loss" in row]
+        epoch = [row["epoch"] + 1 for row in rows]
+        axes[0].plot(epoch, [row[f"{stage}_loss"] for row in rows], color=color, label=stage)
+        axes[1].plot(epoch, [100 * row[f"{stage}_accuracy"] for row in rows], color=color, label=stage)
+    axes[0].set(xlabel="epoch", ylabel="cross-entropy", yscale="log")
+    axes[1].set(xlabel="epoch", ylabel="accuracy, %", ylim=(0, 102))
+    axes[1].legend(loc="lower right")
+    figure.suptitle(title)
+    write_figure(figure, path, dpi=120)
+
+
+def plot_confusion(confusion: np.ndarray, path: Path, title: str) -> None:
+    """Counts of true against predicted direction, as PNG."""
+    figure = Figure(figsize=(4.4, 4.2), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(confusion, cmap="Blues", vmin=0)
+    for (row, column), count in np.ndenumerate(confusion):
+        color = "white" if count > confusion.max() / 2 else "black"
+        axes.text(column, row, str(count), ha="center", va="center", color=color)
+    axes.set(xlabel="predicted", ylabel="true", xticks=range(4), yticks=range(4))
+    axes.set_xticklabels(DIRECTIONS)
+    axes.set_yticklabels(DIRECTIONS)
+    axes.set_title(title, fontsize=10)
+    write_figure(figure, path, dpi=120)

@@ -1,0 +1,124 @@
+"""Train a block-centering classifier: load, split, fit, test, report."""
+
+import time
+from functools import lru_cache
+from pathlib import Path
+
+import lightning.pytorch as pl
+import numpy as np
+import torch
+from lightning.pytorch.callbacks import EarlyStopping
+from rich.console import Console
+
+from svfl_data.sampling.centering_samples import CenteringSamples, View, load_centering
+from svfl_data.sampling.split import train_test_split
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.centering.data import CenteringData, check_samples
+from svfl_models.centering.evaluate import judge, write_predictions
+from svfl_models.centering.module import CenteringModule
+from svfl_models.centering.pretrained import module_of
+from svfl_models.centering.report import Result, write_report
+from svfl_models.centering.sensor_noise import with_noise
+from svfl_models.networks.inputs import INPUTS
+from svfl_models.networks.presets import THREADS
+from svfl_models.training import run_folder
+from svfl_models.training.progress import MetricsFile, ProgressLine
+from svfl_models.training.trainer import parameter_count, run, storage_errors
+
+TEST_EVERY = 10
+"""Epochs between two looks at the test samples where nothing hangs on them: a look takes longer than an epoch."""
+
+
+def train_centering(
+    config: TrainingConfig, out: Path, fresh: Path | str | None = None, console: Console | None = None
+) -> Result:
+    """Train and test one network; the same configuration gives the same result on the same machine.
+
+    Adam, cross-entropy and batches are the paper's (Kohler et al., CoRL 2023, appendix). Unlike there, images are
+    augmented and a training lasts `config.epochs` epochs, whatever the test accuracy (docs/decisions.md).
+
+    Args:
+        config: What to train, on what.
+        out: Folder for checkpoint, metrics, predictions, pictures and report.
+        fresh: Dataset folder whose samples are all tested too; nothing is chosen by them.
+        console: Where progress goes; standard output by default.
+
+    Returns:
+        The outcome, as it is also written to ``result.json``.
+
+    Raises:
+        SvflError: If the data, the configuration or the folder cannot serve, or the training diverges; then
+            ``checkpoint.ckpt`` holds the last epoch with a finite loss.
+        KeyboardInterrupt: If the user stopped the training; the last whole epoch is in ``checkpoint.ckpt``.
+    """
+    torch.set_num_threads(min(torch.get_num_threads(), THREADS.get(config.preset, 1)))
+    samples = samples_of(config.data, config)
+    train_index, test_index = train_test_split(
+        samples.direction, train=config.train_samples, test=config.test_samples, seed=config.seed
+    )
+    train, test = samples.take(train_index), samples.take(test_index)
+    data = CenteringData(train, test, config)
+    others = {"test": test} | ({} if fresh is None else {"fresh": samples_of(fresh, config)})
+
+    pl.seed_everything(config.seed, verbose=False)
+    module = module_of(config)
+    module.classifier.fit(train)
+
+    with run_folder.held(out):
+        run_folder.claim(out, config.plain())
+        metrics = MetricsFile(out / run_folder.METRICS)
+        start = time.monotonic()
+        if module.frozen:
+            data.encode(module.classifier.trunk)
+        with storage_errors(out):
+            fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console())])
+        seconds = time.monotonic() - start
+
+        judged = {name: judge(module, some, config) for name, some in others.items()}
+        result = Result(
+            test_accuracy=judged["test"].accuracy,
+            best_test_accuracy=max(row["test_accuracy"] for row in metrics.rows if "test_accuracy" in row),
+            fresh_accuracy=judged["fresh"].accuracy if "fresh" in judged else None,
+            offset_error_mm=judged["test"].offset_error_mm,
+            epochs=len(metrics.rows),
+            seconds=round(seconds, 1),
+            parameters=parameter_count(module),
+            train_samples=np.bincount(train.direction, minlength=4).tolist(),
+            confusion=judged["test"].confusion.tolist(),
+        )
+        with storage_errors(out):
+            write_predictions(judged, out / run_folder.PREDICTIONS)
+            write_report(out, config, result, metrics.rows)
+    return result
+
+
+def samples_of(path: Path | str, config: TrainingConfig) -> CenteringSamples:
+    """The samples of a dataset, of the kind that a configuration asks for.
+
+    Raises:
+        SvflError: If they cannot serve.
+    """
+    samples = with_noise(_load(str(path), config.window, config.view, INPUTS[config.encoder]), config.noise)
+    check_samples(samples, config)
+    return samples
+
+
+@lru_cache(maxsize=4)  # a table of many runs reads its datasets once
+def _load(path: str, window: int, view: View, inputs: tuple[str, ...]) -> CenteringSamples:
+    return load_centering(path, window, view, inputs)
+
+
+def fit(
+    module: CenteringModule, data: CenteringData, config: TrainingConfig, out: Path, callbacks: list[pl.Callback]
+) -> None:
+    """Train with the paper's stopping rule.
+
+    Raises:
+        KeyboardInterrupt: If the user stopped it.
+    """
+    stop = [EarlyStopping(monitor="test_accuracy", mode="max", patience=config.patience)] if config.patience else []
+    every = 1 if config.patience or config.epochs < TEST_EVERY else TEST_EVERY
+    run(
+        module, data, out, [*callbacks, *stop], each_epoch=False,
+        max_epochs=config.epochs, check_val_every_n_epoch=every,
+    )  # fmt: skip

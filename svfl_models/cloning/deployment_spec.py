@@ -1,0 +1,180 @@
+"""Where and how demonstrations were made: what a policy that learned from them must know to act."""
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.errors import DatasetError, TrainingError
+from svfl_data.schema.action_bounds import MAX_MOVE_M, MAX_TURN_RAD, ActionBounds
+from svfl_data.storage.reader import EpisodeReader
+from svfl_data.system.printable import printable
+from svfl_models.cloning.hand_view import projection
+from svfl_models.networks.squashed_gaussian import SCALE
+
+UNEVEN, OTHER_RATE = 1.1, 1.5
+"""Factor between the steps of two episodes that is worth a line, and that is another control rate."""
+BLIND_SIDE = 76
+"""Pixels of the picture that a policy without eyes is handed and does not look at: the simulation's."""
+LARGEST_SIDE = 4096
+"""Most pixels along a side of a camera's image, [px]."""
+
+
+@dataclass(frozen=True)
+class Workplace:
+    """What all demonstrations have in common; plain values, kept in the checkpoint.
+
+    Attributes:
+        task: Name of the task.
+        camera: Name of the camera; empty if the policy does not see.
+        image_axes: Base (x, y) to image (right, up), 2 x 2.
+        projection: Base point to pixel of the camera, 3 x 4 (`hand_view.projection`).
+        centre: Of the workspace, base (x, y), [m].
+        table: Height of the table, base z, [m]: the lower bound of the workspace.
+        image_side: Height and width of the camera's images, [px].
+        depth_scale: Metres per unit of depth, [m].
+        step_ms: Time between two actions, [ms].
+        switch: Whether the gripper was only ever commanded to open or to shut.
+        max_move: Largest dx, dy, dz of an action, [m].
+        max_turn: Largest dtheta, [rad].
+    """
+
+    task: str
+    camera: str = ""
+    image_axes: list[list[float]] = field(default_factory=lambda: np.eye(2).tolist())
+    projection: list[list[float]] = field(default_factory=lambda: np.eye(3, 4).tolist())
+    centre: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    table: float = 0.0
+    image_side: int = BLIND_SIDE
+    depth_scale: float = 1e-4
+    step_ms: float = 0.0
+    switch: bool = False
+    max_move: float = MAX_MOVE_M
+    max_turn: float = MAX_TURN_RAD
+
+    def __post_init__(self) -> None:
+        shapes = {"image_axes": (2, 2), "projection": (3, 4), "centre": (2,)}
+        for name in (
+            "image_axes",
+            "projection",
+            "centre",
+            "table",
+            "image_side",
+            "depth_scale",
+            "step_ms",
+            "max_move",
+            "max_turn",
+        ):
+            values = np.asarray(getattr(self, name), dtype=np.float64)
+            if values.shape != shapes.get(name, ()) or not np.isfinite(values).all():
+                raise TrainingError(f"{name} of a workplace cannot be {printable(getattr(self, name), 60)}")
+        if self.image_side not in range(1, LARGEST_SIDE + 1) or not self.depth_scale > 0:
+            raise TrainingError(f"a camera of {self.image_side} px and {self.depth_scale} m per unit of depth is none")
+        if not (self.max_move > 0 and self.max_turn > 0):
+            raise TrainingError(f"actions of at most {self.max_move} m and {self.max_turn} rad are none")
+
+    def plain(self) -> dict[str, Any]:
+        """As a dictionary of plain values, for files."""
+        return asdict(self)
+
+    @property
+    def unit(self) -> np.ndarray:
+        """What the network's bounds, the paper's, are multiplied by to be these, (5,)."""
+        return np.array([1.0, *3 * [self.max_move / SCALE[1]], self.max_turn / SCALE[4]], dtype=np.float32)
+
+    @property
+    def bounds(self) -> ActionBounds:
+        """Of an action."""
+        return ActionBounds(self.max_move, self.max_turn)
+
+
+def workplace_of(
+    dataset: Dataset, episodes: Sequence[int], camera: str | None = None, encoder: str = "vfp"
+) -> Workplace:
+    """What demonstrations have in common, as far as a policy depends on it.
+
+    A policy without eyes needs no camera: its vectors stay in base axes, and what a file must know of pictures is
+    made up.
+
+    Args:
+        dataset: Where they lie.
+        episodes: Which; at least one.
+        camera: Whose images to use; the first one's (in alphabetical order) by default.
+        encoder: What the policy looks at, one of `cloning.config.ENCODERS`.
+
+    Raises:
+        DatasetError: If they differ in what a policy cannot tell apart: task, camera, workspace, rate of control,
+            bounds of actions.
+        FieldError: If an episode lacks a field.
+    """
+    found = [(index, _of_episode(dataset.episode(index), camera, encoder)) for index in episodes]
+    if not found:
+        raise DatasetError(f"{dataset.path}: no episodes to learn from")
+    (first, common), *others = found
+    for index, other in others:
+        for name, here in other.plain().items():
+            there = common.plain()[name]
+            if name not in ("switch", "step_ms") and here != there:
+                raise DatasetError(
+                    f"{dataset.path}: episode {index} has {name} {here}, episode {first} has {there}; "
+                    "one policy learns from demonstrations of one task, camera, workspace and kind of action"
+                )
+    step_ms = _period({index: one.step_ms for index, one in found if one.step_ms}, dataset)
+    return replace(common, step_ms=step_ms, switch=all(one.switch for _, one in found))
+
+
+def _of_episode(reader: EpisodeReader, camera: str | None, encoder: str) -> Workplace:
+    bounds = ActionBounds.of(reader.meta.config)
+    seen = _seen(reader, camera, encoder) if "v" in encoder else {}
+    return replace(
+        Workplace(task=reader.meta.task, max_move=bounds.move, max_turn=bounds.turn),
+        **seen,
+        centre=np.round(reader["workspace"][:2].mean(axis=1), 9).tolist() if "p" in encoder else [0.0, 0.0],
+        step_ms=float(np.median(np.diff(reader["observations/t_ns"][:])) / 1e6) if len(reader) else 0.0,
+        switch=bool(np.isin(reader["actions/action"][:][:, 0], (0, 1)).all()),
+    )
+
+
+def _seen(reader: EpisodeReader, camera: str | None, encoder: str) -> dict[str, Any]:
+    """What a policy with eyes depends on."""
+    if not reader.cameras:
+        raise DatasetError(f"{reader.extent}: recorded without a camera, which encoder {encoder} looks through")
+    name = camera or reader.cameras[0]
+    height, width = reader[f"cameras/{name}/depth"].shape[1:]
+    if height != width:
+        raise DatasetError(f"{reader.extent}: images of {name} are {height} x {width} px; needed: square ones")
+    return {
+        "camera": name,
+        "image_axes": np.round(reader[f"cameras/{name}/image_axes"][:], 9).tolist(),
+        "projection": np.round(_projection(reader, name), 6).tolist(),
+        "table": round(float(reader["workspace"][:][2, 0]), 9),
+        "image_side": int(height),
+        "depth_scale": float(reader[f"cameras/{name}/depth_scale"][()]),
+    }
+
+
+def _projection(reader: EpisodeReader, camera: str) -> np.ndarray:
+    return projection(*(reader[f"cameras/{camera}/{name}"][:] for name in ("intrinsics", "T_base_camera")))
+
+
+def _period(step_ms: Mapping[int, float], dataset: Dataset) -> float:
+    """The usual time of a step, [ms], of the median times in each episode; 0 if there are no steps."""
+    if not step_ms:
+        return 0.0
+    (slow, longest), (quick, shortest) = (pick(step_ms.items(), key=lambda item: item[1]) for pick in (max, min))
+    usual = float(np.median(list(step_ms.values())))
+    if longest > OTHER_RATE * shortest:
+        raise DatasetError(
+            f"{dataset.path}: episode {slow} has step_ms {longest:.1f}, episode {quick} has {shortest:.1f}; one policy "
+            "learns from demonstrations of one control rate: an action is a displacement per step"
+        )
+    if longest > UNEVEN * shortest:
+        print(
+            f"{dataset.path}: steps last {shortest:.1f} to {longest:.1f} ms in different episodes. A policy is told no "
+            f"times and learns the same from them; call it every {usual:.0f} ms, as most demonstrations were made",
+            file=sys.stderr,
+        )
+    return usual

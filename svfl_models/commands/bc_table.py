@@ -1,0 +1,96 @@
+"""``svfl-train bc-table``: SVFL and CNN cloned on several tasks, and how often they succeed."""
+
+import argparse
+import shlex
+from pathlib import Path
+
+from svfl_data.system.command_line import Commands, positive
+from svfl_data.system.printable import say
+from svfl_models.cloning.config import ENCODERS, VIEWS, CloningConfig
+from svfl_models.networks.presets import PRESETS
+
+EXAMPLE = """\
+svfl-train bc-table --data data/shoved/block_picking data/shoved/block_pushing data/shoved/drawer_closing --workers 2
+svfl-train bc-table --data data/shoved/block_picking --episodes 10 25 50 --seeds 1 --trials 50 --out out/bc_curve"""
+DEFAULT = CloningConfig(data="")
+RECIPE = ("encoder", "view", "preset", "epochs")
+"""Options that become part of every policy's configuration."""
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "bc-table", help="behaviour cloning on several tasks: SVFL against CNN, success and learning curves",
+        example=EXAMPLE,
+        description="Clone and try many policies. What has finished is kept; the same command goes on after Ctrl-C, "
+        "trainings after their last whole epoch. One that fails is named at the end, after all others.",
+    )  # fmt: skip
+    add = verb.add_argument
+    add("--data", type=Path, nargs="+", required=True, metavar="FOLDER", help="datasets of demonstrations")
+    add("--episodes", type=positive, nargs="+", default=[DEFAULT.episodes], metavar="N",
+        help="demonstrations to learn from (default: 50)")  # fmt: skip
+    add("--seeds", type=positive, default=3, metavar="N", help="0 to N-1 (default: %(default)s)")
+    add("--trials", type=positive, default=100, metavar="N", help="episodes to try each policy in (default: 100)")
+    add("--encoder", choices=ENCODERS, default=DEFAULT.encoder, help="default: %(default)s")
+    add("--view", choices=VIEWS, default=DEFAULT.view, help="default: %(default)s")
+    add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset, help="default: %(default)s")
+    add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N",
+        help="of the most demonstrations; fewer get more, for as many steps (default: %(default)s)")  # fmt: skip
+    add("--workers", type=positive, default=1, metavar="N", help="policies at a time (default: %(default)s)")
+    add("--out", type=Path, default=Path("out/bc_table"), metavar="FOLDER", help="default: %(default)s")
+    add("--docs", type=Path, metavar="FOLDER", help="copy page, figures and figures of the runs there too")
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Do the table, or what is left of it, and print its page.
+
+    Raises:
+        TrainingError: If the folder holds something else, or at the end if policies failed.
+        SvflError: If there is no such dataset, or the disk refuses.
+        KeyboardInterrupt: If the user stopped it; what is finished is kept, and on the page.
+    """
+    from rich.console import Console
+
+    from svfl_data.datasets.dataset import Dataset
+    from svfl_models.experiments import (
+        cloning_table,  # torch, lightning and escnn take seconds to import
+        cloning_table_page,  # torch, lightning and escnn take seconds to import
+    )
+    from svfl_models.experiments.runs.folder import held
+    from svfl_models.experiments.runs.grid import Grid
+    from svfl_models.training.trainer import storage_errors
+    from svfl_models.training.writing import copy_file
+
+    out, base = arguments.out, CloningConfig("", **{option: getattr(arguments, option) for option in RECIPE})
+    episodes, data = sorted(set(arguments.episodes)), list(map(str, arguments.data))
+    runs = cloning_table.runs(base, data, episodes, arguments.seeds, arguments.trials, out)
+    jobs = {run.folder.name: run for run in runs}
+    grid = Grid(out, jobs)
+    for folder in {jobs[name].config.data for name in grid.unfinished()}:
+        Dataset.open(folder)  # a misspelt one is said before anything begins
+    with held(out):
+        try:
+            grid.run(arguments.workers, Console(stderr=True))
+        finally:
+            with storage_errors(out):
+                words, files = cloning_table_page.write(cloning_table_page.Table(runs), _command_line(arguments), out)
+        if arguments.docs:
+            with storage_errors(arguments.docs):
+                arguments.docs.mkdir(parents=True, exist_ok=True)
+                for file in files:
+                    copy_file(file, arguments.docs / (file.name if file.name != "runs.csv" else "bc_table.csv"))
+    say(*words.split("\n"), *files)
+    grid.raise_failures()
+
+
+def _command_line(arguments: argparse.Namespace) -> str:
+    """The command that gives the same numbers."""
+    words = ["svfl-train", "bc-table", "--data", *map(str, arguments.data)]
+    if arguments.episodes != [DEFAULT.episodes]:
+        words += ["--episodes", *map(str, arguments.episodes)]
+    words += ["--seeds", str(arguments.seeds), "--trials", str(arguments.trials)]
+    for option in RECIPE:
+        if getattr(arguments, option) != getattr(DEFAULT, option):
+            words += [f"--{option}", str(getattr(arguments, option))]
+    return shlex.join(words)

@@ -1,0 +1,106 @@
+"""``svfl-train centering``: train one block-centering network."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from svfl_data.errors import UsageError
+from svfl_data.sampling.centering_samples import VIEWS
+from svfl_data.system.command_line import Commands, natural, positive
+from svfl_data.system.printable import say
+from svfl_models.centering.config import MODELS, TARGETS, USES, Latent, TrainingConfig
+from svfl_models.commands.options import DEFAULT, add_data, add_recipe, group_of, positive_number
+from svfl_models.networks.inputs import ENCODERS, IMAGE_SIZES
+from svfl_models.symmetry.groups import GROUPS, TORQUES
+
+EXAMPLE = """\
+svfl-train centering --data data/centering --encoder vf --model svfl --train-samples 100 --seed 0 --out out/centering
+svfl-train centering --data data/centering --encoder f --model cnn --train-samples 10
+svfl-train centering --data data/centering --encoder vf --group D8 --target offset
+svfl-train centering --data data/centering --latent out/latent_poe/checkpoint.ckpt --use frozen"""
+OF_OWN_ENCODERS = {
+    "encoder": None, "model": None, "group": None,
+    "preset": DEFAULT.preset, "torque": DEFAULT.torque, "image_size": DEFAULT.image_size,
+}  # fmt: skip
+"""Options that mean nothing where a latent encoder is used, and what they are if nobody asks."""
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "centering", help="block centering: which way, or how far, must the hand move?", example=EXAMPLE,
+        description="Train and test one block-centering network; the same command gives the same result.",
+    )  # fmt: skip
+    add_data(verb)
+    add = verb.add_argument
+    add("--encoder", choices=ENCODERS, help=f"image, force, or both (default: {DEFAULT.encoder})")
+    add("--model", choices=MODELS, help="svfl: symmetric (default); cnn: its plain twin, the same as --group none")
+    add("--group", choices=tuple(GROUPS), help=f"symmetry of the network (default: {DEFAULT.group})")
+    add("--train-samples", type=positive, default=DEFAULT.train_samples, metavar="N", help="default: %(default)s")
+    add("--seed", type=natural, default=DEFAULT.seed, metavar="S", help="default: %(default)s")
+    add("--target", choices=TARGETS, default=DEFAULT.target, help="what to predict (default: %(default)s)")
+    add("--torque", choices=TORQUES, default=DEFAULT.torque, help="how a torque transforms (default: %(default)s)")
+    add("--view", choices=VIEWS, default=DEFAULT.view, help="images as taken, or from above (default: %(default)s)")
+    add("--image-size", type=int, choices=IMAGE_SIZES, default=DEFAULT.image_size, help="[px] (default: %(default)s)")
+    add("--latent", type=Path, metavar="CHECKPOINT", help="build on an encoder that svfl-train latent has pretrained")
+    add("--use", choices=USES,
+        help="what learns: the head alone (images keep their colours), the encoder too (tuned, default), or all of "
+        "it from random weights, for comparison")  # fmt: skip
+    add("--latent-rate", type=positive_number, default=Latent.learning_rate, metavar="R",
+        help="learning rate of the pretrained encoder (default: %(default)s)")  # fmt: skip
+    add("--rotate", action="store_true", help="turn and mirror the training samples at random")
+    add_recipe(verb)
+    add("--out", type=Path, metavar="FOLDER", help="default: out/centering_ENCODER_GROUP_N_seedS")
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Train one network and print its result beside the paper's."""
+    options = vars(arguments) | {"data": str(arguments.data)} | _network(arguments)
+    out, fresh = options.pop("out"), options.pop("fresh")
+    for name in ("command", "model", "use", "latent_rate"):
+        del options[name]
+    config = TrainingConfig(**options)
+    if out is None:
+        network = config.latent or f"{config.encoder}_{config.group}"
+        out = Path("out") / f"centering_{network}_{config.train_samples}_seed{config.seed}"
+
+    from svfl_models.centering import (
+        paper_figures,  # torch, lightning and escnn take seconds to import
+        report,  # torch, lightning and escnn take seconds to import
+        train,  # torch, lightning and escnn take seconds to import
+    )
+    from svfl_models.training import run_folder  # torch, lightning and escnn take seconds to import
+
+    result = train.train_centering(config, out, fresh)
+    figure = paper_figures.centering_words(config.encoder, config.model, config.train_samples)
+    say(f"{report.cell_name(config)}: test accuracy {result.test_accuracy:.1%} (paper: {figure})")
+    if result.fresh_accuracy is not None:
+        say(f"on the samples of {fresh}: {result.fresh_accuracy:.1%}")
+    if result.offset_error_mm is not None:
+        say(f"predicted offsets are {result.offset_error_mm:.1f} mm off on average")
+    say(f"{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training")
+    say(f"data        {config.data}")
+    say(f"checkpoint  {out / run_folder.CHECKPOINT}")
+    say(f"report      {out / run_folder.REPORT}")
+
+
+def _network(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The settings of a configuration that say which network.
+
+    Raises:
+        UsageError: If options contradict each other.
+        FormatError: If there is no such pretraining.
+    """
+    if arguments.latent is None:
+        if arguments.use:
+            raise UsageError("--use says what to do with a pretrained encoder; name its checkpoint with --latent")
+        return {"encoder": arguments.encoder or DEFAULT.encoder, "group": group_of(arguments)}
+    given = [name for name, usual in OF_OWN_ENCODERS.items() if getattr(arguments, name) != usual]
+    if given:
+        raise UsageError(f"--latent brings its own encoder; leave out --{given[0].replace('_', '-')}")
+
+    from svfl_models.centering import pretrained  # torch takes seconds to import
+
+    latent = pretrained.describe(arguments.latent, arguments.use or Latent.use, arguments.latent_rate)
+    return pretrained.settings(latent, arguments.augment)

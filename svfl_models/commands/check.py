@@ -1,0 +1,64 @@
+"""``svfl-train check``: how symmetric a trained network is on real episodes."""
+
+import argparse
+from pathlib import Path
+
+from svfl_data.system.command_line import Commands, positive
+from svfl_data.system.printable import say
+from svfl_models.symmetry.groups import GROUPS
+
+EXAMPLE = """\
+svfl-train check out/centering/checkpoint.ckpt --data data/centering
+svfl-train check out/centering/checkpoint.ckpt --data data/centering --group D8 --precision bf16"""
+SAMPLES = 100
+PRECISIONS = ("32", "64", "bf16")
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "check", help="how symmetric a trained network is on real episodes", example=EXAMPLE,
+        description="Rotate and mirror real episodes and compare what the network says with what it should say. Ends "
+        "with 1 if a symmetric network errs by more than rounding where pixels move onto pixels.",
+    )  # fmt: skip
+    add = verb.add_argument
+    add("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train centering")
+    add("--data", type=Path, required=True, help="dataset folder written by svfl-collect centering")
+    add("--group", choices=tuple(name for name in GROUPS if name != "none"),
+        help="elements to try (default: the network's own; D4 for a network without symmetry)")  # fmt: skip
+    add("--samples", type=positive, default=SAMPLES, metavar="N", help="episodes to use (default: %(default)s)")
+    add("--precision", choices=PRECISIONS, default=PRECISIONS[0], help="of the arithmetic (default: %(default)s)")
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Print a row per group element."""
+    import numpy as np
+    from rich.console import Console
+    from rich.table import Table
+
+    from svfl_models.centering import (
+        check,  # torch, lightning and escnn take seconds to import
+        checkpoint,  # torch, lightning and escnn take seconds to import
+        compatibility,  # torch, lightning and escnn take seconds to import
+        train,  # torch, lightning and escnn take seconds to import
+    )
+
+    module = checkpoint.load_centering(arguments.checkpoint)
+    config = checkpoint.configuration(module, arguments.data)
+    samples = train.samples_of(arguments.data, config)
+    samples = samples.take(np.arange(min(arguments.samples, len(samples))))
+    normalization = module.classifier.trunk.normalization
+    compatibility.expect_fit(normalization, samples, config.encoder, arguments.checkpoint, arguments.data)
+    group = GROUPS[arguments.group] if arguments.group else None
+    rows = check.check(module, samples, config, group, arguments.precision)
+
+    say(f"{arguments.checkpoint}: group {config.group}, {len(samples)} episodes of {arguments.data}")
+    table = Table()
+    for heading in ("element", "expected", "output error", "hidden error", "accuracy"):
+        table.add_column(heading, justify="left" if heading in ("element", "expected") else "right", no_wrap=True)
+    for row in rows:
+        errors = ("-" if error is None else f"{error:.1e}" for error in (row.output_error, row.hidden_error))
+        table.add_row(row.name, row.expected, *errors, f"{row.accuracy:.1%}")
+    Console().print(table)
+    check.expect_symmetric(rows, arguments.precision, arguments.checkpoint)

@@ -1,0 +1,35 @@
+"""``svfl-train evaluate``: how often a trained policy succeeds."""
+
+import argparse
+from pathlib import Path
+
+from svfl_data.system.command_line import Commands, natural, positive
+from svfl_data.system.printable import say
+from svfl_models.training.run_folder import EVALUATION
+
+EXAMPLE = "svfl-train evaluate out/bc_picking/checkpoint.ckpt --episodes 100 --workers 2"
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "evaluate", help="how often a trained policy succeeds in simulation", example=EXAMPLE,
+        description="Let a policy act in the environment of its task, in scenes that no demonstration has: those of "
+        "svfl-collect policy with the same seed, which records them too.",
+    )  # fmt: skip
+    add = verb.add_argument
+    add("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train bc")
+    add("--episodes", type=positive, default=100, metavar="N", help="default: %(default)s")
+    add("--seed", type=natural, default=0, metavar="S", help="of the scenes (default: %(default)s)")
+    add("--workers", type=positive, default=1, metavar="W", help="episodes at a time (default: %(default)s)")
+    add("--out", type=Path, metavar="FILE", help=f"JSON (default: {EVALUATION} beside the checkpoint)")
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Evaluate, write and print."""
+    from svfl_models.cloning.evaluate import evaluate  # torch, lightning and escnn take seconds to import
+
+    found = evaluate(arguments.checkpoint, arguments.episodes, arguments.seed, arguments.workers)
+    found.save(arguments.out or arguments.checkpoint.with_name(EVALUATION))
+    say(found)

@@ -1,0 +1,86 @@
+"""``svfl-train centering-table`` and its kin: many trainings, one page."""
+
+import argparse
+import functools
+from dataclasses import dataclass
+from pathlib import Path
+
+from svfl_data.system.command_line import Commands, positive
+from svfl_models.centering.config import USES
+from svfl_models.commands.options import add_data, add_recipe
+
+
+@dataclass(frozen=True)
+class Verb:
+    """A verb of this kind.
+
+    Attributes:
+        help: What it does, in a line.
+        train_samples: Sizes of the training set, unless the user asks for others.
+        example: For its help.
+    """
+
+    help: str
+    train_samples: tuple[int, ...]
+    example: str
+
+
+_DATA = "--data data/centering --fresh data/centering_fresh"
+VERBS = {
+    "table": Verb(
+        "the paper's table: V, F, V+F with SVFL and CNN, against training samples", (10, 25, 50, 100),
+        f"svfl-train centering-table {_DATA} --workers 2\n"
+        f"svfl-train centering-table {_DATA} --seeds 1 --train-samples 10 --epochs 20 --out out/first_look",
+    ),
+    "acuity": Verb(
+        "images of 64, 32, 16 and 8 pixels, with and without force", (100,),
+        f"svfl-train centering-acuity {_DATA} --workers 2",
+    ),
+    "groups": Verb(
+        "symmetry groups none, C4, D4, C8, D8 and D12: accuracy and time", (25, 100),
+        f"svfl-train centering-groups {_DATA} --workers 2",
+    ),
+    "ablation": Verb(
+        "axial and polar torque, augmentation, view from above, noise of the sensor", (10, 100),
+        f"svfl-train centering-ablation {_DATA} --workers 2",
+    ),
+    "latents": Verb(
+        "SVFL and CNN beside pretrained VTT, PoE and concat: frozen, fine-tuned and from scratch", (10, 25, 50, 100),
+        f"svfl-train centering-latents {_DATA} --latents out/latent_poe/checkpoint.ckpt out/latent_vtt/checkpoint.ckpt"
+        " --also out/centering_table",
+    ),
+}  # fmt: skip
+
+
+def add(commands: Commands) -> None:
+    """Put the verbs on the command line."""
+    for name, one in VERBS.items():
+        verb = commands.add_parser(
+            f"centering-{name}", help=one.help, example=one.example,
+            description=f"Train and test many block-centering networks: {one.help}.\n"
+            "What has finished is kept; the same command goes on after Ctrl-C.",
+        )  # fmt: skip
+        add_data(verb)
+        add = verb.add_argument
+        if name == "latents":
+            add("--latents", type=Path, nargs="+", required=True, metavar="CHECKPOINT",
+                help="checkpoints of svfl-train latent")  # fmt: skip
+            add("--uses", choices=USES, nargs="+", default=list(USES), metavar="USE",
+                help=f"what to do with them: {', '.join(USES)}, which is the control (default: all)")  # fmt: skip
+        add("--seeds", type=positive, default=3, metavar="N", help="0 to N-1 (default: %(default)s)")
+        add("--train-samples", type=positive, nargs="+", metavar="N",
+            help=f"sizes of the training set (default: {' '.join(map(str, one.train_samples))})")  # fmt: skip
+        add("--workers", type=positive, metavar="N", help="trainings at a time (default: one per core)")
+        add_recipe(verb)
+        add("--out", type=Path, metavar="FOLDER", help=f"default: out/centering_{name}")
+        add("--also", type=Path, metavar="FOLDER",
+            help="take over what another experiment has trained with the same settings")  # fmt: skip
+        add("--docs", type=Path, metavar="FOLDER", help="copy page, figures and summary there too")
+        verb.set_defaults(command=functools.partial(run, one), experiment=name)
+
+
+def run(verb: Verb, arguments: argparse.Namespace) -> None:
+    """Do the experiment, or what is left of it, and print its page."""
+    from svfl_models.experiments import command  # torch, lightning and escnn take seconds to import
+
+    command.run(arguments, verb.train_samples)

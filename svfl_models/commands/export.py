@@ -1,0 +1,43 @@
+"""``svfl-train export``: a trained network as a file that runs without this package."""
+
+import argparse
+from pathlib import Path
+
+from svfl_data.system.command_line import Commands
+from svfl_data.system.printable import say
+
+EXAMPLE = """\
+svfl-train export out/centering/checkpoint.ckpt --out out/centering/classifier.pt2
+svfl-train export out/centering/checkpoint.ckpt --out out/centering/classifier.onnx
+svfl-train export out/bc/checkpoint.ckpt --out out/bc/policy.pt2"""
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "export", help="write a trained network as a file that runs without svfl and escnn", example=EXAMPLE,
+        description="Write a trained block-centering network as a torch.export program (.pt2) or as ONNX (.onnx), or a "
+        "trained policy as a .pt2 that svfl-collect policy runs, and try the file against the network first.",
+    )  # fmt: skip
+    verb.add_argument("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train centering or bc")
+    verb.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="ends in .pt2 or .onnx; replaced if it exists"
+    )
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Export one network and say how exact the file is."""
+    from svfl_models.centering import checkpoint  # torch, lightning and escnn take seconds to import
+    from svfl_models.cloning import acting
+    from svfl_models.cloning.checkpoint import is_policy, load_policy
+    from svfl_models.deployment import export  # torch, lightning and escnn take seconds to import
+
+    if is_policy(arguments.checkpoint):
+        difference = acting.export(load_policy(arguments.checkpoint), arguments.out)
+        say(f"{arguments.out}: actions differ from the network's by {difference:.1g} of their bounds, at most")
+        return
+    save = export.saver(arguments.out)
+    module = checkpoint.load_centering(arguments.checkpoint)
+    difference = save(module.classifier, arguments.out, checkpoint.configuration(module).view)
+    say(f"{arguments.out}: outputs differ from the network's by {difference:.1g} of the largest output, at most")

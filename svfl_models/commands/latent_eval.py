@@ -1,0 +1,57 @@
+"""``svfl-train latent-eval``: what a pretrained latent model is worth."""
+
+import argparse
+from pathlib import Path
+
+from svfl_data.system.command_line import Commands, natural, positive
+from svfl_data.system.printable import say
+
+EXAMPLE = """\
+svfl-train latent-eval out/latent_poe/checkpoint.ckpt
+svfl-train latent-eval out/latent_vtt/checkpoint.ckpt --episodes 10 --out out/vtt_quick"""
+FOLDER = "latent_eval"
+EPISODES = 40
+
+
+def add(commands: Commands) -> None:
+    """Put the verb on the command line."""
+    verb = commands.add_parser(
+        "latent-eval", help="what a pretrained latent model is worth, on held-out episodes", example=EXAMPLE,
+        description="Judge reconstruction, contact, alignment, prediction, linear probes, missing modalities, who is "
+        "heard, and symmetry, on episodes that the model has not learned from.",
+    )  # fmt: skip
+    add = verb.add_argument
+    add("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train latent")
+    add("--data", type=Path, metavar="FOLDER",
+        help="another dataset to judge on, or where the model's own is now (default: the checkpoint's)")  # fmt: skip
+    add("--episodes", type=positive, default=EPISODES, metavar="N", help="at most, drawn (default: %(default)s)")
+    add("--seed", type=natural, default=0, metavar="S", help="of all that is drawn (default: %(default)s)")
+    add("--out", type=Path, metavar="FOLDER", help=f"default: {FOLDER} beside the checkpoint")
+    verb.set_defaults(command=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Judge, write and print."""
+    from rich.console import Console
+
+    from svfl_models.latent.checkpoint import read_latent
+    from svfl_models.latent.evaluation.evaluate import evaluate
+    from svfl_models.latent.evaluation.pages import report  # torch and lightning take seconds to import
+    from svfl_models.latent.evaluation.pages.tables import compact
+
+    out = arguments.out or arguments.checkpoint.with_name(FOLDER)
+    read_latent(arguments.checkpoint)  # nothing is made for a file that is no checkpoint
+    report.prepare(out)
+    with Console(stderr=True).status("loading") as status:  # says nothing where nobody is looking
+        found, album = evaluate(
+            arguments.checkpoint, arguments.data, arguments.episodes, arguments.seed, lambda stage: status.update(stage)
+        )
+    files = report.write(out, found, album)
+    say(f"{found.model} after {found.steps} steps, on {found.episodes} {found.of}")
+    rows = compact(found)
+    width = max(len(name) for name, _ in rows) + 2
+    for name, words in rows:
+        say(f"{name:<{width}}{words}")
+    for line in found.left_out:
+        say(f"not judged: {line}")
+    say(f"report  {files[0]}")

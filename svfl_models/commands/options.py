@@ -1,0 +1,55 @@
+"""What the verbs share: argument types and options of a training."""
+
+import argparse
+import math
+from pathlib import Path
+
+from svfl_data.errors import UsageError
+from svfl_data.system.command_line import Parser, natural, positive
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.networks.presets import PRESETS
+
+DEFAULT = TrainingConfig(data="")
+
+
+def positive_number(text: str) -> float:
+    """Argument type: a finite number above zero."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
+    return value
+
+
+def add_data(verb: Parser) -> None:
+    """Add the datasets."""
+    verb.add_argument("--data", type=Path, required=True, help="dataset folder written by svfl-collect centering")
+    verb.add_argument("--fresh", type=Path, help="another such dataset, all of it tested too, none of it learned from")
+
+
+def add_recipe(verb: Parser) -> None:
+    """Add how to train: sizes and the stopping rule."""
+    add = verb.add_argument
+    add("--test-samples", type=positive, default=DEFAULT.test_samples, metavar="N", help="default: %(default)s")
+    add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset, help="size of the network (default: %(default)s)")
+    add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N", help="default: %(default)s")
+    add("--patience", type=natural, default=DEFAULT.patience, metavar="N",
+        help="stop after so many epochs without a better test accuracy, as the paper (default: never)")  # fmt: skip
+    add("--plain-images", dest="augment", action="store_false",
+        help="only the paper's crops: no random colours, no larger shifts")  # fmt: skip
+    add("--learning-rate", type=positive_number, default=DEFAULT.learning_rate, metavar="R",
+        help="default: %(default)s")  # fmt: skip
+
+
+def group_of(arguments: argparse.Namespace) -> str:
+    """The group that --model and --group ask for together.
+
+    Raises:
+        UsageError: If they contradict each other.
+    """
+    model, group = arguments.model, arguments.group
+    if model and group and (model == "cnn") != (group == "none"):
+        raise UsageError(f"--model {model} and --group {group} contradict each other")
+    return group or ("none" if model == "cnn" else DEFAULT.group)

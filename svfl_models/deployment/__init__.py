@@ -1,0 +1,1 @@
+"""What leaves the training: exported networks, and predictions for the viewer."""

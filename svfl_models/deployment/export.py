@@ -1,0 +1,207 @@
+"""A trained network without escnn: as an ordinary PyTorch module, as a ``torch.export`` program, as ONNX.
+
+Both file formats take and give what `CenteringClassifier` does, any number of samples at once, and say the rest (axes,
+units, crop, names of the directions) in a JSON text inside the file, named `FACTS`. ``docs/run_exported.py`` runs them
+with neither escnn nor this package.
+"""
+
+import copy
+import io
+import json
+import logging
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.export import Dim, ExportedProgram
+
+from svfl_data.errors import TrainingError, UsageError
+from svfl_data.symmetry import DIRECTIONS
+from svfl_data.system.atomic_io import write_atomically
+from svfl_models.centering.classifier import CenteringClassifier
+from svfl_models.centering.latent_trunk import LatentTrunk
+from svfl_models.networks.encoders import IMAGE_CHANNELS
+from svfl_models.networks.image_crops import CROP
+from svfl_models.networks.visual_force import Batch
+from svfl_models.programs.program import TOLERANCE, from_bytes
+from svfl_models.symmetry.ordinary import plain
+
+FACTS = "svfl_centering.json"
+"""Name, inside an exported file, of what the program does not say itself."""
+FORMAT_VERSION = "1.0"
+CONTENTS = {
+    "image": "red, green, blue in 0..1, then depth in [m]; rows run downwards",
+    "wrench": "the last readings, latest last, tared: force [N], then torque [N m] about the sensor origin",
+}
+
+
+def save_program(classifier: CenteringClassifier, path: Path, view: str = "camera") -> float:
+    """Write a network as a ``torch.export`` program, which `program.read` opens, and `torch.export.load`, too.
+
+    `program.Program` is called with the inputs in their order; PyTorch's own takes a dictionary of them.
+
+    Args:
+        classifier: The network.
+        path: The file; replaced if it exists, once the new one has been tried.
+        view: How the images of its training were seen, one of `svfl_data.sampling.centering_samples.VIEWS`.
+
+    Returns:
+        Largest difference between the outputs of file and network on random inputs, relative to the largest output.
+
+    Raises:
+        TrainingError: If the outputs differ by more than rounding.
+        StorageError: If the disk refuses.
+    """
+    buffer = io.BytesIO()
+    torch.export.save(_program(classifier), buffer, extra_files={FACTS: json.dumps(facts(classifier, view), indent=2)})
+    content = buffer.getvalue()
+    program, _ = from_bytes(content, FACTS)
+
+    def run(batch: Batch) -> Tensor:
+        (output,) = program(*batch.values())
+        return output
+
+    difference = _tried(classifier, run, path)
+    write_atomically(path, content)
+    return difference
+
+
+def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera") -> float:
+    """Write a network as ONNX, its inputs by their names; otherwise as `save_program`.
+
+    Raises:
+        TrainingError: Also if the packages for it are missing.
+    """
+    try:
+        import onnxruntime
+        import onnxscript  # noqa: F401 - torch asks for it later, in more words
+    except ImportError as error:
+        raise TrainingError(
+            f"ONNX needs a package that is missing here ({error}); run: pip install 'svfl[onnx]'"
+        ) from error
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it misses torchvision, which nothing here needs
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*LeafSpec", category=FutureWarning)  # torch about itself
+        program = torch.onnx.export(
+            _program(classifier),
+            input_names=list(inputs(classifier)),
+            output_names=[_output(classifier)],
+            verbose=False,
+        )
+    assert program is not None  # None only where it is told to write a file
+    program.model.metadata_props[FACTS] = json.dumps(facts(classifier, view))
+    content = program.model_proto.SerializeToString()
+    session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
+
+    def run(batch: Batch) -> Tensor:
+        return torch.from_numpy(session.run(None, {name: values.numpy() for name, values in batch.items()})[0])
+
+    difference = _tried(classifier, run, path)
+    write_atomically(path, content)
+    return difference
+
+
+Saver = Callable[[CenteringClassifier, Path, str], float]
+SAVERS: dict[str, Saver] = {".pt2": save_program, ".onnx": save_onnx}
+"""How a network is written, by the suffix of the file."""
+
+
+def saver(path: Path) -> Saver:
+    """The function that writes what a file's suffix names: `save_program` or `save_onnx`.
+
+    Raises:
+        UsageError: If the suffix names neither.
+    """
+    if path.suffix not in SAVERS:
+        raise UsageError(
+            f"{path}: cannot export to {path.suffix or 'a file without suffix'}; possible: {', '.join(SAVERS)}"
+        )
+    return SAVERS[path.suffix]
+
+
+def inputs(classifier: CenteringClassifier) -> dict[str, tuple[int, ...]]:
+    """Names and shapes of what a network looks at, without the number of samples."""
+    trunk = classifier.trunk
+    if isinstance(trunk, LatentTrunk):
+        raise TrainingError("a classifier on a latent encoder cannot be exported; those of V, F and V+F can")
+    found: dict[str, tuple[int, ...]] = {}
+    if trunk.vision is not None:
+        found["image"] = (IMAGE_CHANNELS, trunk.image_size, trunk.image_size)
+    if trunk.force is not None:
+        found["wrench"] = (trunk.window, 6)
+    return found
+
+
+def facts(classifier: CenteringClassifier, view: str = "camera") -> dict[str, Any]:
+    """What one must know to run an exported network, as plain values."""
+    size = classifier.trunk.image_size
+    means = (
+        "scores of the directions"
+        if classifier.target == "direction"
+        else "where the block's centre is, right and up, [m]"
+    )
+    width = len(DIRECTIONS) if classifier.target == "direction" else 2
+    return {
+        "format": "svfl-centering-exported",
+        "format_version": FORMAT_VERSION,
+        "inputs": {
+            name: {"shape": ["samples", *shape], "dtype": "float32", "content": CONTENTS[name]}
+            for name, shape in inputs(classifier).items()
+        },
+        "output": {"name": _output(classifier), "shape": ["samples", width], "content": means},
+        "target": classifier.target,
+        "directions": list(DIRECTIONS),
+        "axes": "image-aligned, x right, y up: (a camera's image_axes) @ (x, y of the robot's base)",
+        "group": classifier.group.name,
+        "image_size": size,
+        "crop": {
+            "share": CROP,
+            "rule": f"the middle square of side max({size}, round(share * side)); if larger than {size}, "
+            "scaled down, bilinear with antialiasing",
+        },
+        "view": view,
+    }
+
+
+def random_batch(classifier: CenteringClassifier, samples: int) -> Batch:
+    """Random inputs of the size that a network was trained on."""
+    generator, normalization = torch.Generator().manual_seed(0), classifier.trunk.normalization
+    batch = {name: torch.randn(samples, *shape, generator=generator) for name, shape in inputs(classifier).items()}
+    if "image" in batch:
+        mean, scale = (values[:, None, None] for values in (normalization.image_mean, normalization.image_scale))
+        batch["image"] = batch["image"] * scale.cpu() + mean.cpu()
+    if "wrench" in batch:
+        batch["wrench"] = batch["wrench"] * normalization.wrench_scale.cpu() + normalization.wrench_mean.cpu()
+    return batch
+
+
+def _output(classifier: CenteringClassifier) -> str:
+    return "scores" if classifier.target == "direction" else "offset"
+
+
+def _program(classifier: CenteringClassifier) -> ExportedProgram:
+    batch = random_batch(classifier, 2)
+    with torch.no_grad():
+        any_number = {name: {0: Dim.DYNAMIC} for name in batch}
+        return torch.export.export(plain(classifier).to("cpu"), (batch,), dynamic_shapes=(any_number,))
+
+
+@torch.no_grad()
+def _tried(classifier: CenteringClassifier, run: Callable[[Batch], Tensor], path: Path) -> float:
+    """How far what was exported is from its network, for one sample and for several.
+
+    Raises:
+        TrainingError: If that is more than rounding.
+    """
+    batch = random_batch(classifier, 16)
+    expected = copy.deepcopy(classifier).to("cpu").eval()(batch)
+    size = expected.abs().max().clamp(min=torch.finfo(torch.float32).tiny)  # a network can say zero to everything
+    alone = run({name: values[:1] for name, values in batch.items()})
+    difference = torch.cat([run(batch) - expected, alone - expected[:1]])
+    worst = float(difference.abs().max() / size)  # NaN if there is one
+    if not worst < TOLERANCE:
+        raise TrainingError(f"{path}: not written, its outputs differ from the network's by {worst:.1g} (relative)")
+    return worst

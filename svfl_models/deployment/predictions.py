@@ -1,0 +1,100 @@
+"""What a trained network thinks of every observation of an episode, for ``svfl-data view --checkpoint``."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from svfl_data.errors import DatasetError
+from svfl_data.sampling.windows import latest, wrench_window
+from svfl_data.schema.episode import Camera, Episode
+from svfl_data.signals.topdown import topdown
+from svfl_data.symmetry import PROPRIO_PARTS, WRENCH_PARTS, act
+from svfl_data.viewer.predictions import Network, Opinion
+from svfl_models.centering.checkpoint import configuration, load_centering
+from svfl_models.centering.module import CenteringModule, directions
+from svfl_models.cloning.checkpoint import is_policy, load_policy
+from svfl_models.deployment import policy_predictions as cloning
+from svfl_models.networks.image_crops import centre_crop, crop_side, scaled
+from svfl_models.networks.visual_force import Batch
+from svfl_models.programs import exported_policy
+
+
+def load(file: Path) -> Network:
+    """Open a checkpoint of ``svfl-train centering`` or of ``svfl-train bc``.
+
+    Raises:
+        FormatError: If it is neither.
+    """
+    if is_policy(file):
+        return cloning.of_module(load_policy(file), _name(file))
+    module = load_centering(file)
+    return lambda episode: _directions(module, episode, _name(file))
+
+
+def load_exported(file: Path) -> Network:
+    """Open a policy that was exported as a ``.pt2``.
+
+    Raises:
+        FormatError: If it is none.
+    """
+    return cloning.of_program(exported_policy.load(file), _name(file))
+
+
+def _name(file: Path) -> str:
+    """Enough of a file's place to tell runs apart."""
+    return "/".join(file.parts[-2:])
+
+
+@torch.inference_mode()
+def _directions(module: CenteringModule, episode: Episode, name: str) -> Opinion:
+    """Directions that a classifier predicts; one that gives offsets has no probabilities, only a direction."""
+    trained = configuration(module)
+    camera = _camera(episode)
+    batch = _batch(episode, camera, trained.view, trained.image_size, trained.window)
+    output = module(batch)
+    shares = output.softmax(dim=1) if output.shape[1] == 4 else torch.eye(4)[directions(output)]
+    seen = (batch["image"][:, :3].clamp(0, 1) * 255).round().to(torch.uint8).permute(0, 2, 3, 1)  # (N+1, H, W, 3)
+    words = name + ("" if output.shape[1] == 4 else " (gives offsets, no probabilities)")
+    return Opinion(words, camera.name, seen.contiguous().numpy(), shares.numpy())
+
+
+def _batch(episode: Episode, camera: Camera, view: str, size: int, window: int) -> Batch:
+    """Every observation as `centering_samples` makes samples of the last one, cropped as for testing."""
+    steps, axes = range(len(episode.t_ns)), camera.image_axes
+    images = torch.from_numpy(np.stack([_image(episode, camera, view, step) for step in steps]))
+    wrench = np.stack([wrench_window(episode, step, window)[0] for step in steps])
+    proprio = episode.proprio.copy()
+    proprio[:, 1:3] -= episode.centre
+    cropped: Tensor = scaled(centre_crop(images, crop_side(images.shape[-1], size)), size)
+    return {
+        "image": cropped,
+        "wrench": torch.from_numpy(act(axes, wrench, WRENCH_PARTS)).float(),
+        "proprio": torch.from_numpy(act(axes, proprio, PROPRIO_PARTS)).float(),
+    }
+
+
+def _image(episode: Episode, camera: Camera, view: str, step: int) -> NDArray[np.float32]:
+    """Colour 0..1, then depth [m], (4, H, W)."""
+    if view == "top":
+        above = topdown(episode, steps=step, size=camera.color.shape[1])
+        color, depth = above.color, above.depth * np.float32(above.view.depth_scale)
+    else:
+        frame = max(0, latest(camera.t_ns, episode.t_ns[step]))
+        color, depth = camera.color[frame], camera.depth[frame] * np.float32(camera.depth_scale)
+    picture = np.concatenate([color.astype(np.float32) / 255, depth[..., None]], axis=-1)
+    return np.ascontiguousarray(picture.transpose(2, 0, 1))  # (H, W, 4) -> (4, H, W)
+
+
+def _camera(episode: Episode) -> Camera:
+    """The camera that networks look at.
+
+    Raises:
+        DatasetError: If there is none with depth.
+    """
+    camera = next((camera for camera in episode.cameras.values() if camera.has("depth")), None)
+    if camera is None:
+        raise DatasetError(f"{episode.name}: a network needs a camera with depth")
+    return camera

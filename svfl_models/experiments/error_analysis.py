@@ -1,0 +1,175 @@
+"""Where networks err: near the border of two classes, at long or short offsets, or in one class more than in others."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.special import ndtr
+
+from svfl_data.symmetry import DIRECTIONS
+from svfl_models.centering.report import NAMES
+from svfl_models.experiments.figures import ENCODER_COLOURS
+from svfl_models.experiments.page import markdown
+from svfl_models.experiments.results import Cell
+from svfl_models.training import run_folder
+from svfl_models.training.figures import WIDTH_IN, save
+from svfl_models.training.writing import read_rows
+
+BORDER_DEG = np.arange(0, 50, 5)
+LENGTH_MM = np.arange(0, 105, 5)
+MOST_DEG = 180.0
+FEW = 20
+"""Fewer predictions than this do not make a point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Predictions:
+    """Predictions of all runs of a cell.
+
+    Attributes:
+        samples: ``fresh`` where there are any, otherwise ``test``.
+        direction: True classes, shape (S,).
+        predicted: Predicted classes, shape (S,).
+        border_deg: Angle between the true offset and the nearest border of two classes, shape (S,), [deg].
+        length_mm: Of the true offset, shape (S,), [mm].
+    """
+
+    samples: str
+    direction: np.ndarray
+    predicted: np.ndarray
+    border_deg: np.ndarray
+    length_mm: np.ndarray
+
+    @classmethod
+    def of(cls, cell: Cell) -> "Predictions":
+        """Read those of the finished runs, see `judge.write_predictions`."""
+        rows = []
+        for run in cell.runs:
+            if run.result:
+                rows += read_rows(run.folder / run_folder.PREDICTIONS)
+        samples = "fresh" if any(row["samples"] == "fresh" for row in rows) else "test"
+        rows = [row for row in rows if row["samples"] == samples]
+
+        def column(name: str) -> np.ndarray:
+            return np.array([float(row[name]) for row in rows])
+
+        return cls(
+            samples,
+            column("direction").astype(int),
+            column("predicted").astype(int),
+            column("border_deg"),
+            1000 * np.hypot(column("offset_x"), column("offset_y")),
+        )
+
+    def accuracy_by(self, values: np.ndarray, edges: np.ndarray) -> list[tuple[float, float, int, float]]:
+        """Lower and upper edge, number of predictions and accuracy, [%], of the bins that are not too empty."""
+        last = values == edges[-1]  # belongs to the last bin
+        place = np.where(last, len(edges) - 2, np.digitize(values, edges) - 1)
+        right = self.predicted == self.direction
+        bins = []
+        for k in range(len(edges) - 1):
+            inside = place == k
+            if inside.sum() >= FEW:
+                bins.append(
+                    (float(edges[k]), float(edges[k + 1]), int(inside.sum()), 100 * float(right[inside].mean()))
+                )
+        return bins
+
+    @property
+    def confusion(self) -> np.ndarray:
+        """Counts by true (row) and predicted (column) direction, shape (4, 4)."""
+        counts = np.zeros((4, 4), dtype=int)
+        np.add.at(counts, (self.direction, self.predicted), 1)
+        return counts
+
+    @property
+    def reading_error_deg(self) -> float:
+        """How well the direction is read, in one number: the standard deviation of a normal error of the angle that
+        would put as many samples across their nearest border, [deg].
+        """  # noqa: D205
+        wrong = float(np.mean(self.predicted != self.direction))
+        low, high = 0.0, MOST_DEG
+        while high - low > 1e-3:
+            middle = (low + high) / 2
+            crossing = float(np.mean(ndtr(-self.border_deg / middle)))
+            low, high = (low, middle) if crossing > wrong else (middle, high)
+        return high
+
+
+def section(cells: Sequence[Cell], picture: str) -> str:
+    """Accuracy against the distance from the border, in words, as a table and as a picture."""
+    rows, edges, readings = [], list(pairwise(BORDER_DEG)), []
+    for cell in cells:
+        one = Predictions.of(cell)
+        found = {low: f"{accuracy:.1f}" for low, _, _, accuracy in one.accuracy_by(one.border_deg, BORDER_DEG)}
+        reading = f"{one.reading_error_deg:.1f}" if len(one.direction) else "-"
+        readings.append(f"{reading} ({NAMES[cell.config.encoder]})")
+        rows.append([NAMES[cell.config.encoder], *(found.get(float(low), "-") for low, _ in edges)])
+    count = cells[0].config.train_samples
+    return f"""\
+## Where the errors are
+
+The border of two directions lies at 45 degrees between them, and near it a small error of the estimated offset changes
+the class. Accuracy, %, of SVFL with {count} training samples, by the angle between the true offset and the nearest
+border, [deg]; all seeds together:
+
+{markdown(["input", *(f"{low} to {high}" for low, high in edges)], rows)}
+
+As many errors would come from reading the direction with a normal error of {", ".join(readings)} degrees (standard
+deviation). What force can tell is limited: the wrist feels where the finger touches, not where the block's centre is,
+which turns the lever arm at the end of a window by 5 degrees (docs/decisions.md). Errors of V far from a border are
+those of blocks that the hand hides from the camera: up for down, and down for up.
+
+![errors]({picture})
+"""
+
+
+def draw(cells: Sequence[Cell], path: Path) -> Path:
+    """Accuracy against border distance and offset length, and a confusion matrix for each cell, as PNG."""
+    figure = Figure(figsize=(WIDTH_IN, 7.2), layout="constrained")
+    grid = figure.add_gridspec(2, 6, height_ratios=(1, 1.05))
+    border = figure.add_subplot(grid[0, :3])
+    length = figure.add_subplot(grid[0, 3:], sharey=border)
+    for place, cell in enumerate(cells):
+        one = Predictions.of(cell)
+        name, colour = NAMES[cell.config.encoder], ENCODER_COLOURS[cell.config.encoder]
+        for axes, values, edges in ((border, one.border_deg, BORDER_DEG), (length, one.length_mm, LENGTH_MM)):
+            bins = one.accuracy_by(values, edges)
+            axes.plot(
+                [(low + high) / 2 for low, high, _, _ in bins],
+                [share for *_, share in bins],
+                "o-",
+                color=colour,
+                label=name,
+            )
+        _confusion(figure.add_subplot(grid[1, 2 * place : 2 * place + 2]), one, name)
+    border.set(xlabel="angle from the nearest border of two classes, degrees", xlim=(0, 45), xticks=BORDER_DEG)
+    length.set(xlabel="length of the offset, mm")
+    border.set_ylabel("accuracy, %")
+    for axes in (border, length):
+        axes.grid(alpha=0.3)
+    border.legend(loc="lower right")
+    config = cells[0].config
+    figure.suptitle(f"SVFL, {config.train_samples} training samples, {_which(cells)} samples, all seeds together")
+    return save(figure, path)
+
+
+def _which(cells: Sequence[Cell]) -> str:
+    return Predictions.of(cells[0]).samples
+
+
+def _confusion(axes: Axes, one: Predictions, name: str) -> None:
+    counts = one.confusion
+    shares = 100 * counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    axes.imshow(shares, cmap="Blues", vmin=0, vmax=100)
+    for (row, column), share in np.ndenumerate(shares):
+        words = f"{share:.1f}" if counts[row, column] else "0"
+        axes.text(column, row, words, ha="center", va="center", color="white" if share > 50 else "black")
+    axes.set(title=f"{name}: % of the true direction", xlabel="predicted", xticks=range(4), yticks=range(4))
+    axes.set_xticklabels(DIRECTIONS)
+    axes.set_yticklabels(DIRECTIONS)
+    axes.set_ylabel("true")

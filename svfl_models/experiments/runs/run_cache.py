@@ -1,0 +1,54 @@
+"""Runs that another experiment has done already: the same configuration on the same data gives the same numbers."""
+
+import json
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from svfl_data.errors import FormatError, TrainingError
+from svfl_data.system.side_files import read_json
+from svfl_models.centering.config import TrainingConfig
+from svfl_models.experiments.runs.folder import ABOUT, RUNS, finished
+
+
+def take_from(other: Path, about: dict[str, Any], out: Path, runs: Mapping[str, TrainingConfig]) -> list[str]:
+    """Copy what another experiment has finished of this one's runs.
+
+    Args:
+        other: Folder of the other experiment.
+        about: What this one's runs have in common, see `folder.describe`.
+        out: Folder of this one, held by this process.
+        runs: Configurations by name; those that have finished here are left alone.
+
+    Returns:
+        Names of the runs that were copied.
+
+    Raises:
+        TrainingError: If there is no experiment, or it is one on other data.
+    """
+    try:
+        found = read_json(other / ABOUT)
+        differ = [option for option in ("data", "fresh") if found[option] != about[option]]
+    except (OSError, FormatError, KeyError, TypeError) as error:
+        raise TrainingError(f"{other} holds no experiment to take runs from ({error!r})") from error
+    if differ:
+        raise TrainingError(
+            f"{other} holds runs with another --{differ[0]} than this experiment; none can be taken over"
+        )
+    done = {_key(one["config"]): run for run in sorted((other / RUNS).iterdir()) if (one := finished(run))}
+    copied = []
+    for name, config in runs.items():
+        source, target = done.get(_key(config.plain())), out / RUNS / name
+        if source and not finished(target):
+            shutil.rmtree(target, ignore_errors=True)  # of a run that was stopped or failed
+            half = target.with_name(f"{name}.copy")
+            shutil.rmtree(half, ignore_errors=True)
+            shutil.copytree(source, half)
+            half.rename(target)
+            copied.append(name)
+    return copied
+
+
+def _key(config: dict[str, Any]) -> str:
+    return json.dumps(config, sort_keys=True)

@@ -1,0 +1,1 @@
+"""What a simple regression can read off a latent."""

@@ -1,0 +1,60 @@
+"""Probes of one model: fitted on its training episodes, read on others, with all modalities or with some."""
+
+from collections.abc import Sequence
+
+import torch
+
+from svfl_models.latent.evaluation.episodes import Material
+from svfl_models.latent.evaluation.frames import Encoded, Followed, Frames, encode, frames_of, numbers, spread
+from svfl_models.latent.evaluation.missing import Remaining, missing
+from svfl_models.latent.evaluation.probing.poses import object_poses, repeats_per_turn
+from svfl_models.latent.evaluation.probing.probes import Probe, Reading, raw_inputs, readings, targets_of
+from svfl_models.latent.networks.network import LatentNetwork
+
+MISSING_FRAMES = 300
+"""Training frames that a probe is fitted on for each subset of the modalities, evenly over all."""
+
+
+class Probing:
+    """Knows the targets of all frames.
+
+    Args:
+        network: In eval mode.
+        given: Where episodes are from.
+        learned: Training frames to fit on.
+        judged: Frames of whole episodes to read on.
+    """
+
+    def __init__(self, network: LatentNetwork, given: Material, learned: Frames, judged: Frames) -> None:
+        self.network, self.learned, self.judged = network, learned, judged
+        repeats = repeats_per_turn(given.learned.dataset)
+        poses = [
+            object_poses(part.dataset, frames) for part, frames in ((given.learned, learned), (given.judged, judged))
+        ]
+        self.posed = all(one is not None for one in poses)
+        """Whether the object's pose is known in all episodes, and so is a target."""
+        self.learned_targets, self.targets = (
+            targets_of(frames, one if self.posed else None, repeats)
+            for frames, one in zip((learned, judged), poses, strict=True)
+        )
+
+    def readings(self, seen: Encoded) -> list[Reading]:
+        """How well targets are read off the features of the judged frames, and off raw inputs."""
+        feature = numbers(encode(self.network, self.learned.observations).feature)
+        raw = [raw_inputs(self.network, frames) for frames in (self.learned, self.judged)]
+        probe, raw_probe = (Probe.fit(x, self.learned_targets, self.learned.episode) for x in (feature, raw[0]))
+        return readings(probe, numbers(seen.feature), raw_probe, raw[1], self.targets)
+
+    def missing(self, followed: Sequence[Followed]) -> list[Remaining]:
+        """How well the model does with each subset of the modalities, in some of the judged episodes."""
+        frames = frames_of([one.batch for one in followed])
+        rows = torch.isin(self.judged.episode, frames.episode).numpy()
+        few = spread(len(self.learned), MISSING_FRAMES)
+        return missing(
+            self.network,
+            followed,
+            frames,
+            [target.of(rows) for target in self.targets],
+            self.learned[few],
+            [target.of(few.numpy()) for target in self.learned_targets],
+        )

@@ -1,0 +1,44 @@
+"""Concatenation: one vector per modality, side by side, and a linear layer."""
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor, nn
+
+from svfl_models.latent.config import MODALITIES, Sizes
+from svfl_models.latent.inputs import PROPRIO
+from svfl_models.latent.networks.encoder import Encoder, Encoding, Parts, all_of
+from svfl_models.latent.networks.trunks import ImageTrunk, WrenchTrunk, perceptron
+
+
+class ConcatEncoder(Encoder):
+    """The plainest fusion (VTT's published baseline of this name).
+
+    Args:
+        sizes: Of the networks.
+    """
+
+    def __init__(self, sizes: Sizes) -> None:
+        super().__init__()
+        image, wrench, proprio = sizes.concat
+        self.trunks = nn.ModuleDict(
+            {
+                "image": ImageTrunk(sizes.image, image),
+                "wrench": WrenchTrunk(sizes.wrench, wrench),
+                "proprio": perceptron(PROPRIO, sizes.proprio, proprio),
+            }
+        )
+        self.norm = nn.LayerNorm(sum(sizes.concat))
+        self.bottleneck = nn.Linear(sum(sizes.concat), sizes.feature)
+        self.contact = nn.Linear(sizes.feature, 1)
+        self.alignment = nn.Linear(sizes.feature, 1)
+
+    def parts(self, inputs: Mapping[str, Tensor]) -> Parts:
+        """A vector of each modality."""
+        all_of(inputs)
+        return {name: self.trunks[name](inputs[name]) for name in MODALITIES}
+
+    def join(self, parts: Parts) -> Encoding:
+        """The linear layer over all."""
+        feature = self.bottleneck(self.norm(torch.cat(all_of(parts), dim=-1)))
+        return Encoding(feature, contact=self.contact(feature)[:, 0], alignment=self.alignment(feature)[:, 0])

@@ -1,0 +1,59 @@
+"""A product of experts: each modality claims a Gaussian, and what they claim together is the product of all."""
+
+from collections.abc import Mapping
+
+from torch import Tensor, nn
+
+from svfl_data.errors import TrainingError
+from svfl_models.latent.config import MODALITIES, Sizes
+from svfl_models.latent.inputs import PROPRIO
+from svfl_models.latent.networks.encoder import Encoder, Encoding, Parts
+from svfl_models.latent.networks.gaussian import Gaussian, product
+from svfl_models.latent.networks.trunks import ImageTrunk, WrenchTrunk, perceptron
+
+
+class PoEEncoder(Encoder):
+    """One expert per modality, times the prior N(0, I) (Lee et al., T-RO 2020; VTT's published PoE).
+
+    Any of the modalities may be missing: their experts say nothing then, which is the product over the others. In
+    training the latent is drawn, in evaluation it is the mean.
+
+    Args:
+        sizes: Of the networks.
+    """
+
+    def __init__(self, sizes: Sizes) -> None:
+        super().__init__()
+        claims = 2 * sizes.feature
+        self.trunks = nn.ModuleDict(
+            {
+                "image": ImageTrunk(sizes.image, claims),
+                "wrench": WrenchTrunk(sizes.wrench, claims),
+                "proprio": perceptron(PROPRIO, sizes.proprio, claims),
+            }
+        )
+        self.norm = nn.LayerNorm(sizes.feature)
+        self.contact = nn.Linear(sizes.feature, 1)
+        self.alignment = nn.Linear(sizes.feature, 1)
+
+    def parts(self, inputs: Mapping[str, Tensor]) -> Parts:
+        """Each expert's claim, shape (B, 2 F), of the modalities that there are."""
+        return {name: self.trunks[name](inputs[name]) for name in MODALITIES if name in inputs}
+
+    def experts(self, parts: Parts) -> dict[str, Gaussian]:
+        """The claims as distributions, and the prior's under ``prior``.
+
+        Raises:
+            TrainingError: If there is no modality at all.
+        """
+        if not parts:
+            raise TrainingError(f"no modality is given; there are {', '.join(MODALITIES)}")
+        claimed = {name: Gaussian.of(numbers) for name, numbers in parts.items()}
+        return {**claimed, "prior": Gaussian.standard_like(next(iter(claimed.values())).mean)}
+
+    def join(self, parts: Parts) -> Encoding:
+        """The product."""
+        posterior = product(list(self.experts(parts).values()))
+        feature = self.norm(posterior.sample() if self.training else posterior.mean)
+        contact, alignment = self.contact(feature)[:, 0], self.alignment(feature)[:, 0]
+        return Encoding(feature, contact=contact, alignment=alignment, posterior=posterior)

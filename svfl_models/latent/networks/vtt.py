@@ -1,0 +1,113 @@
+"""The visuo-tactile transformer: patches of the image and pieces of the wrench window attend to each other."""
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from svfl_data.errors import TrainingError
+from svfl_models.latent.config import Sizes
+from svfl_models.latent.inputs import IMAGE_SIZE, PROPRIO, WINDOW
+from svfl_models.latent.networks.encoder import SLOPE, Encoder, Encoding, Parts, all_of
+
+
+class VTTEncoder(Encoder):
+    """Self-attention over the tokens of one frame (Chen et al., CoRL 2022, with the sizes of the published code).
+
+    Tokens: alignment, contact, the image's patches row by row, the wrench window's pieces oldest first, the hand. Each
+    has a learned position of its own, which also says of which modality it is. Frames are independent of each other.
+
+    Args:
+        sizes: Of the networks.
+
+    Raises:
+        TrainingError: If the image does not fall into patches, or the window into pieces.
+    """
+
+    def __init__(self, sizes: Sizes) -> None:
+        super().__init__()
+        if IMAGE_SIZE % sizes.patch or WINDOW % sizes.readings:
+            raise TrainingError(
+                f"patches of {sizes.patch} px and pieces of {sizes.readings} readings do not fill an image of "
+                f"{IMAGE_SIZE} px and a window of {WINDOW} readings"
+            )
+        self.readings = sizes.readings
+        patches, pieces = (IMAGE_SIZE // sizes.patch) ** 2, WINDOW // sizes.readings
+        tokens = 2 + patches + pieces + 1
+        self.image = nn.Conv2d(4, sizes.dim, sizes.patch, stride=sizes.patch)
+        self.wrench = nn.Linear(sizes.readings * 6, sizes.dim)
+        self.proprio = nn.Linear(PROPRIO, sizes.dim)
+        self.asked = nn.Parameter(torch.zeros(1, 2, sizes.dim))
+        self.position = nn.Parameter(torch.zeros(1, tokens, sizes.dim))
+        for table in (self.asked, self.position):
+            nn.init.trunc_normal_(table, std=0.02)
+        self.blocks = nn.Sequential(*(Block(sizes.dim, sizes.heads) for _ in range(sizes.depth)))
+        self.norm = nn.LayerNorm(sizes.dim)
+        first, second = sizes.token
+        self.reduce = nn.Sequential(
+            nn.Linear(sizes.dim, first), nn.LeakyReLU(SLOPE), nn.Linear(first, second), nn.LeakyReLU(SLOPE)
+        )
+        self.feature = nn.Sequential(
+            nn.Linear(tokens * second, sizes.joined), nn.LeakyReLU(SLOPE), nn.Linear(sizes.joined, sizes.feature)
+        )
+        self.alignment = nn.Linear(sizes.dim, 1)
+        self.contact = nn.Linear(sizes.dim, 1)
+
+    def parts(self, inputs: Mapping[str, Tensor]) -> Parts:
+        """Tokens of each modality, shape (B, n, D)."""
+        image, wrench, proprio = all_of(inputs)
+        return {
+            "image": self.image(image).flatten(2).transpose(1, 2),  # (B, D, h, w) -> (B, h w, D)
+            "wrench": self.wrench(wrench.reshape(len(wrench), -1, self.readings * 6)),
+            "proprio": self.proprio(proprio)[:, None],
+        }
+
+    def join(self, parts: Parts) -> Encoding:
+        """Attention over all tokens."""
+        tokens = self.norm(self.blocks(self.tokens(parts)))
+        return Encoding(
+            self.feature(self.reduce(tokens).flatten(1)),
+            contact=self.contact(tokens[:, 1])[:, 0],
+            alignment=self.alignment(tokens[:, 0])[:, 0],
+        )
+
+    def tokens(self, parts: Parts) -> Tensor:
+        """What enters the first block, shape (B, N, D)."""
+        of_modalities = all_of(parts)
+        asked = self.asked.expand(len(of_modalities[0]), -1, -1)
+        return torch.cat([asked, *of_modalities], dim=1) + self.position
+
+
+class Block(nn.Module):
+    """Attention and a perceptron, each after a layer norm and around a residual connection.
+
+    Args:
+        dim: Numbers per token.
+        heads: Of the attention; divides `dim`.
+    """
+
+    def __init__(self, dim: int, heads: int) -> None:
+        super().__init__()
+        self.heads = heads
+        self.first, self.second = nn.LayerNorm(dim, eps=1e-6), nn.LayerNorm(dim, eps=1e-6)
+        self.query_key_value = nn.Linear(dim, 3 * dim, bias=False)
+        self.out = nn.Linear(dim, dim)
+        self.perceptron = nn.Sequential(nn.Linear(dim, 4 * dim), nn.GELU(), nn.Linear(4 * dim, dim))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, N, D) -> (B, N, D)."""
+        query, key, value = self._heads(x)
+        mixed = functional.scaled_dot_product_attention(query, key, value)  # Vaswani et al., NeurIPS 2017, equation 1
+        x = x + self.out(mixed.transpose(1, 2).flatten(2))  # (B, heads, N, D / heads) -> (B, N, D)
+        return x + self.perceptron(self.second(x))
+
+    def attention(self, x: Tensor) -> Tensor:
+        """How much each token looks at each other one, shape (B, heads, N, N); rows sum to 1."""
+        query, key, _ = self._heads(x)
+        return (query @ key.transpose(-2, -1) / query.shape[-1] ** 0.5).softmax(dim=-1)
+
+    def _heads(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        split = self.query_key_value(self.first(x)).unflatten(-1, (3, self.heads, -1))  # (B, N, 3, heads, D / heads)
+        query, key, value = split.permute(2, 0, 3, 1, 4)
+        return query, key, value

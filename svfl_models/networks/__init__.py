@@ -1,0 +1,1 @@
+"""Encoders, heads and policies, equivariant or ordinary, and their sizes."""

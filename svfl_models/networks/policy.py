@@ -1,0 +1,55 @@
+"""A policy: from what is seen, felt and known of the hand to a distribution of actions."""
+
+from torch import nn
+
+from svfl_data.errors import TrainingError
+from svfl_data.sampling.windows import WINDOW
+from svfl_models.networks.heads import Actor
+from svfl_models.networks.layer_factory import Layers, kit
+from svfl_models.networks.presets import PRESETS
+from svfl_models.networks.squashed_gaussian import SquashedGaussian
+from svfl_models.networks.visual_force import Batch, VisualForceEncoder
+from svfl_models.symmetry.groups import GROUPS, group_named
+
+
+class Policy(nn.Module):
+    """The trunk and the actor (Kohler et al., CoRL 2023, section 4), symmetric or plain.
+
+    Args:
+        encoder: What it looks at: ``v`` image, ``f`` wrench window, ``p`` proprioception, or several, e.g. ``vfp``.
+        group: Symmetry group, one of `groups.GROUPS`; ``none`` builds the plain twin.
+        preset: Sizes, one of `presets.PRESETS`.
+        image_size: Height and width of the images, one of `config.IMAGE_SIZES`, [px].
+        window: Readings T per wrench window.
+
+    Raises:
+        TrainingError: If there is no such group or preset.
+    """
+
+    def __init__(
+        self,
+        encoder: str = "vfp",
+        group: str = "D4",
+        preset: str = "default",
+        image_size: int = 64,
+        window: int = WINDOW,
+    ) -> None:
+        super().__init__()
+        if preset not in PRESETS:
+            raise TrainingError(f"unknown preset {preset!r}; possible: {', '.join(PRESETS)}")
+        self.group = group_named(group)
+        layers: Layers = kit(self.group)
+        widths = PRESETS[preset]["cnn" if self.group == GROUPS["none"] else "svfl"]
+        self.trunk = VisualForceEncoder(layers, widths, encoder, image_size, window)
+        self.actor = Actor(layers, widths.latent)
+
+    def forward(self, batch: Batch) -> SquashedGaussian:
+        """What to do, for each sample, in image-aligned axes.
+
+        The mean before squashing is equivariant under the whole group, as far as images are; the distribution of
+        actions under the part that maps pixels onto pixels (`svfl_models.networks.squashed_gaussian`).
+
+        Raises:
+            TrainingError: If an input is missing or has a shape that the network was not built for.
+        """
+        return self.actor(self.trunk(batch))

@@ -1,0 +1,1 @@
+"""Exported programs (``.pt2``): read and run without unpickling anything."""

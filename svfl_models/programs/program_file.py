@@ -1,0 +1,242 @@
+"""What a ``torch.export`` program is made of, read from its file without pickle and without PyTorch's own reader.
+
+`torch.export.load` unpickles whatever a file holds, evaluates its symbolic expressions as Python, and runs compiled
+libraries in it. Here the file is an archive of stored members, of which three kinds are read: the graph, which is JSON
+of a declared form; weights and constants, which are raw numbers; and texts. Everything else in it is left alone.
+
+The form is that of ``torch/_export/serde/schema.py``, version 8 (PyTorch 2.13).
+"""
+
+import math
+from typing import Any
+
+import msgspec
+import torch
+from torch import Tensor
+
+from svfl_data.system.stored_zip import Stored
+
+GRAPH = "models/model.json"
+PAYLOADS = (
+    ("data/weights/", "data/weights/model_weights_config.json"),
+    ("data/constants/", "data/constants/model_constants_config.json"),
+)
+EXTRA = "extra/"
+KNOWN = ("models/", "data/weights/", "data/constants/", "data/sample_inputs/", EXTRA, ".data/")
+KNOWN_ALONE = ("archive_format", "archive_version", "byteorder")
+SCHEMA = 8
+LARGEST_TEXT = 64 * 2**20
+"""Most bytes of JSON that are parsed."""
+DTYPES = {
+    1: torch.uint8, 2: torch.int8, 3: torch.int16, 4: torch.int32, 5: torch.int64, 6: torch.float16, 7: torch.float32,
+    8: torch.float64, 12: torch.bool, 13: torch.bfloat16,
+}  # fmt: skip
+"""Types of numbers by the schema's code."""
+
+
+class Named(msgspec.Struct):
+    """A reference to a tensor."""
+
+    name: str
+
+
+class Argument(msgspec.Struct):
+    """A value that is given to an operator by the name of its parameter; `kind` 2 is a keyword."""
+
+    name: str
+    arg: dict[str, Any]
+    kind: int | None = None
+
+
+class Step(msgspec.Struct):
+    """An operator, what it is given, and names for what it gives."""
+
+    target: str
+    inputs: list[Argument]
+    outputs: list[dict[str, Any]]
+
+
+class Size(msgspec.Struct):
+    """A number that is known, or an expression of the number of samples, of which only an example counts."""
+
+    as_int: int | None = None
+    as_expr: Any = None
+
+
+class Meta(msgspec.Struct):
+    """Form of a tensor."""
+
+    dtype: int
+    sizes: list[Size]
+    strides: list[Size]
+    storage_offset: Size
+
+
+class Graph(msgspec.Struct):
+    """The steps of a program, and the form of its inputs."""
+
+    nodes: list[Step]
+    tensor_values: dict[str, Meta]
+
+
+class UserValue(msgspec.Struct):
+    """An input or output of a program."""
+
+    arg: dict[str, Any]
+
+
+class Parameter(msgspec.Struct):
+    """An input that is a weight."""
+
+    arg: Named
+    parameter_name: str
+
+
+class Buffer(msgspec.Struct):
+    """An input that is a number of the network which does not learn."""
+
+    arg: Named
+    buffer_name: str
+
+
+class Constant(msgspec.Struct):
+    """An input that never changes."""
+
+    arg: Named
+    tensor_constant_name: str
+
+
+class Input(msgspec.Struct, forbid_unknown_fields=True):
+    """One of these."""
+
+    user_input: UserValue | None = None
+    parameter: Parameter | None = None
+    buffer: Buffer | None = None
+    tensor_constant: Constant | None = None
+
+
+class Output(msgspec.Struct, forbid_unknown_fields=True):
+    """Programs that change their own buffers give other kinds, too; those are refused."""
+
+    user_output: UserValue
+
+
+class Signature(msgspec.Struct):
+    """What goes in and comes out."""
+
+    input_specs: list[Input]
+    output_specs: list[Output]
+
+
+class GraphModule(msgspec.Struct):
+    """Graph and signature."""
+
+    graph: Graph
+    signature: Signature
+
+
+class Version(msgspec.Struct):
+    """Of the schema."""
+
+    major: int
+
+
+class Program(msgspec.Struct):
+    """Content of `GRAPH`."""
+
+    graph_module: GraphModule
+    schema_version: Version
+
+
+class Payload(msgspec.Struct):
+    """Where the numbers of a weight are."""
+
+    path_name: str
+    use_pickle: bool
+    tensor_meta: Meta | None
+
+
+class Payloads(msgspec.Struct):
+    """Content of the second entries of `PAYLOADS`."""
+
+    config: dict[str, Payload]
+
+
+class ProgramFile:
+    """An exported program's file.
+
+    Args:
+        archive: The file.
+
+    Attributes:
+        program: Its graph and signature.
+        tensors: Weights, buffers and constants by name, on the CPU.
+
+    Raises:
+        ValueError: If it is something else, or holds something that it should not; msgspec's errors are of this kind.
+        KeyError: If a member is missing.
+        zipfile.BadZipFile: If a member is damaged.
+    """
+
+    def __init__(self, archive: Stored) -> None:
+        roots = {name.partition("/")[0] for name in archive.members}
+        if len(roots) != 1:
+            raise ValueError("it is no exported program")
+        self._archive, self._root = archive, f"{roots.pop()}/"
+        for name in archive.members:
+            inside = name.removeprefix(self._root)
+            if not inside.startswith(KNOWN) and inside not in KNOWN_ALONE:
+                raise ValueError(f"it holds {inside!r}, which is no part of a program of tensors")
+        self.program = msgspec.json.decode(self._read(GRAPH), type=Program)
+        if self.program.schema_version.major != SCHEMA:
+            raise ValueError(f"its schema is version {self.program.schema_version.major}, this software reads {SCHEMA}")
+        self.tensors: dict[str, Tensor] = {}
+        for folder, config in PAYLOADS:
+            self.tensors |= self._payloads(folder, msgspec.json.decode(self._read(config), type=Payloads))
+
+    def text(self, name: str) -> str:
+        """A text that was put in beside the program."""
+        return self._read(EXTRA + name).decode()
+
+    def _read(self, inside: str) -> bytes:
+        name = self._root + inside
+        if name not in self._archive.members:
+            raise KeyError(f"it has no {inside}")
+        if inside.endswith(".json") and self._archive.members[name] > LARGEST_TEXT:
+            raise ValueError(f"{inside} is larger than {LARGEST_TEXT} bytes")
+        return self._archive.read(name)
+
+    def _payloads(self, folder: str, payloads: Payloads) -> dict[str, Tensor]:
+        contents: dict[str, bytearray] = {}
+        found = {}
+        for name, payload in payloads.config.items():
+            if payload.use_pickle or payload.tensor_meta is None:
+                raise ValueError(f"{name} is pickled; only plain numbers are read")
+            if payload.path_name not in contents:
+                contents[payload.path_name] = bytearray(self._read(folder + payload.path_name))
+            found[name] = _tensor(name, contents[payload.path_name], payload.tensor_meta)
+        return found
+
+
+def _tensor(name: str, content: bytearray, meta: Meta) -> Tensor:
+    """A view of a payload; tensors that share one share it here, too."""
+    dtype = DTYPES.get(meta.dtype)
+    if dtype is None:
+        raise ValueError(f"{name} is of no type that is read (code {meta.dtype})")
+    sizes, strides = _known(name, meta.sizes), _known(name, meta.strides)
+    (offset,) = _known(name, [meta.storage_offset])
+    held = len(content) // dtype.itemsize
+    reach = 0 if 0 in sizes else 1 + offset + sum((n - 1) * step for n, step in zip(sizes, strides, strict=True))
+    if reach > held or math.prod(sizes) > held:
+        raise ValueError(f"{name} is declared with {math.prod(sizes)} numbers, the file holds {held}")
+    flat = torch.frombuffer(content, dtype=dtype, count=held) if held else torch.empty(0, dtype=dtype)
+    tensor = flat.as_strided(sizes, strides, offset)
+    if not torch.isfinite(tensor).all():
+        raise ValueError(f"{name} has numbers that are not finite")
+    return tensor
+
+
+def _known(name: str, sizes: list[Size]) -> list[int]:
+    if any(size.as_int is None or not 0 <= size.as_int < 2**48 for size in sizes):
+        raise ValueError(f"{name} has no size")
+    return [size.as_int for size in sizes if size.as_int is not None]

@@ -1,0 +1,1 @@
+"""Groups, representations and equivariant layers, and the test that a network has its symmetry."""

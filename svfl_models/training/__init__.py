@@ -1,0 +1,1 @@
+"""What every training program uses: the trainer, checkpoints, run folders, progress and augmentation."""

@@ -1,1 +1,0 @@
-"""The verbs of ``svfl-train``, one per module: `add` puts it on the command line, `run` does the work."""
