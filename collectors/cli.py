@@ -5,7 +5,7 @@ from svfl_data.system.command_line import Parser
 from svfl_data.system.command_line import main as run
 
 PROGRAM = "svfl-collect"
-VERBS = (expert, centering, policy, replay, teleop, tags, calibrate)
+COMMANDS = (expert, centering, policy, replay, teleop, tags, calibrate)
 
 
 def main() -> int:
@@ -21,7 +21,9 @@ def build_parser() -> Parser:
         example="svfl-collect expert --task block_picking --episodes 50 --workers 2 --seed 0 --out data/block_picking\n"
         "svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering",
     )
-    commands = root.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True, parser_class=Parser)
-    for verb in VERBS:
-        verb.add(commands)
+    commands = root.add_subparsers(
+        title="commands", dest="command_name", metavar="COMMAND", required=True, parser_class=Parser
+    )
+    for command in COMMANDS:
+        command.add(commands)
     return root

@@ -8,7 +8,7 @@ from svfl_data.system.command_line import Parser
 from svfl_data.system.command_line import main as run
 
 PROGRAM = "svfl-data"
-VERBS = (info, view, plot, topdown, validate, repair, relabel, filter_, merge, split, stats, pack, card)
+COMMANDS = (info, view, plot, topdown, validate, repair, relabel, filter_, merge, split, stats, pack, card)
 
 
 def main() -> int:
@@ -23,9 +23,9 @@ def build_parser() -> Parser:
         description="Look at recorded data, check it, change what is said about it, make new datasets from it.",
         example=f"{PROGRAM} view data/centering --episode 3\n{PROGRAM} validate data/centering",
     )
-    commands = root.add_subparsers(title="verbs", dest="verb", required=True, metavar="VERB")
-    for verb in VERBS:
-        verb.add(commands)
+    commands = root.add_subparsers(title="commands", dest="command_name", required=True, metavar="COMMAND")
+    for command in COMMANDS:
+        command.add(commands)
     return root
 
 

@@ -5,7 +5,7 @@ from svfl_data.system.command_line import main as run
 from svfl_models.commands import bc, bc_table, centering, check, evaluate, experiments, export, latent, latent_eval
 
 PROGRAM = "svfl-train"
-VERBS = (centering, check, experiments, export, bc, bc_table, evaluate, latent, latent_eval)
+COMMANDS = (centering, check, experiments, export, bc, bc_table, evaluate, latent, latent_eval)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -16,7 +16,9 @@ def main(arguments: list[str] | None = None) -> int:
 def build_parser() -> Parser:
     """Arguments of the command."""
     root = Parser(prog=PROGRAM, description="Train symmetric visual-force networks.", example=centering.EXAMPLE)
-    commands = root.add_subparsers(title="verbs", dest="verb", metavar="VERB", required=True, parser_class=Parser)
-    for verb in VERBS:
-        verb.add(commands)
+    commands = root.add_subparsers(
+        title="commands", dest="command_name", metavar="COMMAND", required=True, parser_class=Parser
+    )
+    for command in COMMANDS:
+        command.add(commands)
     return root

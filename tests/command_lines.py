@@ -1,4 +1,4 @@
-"""A working command line for every verb of the three programs, on small data, for laws that hold for all of them."""
+"""A working command line for every command of the three programs, on small data, for laws that hold for all of them."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ def make_data(folder: Path, episodes: int = 3) -> Path:
 
 
 def data_commands(data: Path, out: Path) -> dict[str, list[str]]:
-    """The words of every verb of ``svfl-data``, in an order that works: ``stats`` asks for a split."""
+    """The words of every command of ``svfl-data``, in an order that works: ``stats`` asks for a split."""
     own = {
         "split": ["--shares", "train=0.6", "test=0.4"],
         "stats": [],
@@ -33,11 +33,11 @@ def data_commands(data: Path, out: Path) -> dict[str, list[str]]:
         "pack": [f"{out}/packed"],
         "unpack": [f"{out}/unpacked"],
     }
-    return {verb: [verb, str(data), *words] for verb, words in own.items()}
+    return {command: [command, str(data), *words] for command, words in own.items()}
 
 
 def train_commands(data: Path, out: Path) -> dict[str, list[str]]:
-    """The words of every verb of ``svfl-train``; the checkpoints that some need do not exist."""
+    """The words of every command of ``svfl-train``; the checkpoints that some need do not exist."""
     network, latent = f"{out}/network.ckpt", f"{out}/latent.ckpt"
     table = ["--data", str(data), "--seeds", "1", "--epochs", "1", "--preset", "tiny", "--workers", "1"]
     few = ["--train-samples", "1", "--test-samples", "1"]
@@ -45,8 +45,8 @@ def train_commands(data: Path, out: Path) -> dict[str, list[str]]:
         "centering": ["centering", "--data", str(data), *few, "--epochs", "1", "--out", f"{out}/centering"],
         "check": ["check", network, "--data", str(data)],
         **{
-            verb: [verb, *table, *few, "--out", f"{out}/{verb}"]
-            for verb in ("centering-table", "centering-acuity", "centering-groups", "centering-ablation")
+            command: [command, *table, *few, "--out", f"{out}/{command}"]
+            for command in ("centering-table", "centering-acuity", "centering-groups", "centering-ablation")
         },
         "centering-latents": ["centering-latents", *table, *few, "--latents", latent, "--out", f"{out}/latents"],
         "export": ["export", network, "--out", f"{out}/network.pt2"],
@@ -59,7 +59,7 @@ def train_commands(data: Path, out: Path) -> dict[str, list[str]]:
 
 
 def collect_commands(data: Path, out: Path) -> dict[str, list[str]]:
-    """The words of every verb of ``svfl-collect``; the policy that one needs does not exist."""
+    """The words of every command of ``svfl-collect``; the policy that one needs does not exist."""
     task = ["--task", "block_picking"]
     return {
         "expert": ["expert", *task, "--episodes", "1", "--image-size", "16", "--out", f"{out}/expert"],
@@ -78,12 +78,12 @@ def collect_commands(data: Path, out: Path) -> dict[str, list[str]]:
 COMMANDS = {"svfl-data": data_commands, "svfl-train": train_commands, "svfl-collect": collect_commands}
 
 
-def verbs_of(program: str) -> set[str]:
-    """All verbs that a program has."""
+def commands_of(program: str) -> set[str]:
+    """All commands that a program has."""
     from collectors.cli import build_parser as collect
     from svfl_data.cli import build_parser as data
     from svfl_models.cli import build_parser as train
 
     root = {"svfl-data": data, "svfl-train": train, "svfl-collect": collect}[program]()
-    (verbs,) = (action.choices for action in root._actions if action.dest == "verb")
-    return set(verbs or ())
+    (commands,) = (action.choices for action in root._actions if action.dest == "command_name")
+    return set(commands or ())

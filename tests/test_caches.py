@@ -13,7 +13,7 @@ import pytest
 from collectors.simulation.compiled import compiled
 from svfl_data.system.cache_folder import VARIABLE
 from svfl_data.system.library_caches import FOLDERS, confine_caches
-from tests.command_lines import COMMANDS, make_data, verbs_of
+from tests.command_lines import COMMANDS, commands_of, make_data
 
 pytestmark = pytest.mark.slow
 
@@ -39,8 +39,8 @@ modules, lines = json.loads(sys.stdin.read())
 for module in modules:
     importlib.import_module(module)
 mains = {"svfl-data": "svfl_data.cli", "svfl-train": "svfl_models.cli", "svfl-collect": "collectors.cli"}
-for program, verb in lines:
-    sys.argv = [program, verb, "--help"]
+for program, command in lines:
+    sys.argv = [program, command, "--help"]
     try:
         importlib.import_module(mains[program]).main()
     except SystemExit as ended:
@@ -56,7 +56,7 @@ def modules() -> list[str]:
 
 
 def test_importing_everything_and_asking_for_help_writes_to_the_cache_only(tmp_path):
-    lines = [(program, verb) for program in COMMANDS for verb in sorted(verbs_of(program))]
+    lines = [(program, command) for program in COMMANDS for command in sorted(commands_of(program))]
     cache, home, temporary = (tmp_path / name for name in ("cache", "home", "tmp"))
     for folder in (cache, home, temporary):
         folder.mkdir()

@@ -12,7 +12,7 @@ import pytest
 
 from svfl_data.system.extras import EXTRAS
 from tests.base_only import OURS, PROJECT, base, distribution
-from tests.command_lines import COMMANDS, make_data, verbs_of
+from tests.command_lines import COMMANDS, commands_of, make_data
 
 pytestmark = pytest.mark.slow
 
@@ -83,15 +83,15 @@ def test_every_command_works_or_says_which_extra_it_needs(tmp_path):
     data = make_data(tmp_path / "data")
     asked = [(program, words) for program, lines in COMMANDS.items() for words in lines(data, tmp_path).values()]
     assert {(program, words[0]) for program, words in asked} == {
-        (program, verb) for program in COMMANDS for verb in verbs_of(program)
+        (program, command) for program in COMMANDS for command in commands_of(program)
     }
-    for program, verb, code, errors in answers(RUN_ALL, asked):
+    for program, command, code, errors in answers(RUN_ALL, asked):
         needing = WITHOUT_EXTRAS[program]
-        if needing is None or verb in needing:
-            assert code == 1, (program, verb)
-            assert re.fullmatch(rf"{program}: {verb} {NEEDS}\n", errors), errors
+        if needing is None or command in needing:
+            assert code == 1, (program, command)
+            assert re.fullmatch(rf"{program}: {command} {NEEDS}\n", errors), errors
         else:
-            assert (code, errors) == (0, ""), (program, verb)
+            assert (code, errors) == (0, ""), (program, command)
 
 
 def test_the_extras_are_those_of_the_project():

@@ -21,7 +21,7 @@ from svfl_data.viewer import show
 from svfl_data.viewer.episode_source import Shown
 from tests.builders import make_episode
 from tests.command_lines import data_commands
-from tests.test_output_errors import VERBS, refused  # noqa: F401 - a fixture
+from tests.test_output_errors import EACH, refused  # noqa: F401 - a fixture
 
 pytestmark = pytest.mark.slow
 
@@ -83,28 +83,28 @@ def drawn(monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore:Glyph")
-@pytest.mark.parametrize("verb", sorted(data_commands(Path(), Path())))
-def test_every_command_shows_names_as_visible_text(folder, tmp_path, capsys, drawn, verb):
+@pytest.mark.parametrize("command", sorted(data_commands(Path(), Path())))
+def test_every_command_shows_names_as_visible_text(folder, tmp_path, capsys, drawn, command):
     lines = data_commands(folder, tmp_path)
-    if verb == "stats":
+    if command == "stats":
         command_line.main(build_parser(), lines["split"])
         capsys.readouterr()
-    for words in (lines[verb], [*lines[verb], *(["--episode", "1"] if verb == "info" else [])]):
+    for words in (lines[command], [*lines[command], *(["--episode", "1"] if command == "info" else [])]):
         command_line.main(build_parser(), words)
         out, err = capsys.readouterr()
         assert_harmless(out, words)
         assert_harmless(err, words)
     for text in drawn:
-        assert_harmless(text, verb)
+        assert_harmless(text, command)
     for page in tmp_path.glob("*.md"):
         assert_harmless(page.read_text(), page)
         assert not MARKUP.search(page.read_text()), MARKUP.search(page.read_text())
 
 
 def test_machine_readable_output_says_the_same_in_escapes(folder, tmp_path, capsys):
-    for verb in ("info", "validate", "repair"):
-        command_line.main(build_parser(), [*data_commands(folder, tmp_path)[verb], "--json"])
-        assert_harmless(capsys.readouterr().out, verb)
+    for command in ("info", "validate", "repair"):
+        command_line.main(build_parser(), [*data_commands(folder, tmp_path)[command], "--json"])
+        assert_harmless(capsys.readouterr().out, command)
 
 
 @pytest.mark.filterwarnings("ignore:Glyph")
@@ -118,12 +118,12 @@ def test_a_page_says_where_a_dataset_comes_from(folder, tmp_path, capsys):
     assert not MARKUP.search(text), MARKUP.search(text)
 
 
-@pytest.mark.parametrize(("program", "verb"), VERBS)
-def test_the_words_of_an_error_are_one_line(refused, program, verb):  # noqa: F811
-    code, said = refused(program, verb, SvflError(f"no task {HOSTILE}"))
+@pytest.mark.parametrize(("program", "command"), EACH)
+def test_the_words_of_an_error_are_one_line(refused, program, command):  # noqa: F811
+    code, said = refused(program, command, SvflError(f"no task {HOSTILE}"))
     assert code == 1
     assert said.count("\n") == 1
-    assert_harmless(said, (program, verb))
+    assert_harmless(said, (program, command))
 
 
 def test_the_viewer_shows_names_as_visible_text(folder, monkeypatch, tmp_path):

@@ -15,52 +15,52 @@ from svfl_data.cli import build_parser as data
 from svfl_data.system import command_line
 from svfl_data.system.refused import POSSIBLE, refusal
 from svfl_models.cli import build_parser as train
-from tests.command_lines import COMMANDS, data_commands, make_data, verbs_of
+from tests.command_lines import COMMANDS, commands_of, data_commands, make_data
 
 ROOT = Path(__file__).parents[1]
 PARSERS = {"svfl-data": data, "svfl-train": train, "svfl-collect": collect}
 REFUSED = sorted({*POSSIBLE, errno.ENOENT, errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTEMPTY})
-VERBS = [(program, verb) for program in COMMANDS for verb in sorted(verbs_of(program))]
+EACH = [(program, command) for program in COMMANDS for command in sorted(commands_of(program))]
 PROGRAM = "import sys; from svfl_data.cli import main; sys.exit(main())"
 
 
-def verb_parser(program, verb):
-    """A program's command line and the part of it that is a verb's."""
+def command_parser(program, command):
+    """A program's command line and the part of it that is a command's."""
     root = PARSERS[program]()
-    (verbs,) = (action for action in root._actions if isinstance(action, _SubParsersAction))
-    return root, verbs.choices[verb]
+    (commands,) = (action for action in root._actions if isinstance(action, _SubParsersAction))
+    return root, commands.choices[command]
 
 
 @pytest.fixture
 def refused(monkeypatch, tmp_path, capsys):
-    """Run a verb whose work raises an error; gives exit code and standard error."""
+    """Run a command whose work raises an error; gives exit code and standard error."""
 
-    def run(program, verb, error):
-        root, parser = verb_parser(program, verb)
+    def run(program, command, error):
+        root, parser = command_parser(program, command)
 
         def work(_):
             raise error
 
         parser.set_defaults(command=work)
-        return command_line.main(root, COMMANDS[program](tmp_path / "data", tmp_path)[verb]), capsys.readouterr().err
+        return command_line.main(root, COMMANDS[program](tmp_path / "data", tmp_path)[command]), capsys.readouterr().err
 
     return run
 
 
-@pytest.mark.parametrize(("program", "verb"), VERBS)
-def test_every_command_says_what_the_system_refuses_in_one_line(refused, program, verb):
+@pytest.mark.parametrize(("program", "command"), EACH)
+def test_every_command_says_what_the_system_refuses_in_one_line(refused, program, command):
     for number in REFUSED:
-        code, said = refused(program, verb, OSError(number, os.strerror(number), "data/of\nmine"))
+        code, said = refused(program, command, OSError(number, os.strerror(number), "data/of\nmine"))
         assert code == 1
         assert said.startswith(f"{program}: data/of\\nmine: {os.strerror(number)}"), said
         assert said.count("\n") == 1
         assert POSSIBLE.get(number, "") in said
 
 
-@pytest.mark.parametrize(("program", "verb"), VERBS)
+@pytest.mark.parametrize(("program", "command"), EACH)
 @pytest.mark.parametrize("error", [MemoryError(), MemoryError("Unable to allocate 4. GiB for an array")])
-def test_every_command_says_that_memory_is_short_in_one_line(refused, program, verb, error):
-    code, said = refused(program, verb, error)
+def test_every_command_says_that_memory_is_short_in_one_line(refused, program, command, error):
+    code, said = refused(program, command, error)
     assert code == 1
     assert said.startswith(f"{program}: not enough memory: ")
     assert said.count("\n") == 1
@@ -127,8 +127,8 @@ def test_errors_that_cannot_be_written_leave_the_exit_code(dataset, unbuffered):
 def test_no_file_takes_the_place_of_a_closed_stream(dataset, tmp_path, closed):
     """A library's own output would land in it."""
     closing = functools.partial(os.close, closed)
-    for verb in ("info", "merge", "filter"):
-        words = data_commands(dataset, tmp_path / f"{closed}")[verb]
+    for command in ("info", "merge", "filter"):
+        words = data_commands(dataset, tmp_path / f"{closed}")[command]
         (tmp_path / f"{closed}").mkdir(exist_ok=True)
         assert run(*words, preexec_fn=closing).returncode == 0
     code = "import os; from svfl_data.system import standard_streams as s; s.prepare(); "
@@ -148,26 +148,26 @@ ASCII = {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
 
 @pytest.mark.slow
 @pytest.mark.parametrize("terminal", [ASCII, {"PYTHONIOENCODING": "ascii"}])
-@pytest.mark.parametrize("verb", sorted(data_commands(Path(), Path())))
-def test_names_that_a_terminal_cannot_show_are_no_obstacle(tmp_path, terminal, verb):
+@pytest.mark.parametrize("command", sorted(data_commands(Path(), Path())))
+def test_names_that_a_terminal_cannot_show_are_no_obstacle(tmp_path, terminal, command):
     folder = tmp_path / "été-雪"
     data, out = make_data(folder / "data"), folder / "out"
     out.mkdir()
-    if verb == "stats":
+    if command == "stats":
         assert run(*data_commands(data, out)["split"]).returncode == 0
-    done = run(*data_commands(data, out)[verb], env=terminal)
+    done = run(*data_commands(data, out)[command], env=terminal)
     assert done.returncode == 0, done.stderr
     assert done.stderr == b""
     assert done.stdout.isascii()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("verb", sorted(data_commands(Path(), Path())))
-def test_names_that_are_no_text_are_one_line_or_work(tmp_path, verb):
+@pytest.mark.parametrize("command", sorted(data_commands(Path(), Path())))
+def test_names_that_are_no_text_are_one_line_or_work(tmp_path, command):
     folder = tmp_path / os.fsdecode(b"\xff\xfe")
     data, out = make_data(folder / "data"), folder / "out"
     out.mkdir()
-    done = run(*data_commands(data, out)[verb])
+    done = run(*data_commands(data, out)[command])
     assert done.returncode in (0, 1)
     assert b"Traceback" not in done.stderr
     assert done.stderr.count(b"\n") == done.returncode

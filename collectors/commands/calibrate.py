@@ -13,8 +13,8 @@ CAUSES = "another board's file, poses of other pictures, wrong intrinsics, or a 
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "calibrate",
         help="where a camera is, from pictures of a board of AprilTags",
         description="Estimate a camera's pose in base axes from pictures of a board (svfl-collect tags --board), and "
@@ -28,13 +28,13 @@ def add(commands: Commands) -> None:
         "svfl-collect calibrate data/boards --episode 0 --board board.json --board-pose 0.45,-0.1,0,90 \\\n"
         "    --camera front --out calibration.json",
     )
-    verb.add_argument("path", type=Path, metavar="PATH", help="folder of pictures, dataset, or episode file")
-    verb.add_argument("--episode", type=natural, metavar="N", help="number in a dataset (default: the first)")
-    verb.add_argument("--board", type=Path, required=True, metavar="FILE", help="JSON of the board")
-    verb.add_argument(
+    parser.add_argument("path", type=Path, metavar="PATH", help="folder of pictures, dataset, or episode file")
+    parser.add_argument("--episode", type=natural, metavar="N", help="number in a dataset (default: the first)")
+    parser.add_argument("--board", type=Path, required=True, metavar="FILE", help="JSON of the board")
+    parser.add_argument(
         "--printed", type=float, default=100.0, metavar="MM", help="length of the sheet's 100 mm line as measured"
     )
-    place = verb.add_mutually_exclusive_group(required=True)
+    place = parser.add_mutually_exclusive_group(required=True)
     place.add_argument(
         "--board-pose", type=_numbers(4), metavar="X,Y,Z,DEG",
         help="of the board's lower left corner, face up: base axes, m, and yaw of its x axis; with a negative X, write "
@@ -44,17 +44,17 @@ def add(commands: Commands) -> None:
         "--board-poses", type=Path, metavar="CSV", help="picture,x,y,z,qx,qy,qz,qw: of the board in base"
     )
     place.add_argument("--hand-poses", type=Path, metavar="CSV", help="the same: of the hand that holds the board")
-    verb.add_argument(
+    parser.add_argument(
         "--intrinsics", type=_numbers(4), metavar="FX,FY,CX,CY",
         help="px, the centre of the first pixel being 0,0 (default: the episode's)",
     )  # fmt: skip
-    verb.add_argument(
+    parser.add_argument(
         "--depth-scale", type=between(1e-6, 1, "a length in m"), metavar="M",
         help="metres per unit of depth (default 0.001, or the episode's)",
     )  # fmt: skip
-    verb.add_argument("--camera", default="front", metavar="NAME", help="name of the camera (default front)")
-    verb.add_argument("--out", type=Path, required=True, metavar="FILE", help="calibration file, JSON")
-    verb.set_defaults(command=run)
+    parser.add_argument("--camera", default="front", metavar="NAME", help="name of the camera (default front)")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="calibration file, JSON")
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

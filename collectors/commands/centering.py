@@ -9,8 +9,8 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "centering",
         help="block centering: one finger collides with the block; which way to move?",
         description="Collect block-centering samples in simulation: one finger of an open hand lands on a block, and "
@@ -19,14 +19,14 @@ def add(commands: Commands) -> None:
         example="svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering\n"
         "svfl-collect centering --samples 1000 --border 0 --sensor-noise none --out data/centering_hard",
     )
-    verb.add_argument("--samples", type=positive, default=200, metavar="N", help="episodes (default 200)")
-    add_collection(verb)
-    verb.add_argument(
+    parser.add_argument("--samples", type=positive, default=200, metavar="N", help="episodes (default 200)")
+    add_collection(parser)
+    parser.add_argument(
         "--border", type=between(0, 40, "an angle in degrees"), default=5.0, metavar="DEG",
         help="leave out directions this close to a class border (default 5; 0 is the hard version)",
     )  # fmt: skip
-    add_world(verb)
-    verb.set_defaults(command=run)
+    add_world(parser)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -17,8 +17,8 @@ ALL = "all"
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "expert",
         help="demonstrations of a task by its scripted expert",
         description="Record demonstrations in simulation. An attempt that fails is made again and never counted as a "
@@ -31,37 +31,37 @@ def add(commands: Commands) -> None:
         "svfl-collect expert --task block_picking --out data/seen --rerun   # watch it, after starting: rerun\n"
         "svfl-collect expert --task block_picking --engine ray --address head:6379 --workers 64 --out data/large",
     )
-    verb.add_argument(
+    parser.add_argument(
         "--task",
         choices=[*TASKS, ALL],
         required=True,
         metavar="TASK",
         help=f"{', '.join(TASKS)}; {ALL} is the paper's nine",
     )
-    verb.add_argument("--episodes", type=positive, default=50, metavar="N", help="demonstrations (default 50)")
-    add_collection(verb)
-    verb.add_argument(
+    parser.add_argument("--episodes", type=positive, default=50, metavar="N", help="demonstrations (default 50)")
+    add_collection(parser)
+    parser.add_argument(
         "--noise", type=between(0, 2, "a number"), default=1.0, metavar="X",
         help="how much demonstrations differ, 0 to 2 (default 1)",
     )  # fmt: skip
-    verb.add_argument(
+    parser.add_argument(
         "--shoves", type=between(0, 1, "a number"), default=0.0, metavar="P",
         help="how likely the hand is to be pushed off its way at an action; policies that are cloned from such "
         "demonstrations have seen the way back (default 0)",
     )  # fmt: skip
-    verb.add_argument(
+    parser.add_argument(
         "--tags",
         action="store_true",
         help="the block wears AprilTags, and they, not the simulation, tell when the task is achieved, as on a real "
         "table (block_picking, block_pushing)",
     )
-    verb.add_argument(
+    parser.add_argument(
         "--keep-failures",
         action="store_true",
         help="write failed attempts into a dataset of their own, FOLDER/failures",
     )
-    add_world(verb)
-    verb.set_defaults(command=run)
+    add_world(parser)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

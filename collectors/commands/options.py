@@ -1,4 +1,4 @@
-"""What the verbs share: where to write, with how many workers of which engine, and the options of the world."""
+"""What the commands share: where to write, with how many workers of which engine, and the options of the world."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ if TYPE_CHECKING:  # at run time only when collecting: the command line itself l
     from collectors.simulation.config import WorldConfig
 
 
-def add_collection(verb: Parser) -> None:
+def add_collection(parser: Parser) -> None:
     """Add the options that say where to write and who works."""
-    verb.add_argument("--seed", type=natural, default=0, metavar="S", help="seed of the dataset (default 0)")
-    verb.add_argument("--workers", type=positive, default=1, metavar="W", help="episodes at a time (default 1)")
-    verb.add_argument(
+    parser.add_argument("--seed", type=natural, default=0, metavar="S", help="seed of the dataset (default 0)")
+    parser.add_argument("--workers", type=positive, default=1, metavar="W", help="episodes at a time (default 1)")
+    parser.add_argument(
         "--engine", choices=["processes", "ray"], default="processes",
         help="where workers run: processes of this machine (default), or a Ray cluster",
     )  # fmt: skip
-    verb.add_argument("--address", metavar="HOST:PORT", help="of the Ray cluster (default: one on this machine)")
-    verb.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="dataset folder")
-    add_rerun(verb)
+    parser.add_argument("--address", metavar="HOST:PORT", help="of the Ray cluster (default: one on this machine)")
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="dataset folder")
+    add_rerun(parser)
 
 
-def add_rerun(verb: Parser) -> None:
+def add_rerun(parser: Parser) -> None:
     """Add the option that shows episodes while they are recorded."""
-    verb.add_argument(
+    parser.add_argument(
         "--rerun", nargs="?", const="127.0.0.1:9876", metavar="HOST:PORT",
         help="show it on a running viewer meanwhile (start one with: rerun; default 127.0.0.1:9876)",
     )  # fmt: skip
@@ -54,14 +54,14 @@ def engine(arguments: argparse.Namespace) -> Engine:
     return run
 
 
-def add_world(verb: Parser) -> None:
+def add_world(parser: Parser) -> None:
     """Add the options of the world."""
-    verb.add_argument(
+    parser.add_argument(
         "--sensor-noise", choices=["realistic", "none"], default="realistic",
         help="of the wrist sensor (default realistic)",
     )  # fmt: skip
-    verb.add_argument("--image-size", type=positive, default=76, metavar="PX", help="width and height (default 76)")
-    verb.add_argument(
+    parser.add_argument("--image-size", type=positive, default=76, metavar="PX", help="width and height (default 76)")
+    parser.add_argument(
         "--cameras", type=lambda text: text.split(","), default=["front"], metavar="NAME,...",
         help="front, top, side_left, side_right; a policy sees the first one (default front)",
     )  # fmt: skip

@@ -10,8 +10,8 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "policy",
         help="record a trained policy and count its successes",
         description="Record a trained policy in scenes that no demonstration has. Every episode is kept and counts, "
@@ -20,12 +20,12 @@ def add(commands: Commands) -> None:
         "(collectors/sources/policy.py).",
         example="svfl-collect policy --task block_picking --checkpoint policy.pt2 --episodes 100 --out data/trained",
     )
-    verb.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=", ".join(TASKS))
-    verb.add_argument("--checkpoint", type=Path, required=True, metavar="FILE", help="the trained policy")
-    verb.add_argument("--episodes", type=positive, default=50, metavar="N", help="episodes (default 50)")
-    add_collection(verb)
-    add_world(verb)
-    verb.set_defaults(command=run)
+    parser.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=", ".join(TASKS))
+    parser.add_argument("--checkpoint", type=Path, required=True, metavar="FILE", help="the trained policy")
+    parser.add_argument("--episodes", type=positive, default=50, metavar="N", help="episodes (default 50)")
+    add_collection(parser)
+    add_world(parser)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

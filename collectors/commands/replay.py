@@ -8,17 +8,17 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "replay",
         help="simulate an episode again from its seed and actions and compare",
         description="Simulate an episode again from its configuration, seed and actions, and report the largest "
         "difference in every array: zero on the same machine with the same versions. Exit code 1 if there is any.",
         example="svfl-collect replay data/block_picking --episode 3",
     )
-    verb.add_argument("path", type=Path, metavar="DATASET", help="dataset folder or episode file")
-    verb.add_argument("--episode", type=natural, metavar="K", help="number in the dataset (default: the first)")
-    verb.set_defaults(command=run)
+    parser.add_argument("path", type=Path, metavar="DATASET", help="dataset folder or episode file")
+    parser.add_argument("--episode", type=natural, metavar="K", help="number in the dataset (default: the first)")
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -11,8 +11,8 @@ SIZE_MM = 30.0  # of a tag
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "tags",
         help="a sheet of AprilTags to print: for objects, for a cube, or a board for calibration",
         description="Write a sheet of AprilTags in true size (PDF or PNG), with cut marks, ids, and a line to check "
@@ -23,24 +23,24 @@ def add(commands: Commands) -> None:
         "svfl-collect tags --cube 50 --printed 99.4 --out block.pdf   # the sheet's line came out at 99.4 mm\n"
         "svfl-collect tags --board 4x5 --size 30 --paper letter --out board.pdf",
     )
-    what = verb.add_mutually_exclusive_group()
+    what = parser.add_mutually_exclusive_group()
     what.add_argument("--count", type=positive, default=12, metavar="N", help="single tags (default 12)")
     what.add_argument("--cube", type=between(5, 200, "a length in mm"), metavar="MM", help="for a cube with this edge")
     what.add_argument("--board", type=_grid, metavar="CxR", help="a board of C x R tags")
-    verb.add_argument("--first", type=natural, default=0, metavar="ID", help="id of the first tag (default 0)")
-    verb.add_argument(
+    parser.add_argument("--first", type=natural, default=0, metavar="ID", help="id of the first tag (default 0)")
+    parser.add_argument(
         "--size", type=between(3, 250, "a length in mm"), metavar="MM",
         help="edge of the square between a tag's corners (default 30; on a cube as large as fits)",
     )  # fmt: skip
-    verb.add_argument("--family", default="tag36h11", metavar="NAME", help="tag family (default tag36h11)")
-    verb.add_argument(
+    parser.add_argument("--family", default="tag36h11", metavar="NAME", help="tag family (default tag36h11)")
+    parser.add_argument(
         "--printed", type=between(50, 200, "a length in mm"), default=100.0, metavar="MM",
         help="length of the sheet's 100 mm line as measured on the paper: corrects the size of the tags in a cube's "
         "JSON (for a board, give it to svfl-collect calibrate)",
     )  # fmt: skip
-    verb.add_argument("--paper", choices=["a4", "letter"], default="a4", help="default a4")
-    verb.add_argument("--out", type=Path, required=True, metavar="FILE", help="FILE.pdf or FILE.png")
-    verb.set_defaults(command=run)
+    parser.add_argument("--paper", choices=["a4", "letter"], default="a4", help="default a4")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="FILE.pdf or FILE.png")
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

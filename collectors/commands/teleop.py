@@ -10,8 +10,8 @@ from svfl_data.system.command_line import Commands, natural, positive
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "teleop",
         help="demonstrations of a task by a person, with keyboard, gamepad or SpaceMouse",
         description="Steer the hand in a window and record demonstrations at 20 Hz; its keys are shown in it. An "
@@ -21,22 +21,22 @@ def add(commands: Commands) -> None:
         "svfl-collect teleop --task peg_insertion --device gamepad --operator ada --log ada.log --out data/pegs\n"
         "svfl-collect teleop --task peg_insertion --device script ada.log --out data/pegs_again",
     )
-    verb.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=", ".join(TASKS))
-    verb.add_argument(
+    parser.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=", ".join(TASKS))
+    parser.add_argument(
         "--device", nargs="+", required=True, metavar=("DEVICE", "FILE"), help=f"{', '.join(DEVICES)}, or {SCRIPT} FILE"
     )
-    verb.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="dataset folder")
-    verb.add_argument("--seed", type=natural, default=0, metavar="S", help="seed of the dataset (default 0)")
-    verb.add_argument(
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="dataset folder")
+    parser.add_argument("--seed", type=natural, default=0, metavar="S", help="seed of the dataset (default 0)")
+    parser.add_argument(
         "--pace", type=between(0.05, 1, "a number"), default=0.5, metavar="X",
         help="of full speed, which is 0.5 m/s (default 0.5)",
     )  # fmt: skip
-    verb.add_argument("--seconds", type=positive, default=120, metavar="N", help="longest episode (default 120)")
-    verb.add_argument("--operator", metavar="ID", help="who steers; kept in the episodes")
-    verb.add_argument("--log", type=Path, metavar="FILE", help="keep what the device told, to be replayed")
-    add_rerun(verb)
-    add_world(verb)
-    verb.set_defaults(command=run)
+    parser.add_argument("--seconds", type=positive, default=120, metavar="N", help="longest episode (default 120)")
+    parser.add_argument("--operator", metavar="ID", help="who steers; kept in the episodes")
+    parser.add_argument("--log", type=Path, metavar="FILE", help="keep what the device told, to be replayed")
+    add_rerun(parser)
+    add_world(parser)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

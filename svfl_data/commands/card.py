@@ -11,17 +11,17 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "card",
         help="a dataset card in Markdown, with figures and pictures",
         description="Write a dataset card in Markdown: figures, streams with units, distributions, one episode as a "
         "picture, where it came from. The pictures stand in a folder beside it.",
         example="svfl-data card data/centering   # writes data/centering/README.md",
     )
-    add_dataset(verb)
-    verb.add_argument("--out", type=Path, metavar="FILE.md", help="file to write (default: README.md in the dataset)")
-    verb.set_defaults(command=run)
+    add_dataset(parser)
+    parser.add_argument("--out", type=Path, metavar="FILE.md", help="file to write (default: README.md in the dataset)")
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

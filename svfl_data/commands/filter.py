@@ -70,8 +70,8 @@ class Condition:
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "filter",
         help="the episodes that meet conditions, as a new dataset",
         description="Copy the episodes that meet every condition into a new dataset, numbered from 0. Every episode's "
@@ -79,23 +79,23 @@ def add(commands: Commands) -> None:
         example="svfl-data filter data/week data/good --success yes --source teleop\n"
         "svfl-data filter data/week data/soft --where 'config.drawn.block_friction<0.6' --where 'steps>=8'",
     )
-    verb.add_argument("path", type=Path, metavar="SRC", help="dataset folder")
-    verb.add_argument("destination", type=Path, metavar="DST", help="new dataset folder")
-    verb.add_argument("--task", metavar="TASK", help="keep this task")
-    verb.add_argument("--success", type=yes_no, metavar="yes|no", help="keep successes, or failures")
-    verb.add_argument("--source", metavar="SOURCE", help="keep what this source recorded, e.g. expert or teleop")
-    verb.add_argument(
+    parser.add_argument("path", type=Path, metavar="SRC", help="dataset folder")
+    parser.add_argument("destination", type=Path, metavar="DST", help="new dataset folder")
+    parser.add_argument("--task", metavar="TASK", help="keep this task")
+    parser.add_argument("--success", type=yes_no, metavar="yes|no", help="keep successes, or failures")
+    parser.add_argument("--source", metavar="SOURCE", help="keep what this source recorded, e.g. expert or teleop")
+    parser.add_argument(
         "--where", type=Condition.parse, action="append", default=[], metavar="KEY=VALUE",
         help="keep what has this attribute; also !=, <, <=, >, >=; dots lead into config and software; "
         "steps and seconds can be asked for as well",
     )  # fmt: skip
-    verb.add_argument(
+    parser.add_argument(
         "--valid",
         action="store_true",
         help="leave out what svfl-data validate calls an error, damaged files too",
     )
-    add_allowances(verb)
-    verb.set_defaults(command=run)
+    add_allowances(parser)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

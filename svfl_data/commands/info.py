@@ -19,18 +19,18 @@ MOST_NAMED = 20
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "info",
         help="what it holds: episodes, steps, hours, tasks, streams with rate and unit, size",
         description="What a dataset holds: episodes, steps, hours, tasks, success rate, sources, streams with rate and "
         "unit, cameras with size and rate, bytes, versions. With --episode, one episode in detail.",
         example="svfl-data info data/centering\nsvfl-data info data/centering --episode 3 --json",
     )
-    add_path(verb)
-    add_episode(verb, otherwise="the whole dataset")
-    add_json(verb)
-    verb.set_defaults(command=run)
+    add_path(parser)
+    add_episode(parser, otherwise="the whole dataset")
+    add_json(parser)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

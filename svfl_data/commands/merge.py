@@ -11,8 +11,8 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "merge",
         help="several datasets into a new one",
         description="Copy the episodes of several datasets into a new one, numbered from 0. Every episode's history "
@@ -21,10 +21,10 @@ def add(commands: Commands) -> None:
         example="svfl-data merge data/monday data/tuesday data/week\n"
         "svfl-data merge data/monday data/tuesday data/week --varies cameras/front/T_base_camera --once",
     )
-    verb.add_argument("sources", type=Path, nargs="+", metavar="SRC", help="dataset folders")
-    verb.add_argument("destination", type=Path, metavar="DST", help="new dataset folder")
-    add_allowances(verb)
-    verb.set_defaults(command=run)
+    parser.add_argument("sources", type=Path, nargs="+", metavar="SRC", help="dataset folders")
+    parser.add_argument("destination", type=Path, metavar="DST", help="new dataset folder")
+    add_allowances(parser)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

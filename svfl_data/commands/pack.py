@@ -13,30 +13,30 @@ MEGABYTE = 10**6
 
 
 def add(commands: Commands) -> None:
-    """Put both verbs on the command line."""
-    verb = commands.add_parser(
+    """Put both commands on the command line."""
+    parser = commands.add_parser(
         "pack",
         help="copy a dataset into a few large shards",
         description="Copy a dataset into shards that every tool reads like episode files. Each episode stays the same "
         "to the byte. The same command takes up an interrupted one.",
         example="svfl-data pack data/centering data/centering_packed --shard-mb 500",
     )
-    add_dataset(verb)
-    verb.add_argument("out", type=Path, metavar="OUT", help="new dataset folder")
-    verb.add_argument(
+    add_dataset(parser)
+    parser.add_argument("out", type=Path, metavar="OUT", help="new dataset folder")
+    parser.add_argument(
         "--shard-mb", type=positive, default=pack.SHARD_BYTES // MEGABYTE, metavar="MB",
         help=f"largest size of a shard in megabytes (default {pack.SHARD_BYTES // MEGABYTE})",
     )  # fmt: skip
-    verb.set_defaults(command=run)
-    verb = commands.add_parser(
+    parser.set_defaults(command=run)
+    parser = commands.add_parser(
         "unpack",
         help="copy a packed dataset into one file per episode",
         description="Copy a packed dataset into one file per episode, the same to the byte as before packing.",
         example="svfl-data unpack data/centering_packed data/centering_again",
     )
-    add_dataset(verb)
-    verb.add_argument("out", type=Path, metavar="OUT", help="new dataset folder")
-    verb.set_defaults(command=run_unpack)
+    add_dataset(parser)
+    parser.add_argument("out", type=Path, metavar="OUT", help="new dataset folder")
+    parser.set_defaults(command=run_unpack)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -10,18 +10,18 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "plot",
         help="one picture of an episode: images, force, torque, gripper, actions, contacts, label",
         description="Draw an episode into a PNG: images, force, torque, gripper opening and actions over time, with "
         "contacts and other annotations, and the label as an arrow in the last image.",
         example="svfl-data plot data/centering --episode 3 --out episode.png",
     )
-    add_path(verb)
-    add_episode(verb)
-    verb.add_argument("--out", type=Path, required=True, metavar="FILE.png", help="picture to write")
-    verb.set_defaults(command=run)
+    add_path(parser)
+    add_episode(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.png", help="picture to write")
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

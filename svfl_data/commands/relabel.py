@@ -19,8 +19,8 @@ RULE = ContactRule()
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "relabel",
         help="change success, annotations, contacts, recorded transforms",
         description="Change what is said about an episode; what was recorded stays. The file is rewritten whole or not "
@@ -30,31 +30,33 @@ def add(commands: Commands) -> None:
         "svfl-data relabel data/week --contact --threshold 3 --release 1.5\n"
         "svfl-data relabel data/week --transforms tare low_pass=40",
     )
-    add_path(verb)
-    add_episode(verb, otherwise="all, for --contact and --transforms")
-    verb.add_argument("--success", type=yes_no, metavar="yes|no", help="whether the task was achieved")
-    verb.add_argument(
+    add_path(parser)
+    add_episode(parser, otherwise="all, for --contact and --transforms")
+    parser.add_argument("--success", type=yes_no, metavar="yes|no", help="whether the task was achieved")
+    parser.add_argument(
         "--annotate", nargs=3, action="append", default=[], metavar=("NAME", "START", "END"),
         help="add a named interval, in seconds of the episode clock",
     )  # fmt: skip
-    verb.add_argument("--remove", action="append", default=[], metavar="NAME", help="remove the annotations of a name")
-    verb.add_argument(
+    parser.add_argument(
+        "--remove", action="append", default=[], metavar="NAME", help="remove the annotations of a name"
+    )
+    parser.add_argument(
         "--transforms", nargs="+", type=transform, metavar="STEP",
         help="how the raw wrench becomes usable, in order: tare, low_pass=HZ, gravity=KG,X,Y,Z (m, hand axes)",
     )  # fmt: skip
-    verb.add_argument("--contact", action="store_true", help="find contacts and store them as annotations")
-    _add_rule(verb)
-    verb.set_defaults(command=run)
+    parser.add_argument("--contact", action="store_true", help="find contacts and store them as annotations")
+    _add_rule(parser)
+    parser.set_defaults(command=run)
 
 
-def _add_rule(verb: Parser) -> None:
+def _add_rule(parser: Parser) -> None:
     for option, unit, default, words in (
         ("threshold", "N", RULE.threshold_n, "a contact begins above this force"),
         ("release", "N", RULE.release_n, "and ends below this one"),
         ("min-duration", "S", RULE.min_duration_s, "what is shorter is no contact"),
         ("cutoff", "HZ", RULE.cutoff_hz, "corner of the low-pass, 0 for none"),
     ):
-        verb.add_argument(f"--{option}", type=float, metavar=unit, help=f"{words} (default {default:g})")
+        parser.add_argument(f"--{option}", type=float, metavar=unit, help=f"{words} (default {default:g})")
 
 
 def transform(text: str) -> Tare | LowPass | Gravity:

@@ -15,8 +15,8 @@ class LossError(SvflError):
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "repair",
         help="salvage unfinished episodes, set damaged files aside",
         description="Make episodes of what killed writers left, and move damaged files to damaged/. Nothing is "
@@ -25,10 +25,12 @@ def add(commands: Commands) -> None:
         example="svfl-data repair data/week\n"
         "svfl-data repair data/week --reseal   # after editing files with other software",
     )
-    add_dataset(verb)
-    verb.add_argument("--reseal", action="store_true", help="seal valid episodes again that other software has changed")
-    add_json(verb)
-    verb.set_defaults(command=run)
+    add_dataset(parser)
+    parser.add_argument(
+        "--reseal", action="store_true", help="seal valid episodes again that other software has changed"
+    )
+    add_json(parser)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -1,4 +1,4 @@
-"""What the verbs share: finding the dataset or episode that a path names, and the common arguments."""
+"""What the commands share: finding the dataset or episode that a path names, and the common arguments."""
 
 import argparse
 import json
@@ -15,35 +15,35 @@ from svfl_data.system.command_line import Parser, natural
 EPISODE_SUFFIXES = (".hdf5", ".h5")
 
 
-def add_path(verb: Parser) -> None:
+def add_path(parser: Parser) -> None:
     """Add the argument that names a dataset or an episode file."""
-    verb.add_argument("path", type=Path, metavar="PATH", help="dataset folder or episode file")
+    parser.add_argument("path", type=Path, metavar="PATH", help="dataset folder or episode file")
 
 
-def add_dataset(verb: Parser) -> None:
+def add_dataset(parser: Parser) -> None:
     """Add the argument that names a dataset."""
-    verb.add_argument("path", type=Path, metavar="PATH", help="dataset folder")
+    parser.add_argument("path", type=Path, metavar="PATH", help="dataset folder")
 
 
-def add_episode(verb: Parser, otherwise: str = "the first") -> None:
+def add_episode(parser: Parser, otherwise: str = "the first") -> None:
     """Add the option that chooses an episode of a dataset."""
-    verb.add_argument(
+    parser.add_argument(
         "--episode", type=natural, metavar="N", help=f"number of the episode in the dataset (default: {otherwise})"
     )
 
 
-def add_json(verb: Parser) -> None:
+def add_json(parser: Parser) -> None:
     """Add the option for output that a machine reads."""
-    verb.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--json", action="store_true", help="print JSON")
 
 
-def add_allowances(verb: Parser) -> None:
+def add_allowances(parser: Parser) -> None:
     """Add the options that say what the episodes of a new dataset may be."""
-    verb.add_argument(
+    parser.add_argument(
         "--varies", nargs="+", default=[], metavar="NAME",
         help="let episodes differ in this path or group, e.g. cameras/front/T_base_camera",
     )  # fmt: skip
-    verb.add_argument("--once", action="store_true", help="of copies of one recording, take the first only")
+    parser.add_argument("--once", action="store_true", help="of copies of one recording, take the first only")
 
 
 def left_out_words(number: int) -> str:

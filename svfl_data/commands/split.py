@@ -12,8 +12,8 @@ SHARES = [("train", 0.8), ("valid", 0.1), ("test", 0.1)]
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "split",
         help="draw which episodes to train, validate and test on, and store it",
         description="Draw a split by whole episodes with a seed, and store it beside them, so that everyone trains and "
@@ -21,20 +21,20 @@ def add(commands: Commands) -> None:
         " of one recording are refused, since one could be trained and the other tested on.",
         example="svfl-data split data/centering --shares train=0.8 valid=0.1 test=0.1 --seed 0",
     )
-    add_dataset(verb)
-    verb.add_argument(
+    add_dataset(parser)
+    parser.add_argument(
         "--shares", nargs="+", type=share, default=SHARES, metavar="PART=SHARE",
         help="share of the episodes of each part (default train=0.8 valid=0.1 test=0.1)",
     )  # fmt: skip
-    verb.add_argument("--seed", type=natural, default=0, metavar="S", help="seed (default 0)")
-    verb.add_argument("--name", default="default", metavar="NAME", help="name of the split (default: default)")
-    verb.add_argument(
+    parser.add_argument("--seed", type=natural, default=0, metavar="S", help="seed (default 0)")
+    parser.add_argument("--name", default="default", metavar="NAME", help="name of the split (default: default)")
+    parser.add_argument(
         "--replace",
         action="store_true",
         help="replace a stored split of this name; take its statistics again",
     )
-    add_json(verb)
-    verb.set_defaults(command=run)
+    add_json(parser)
+    parser.set_defaults(command=run)
 
 
 def share(text: str) -> tuple[str, float]:

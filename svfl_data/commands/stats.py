@@ -13,18 +13,18 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "stats",
         help="mean and scale of every field, from the training episodes only, and store them",
         description="Take the statistics that scale a network's inputs, one scale per representation, from the "
         "training episodes of a stored split only, and store them beside it.",
         example="svfl-data split data/centering && svfl-data stats data/centering --split default",
     )
-    add_dataset(verb)
-    verb.add_argument("--split", default="default", metavar="NAME", help="name of the split (default: default)")
-    add_json(verb)
-    verb.set_defaults(command=run)
+    add_dataset(parser)
+    parser.add_argument("--split", default="default", metavar="NAME", help="name of the split (default: default)")
+    add_json(parser)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

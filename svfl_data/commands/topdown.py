@@ -23,20 +23,20 @@ HIDDEN = "#cc79a7"  # what no camera saw; neither on the table nor in the scale 
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "topdown",
         help="one step of an episode, seen from straight above the workspace",
         description="Draw one step of an episode into a PNG: the cameras' pictures, and colour and height as seen from "
         "straight above the workspace, computed from all cameras that have depth.",
         example="svfl-data topdown data/centering --episode 3 --out above.png",
     )
-    add_path(verb)
-    add_episode(verb)
-    verb.add_argument("--step", type=natural, metavar="T", help="number of the observation (default: the last)")
-    verb.add_argument("--size", type=positive, default=SIZE, help="height and width from above, px (default: 76)")
-    verb.add_argument("--out", type=Path, required=True, metavar="FILE.png", help="picture to write")
-    verb.set_defaults(command=run)
+    add_path(parser)
+    add_episode(parser)
+    parser.add_argument("--step", type=natural, metavar="T", help="number of the observation (default: the last)")
+    parser.add_argument("--size", type=positive, default=SIZE, help="height and width from above, px (default: 76)")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE.png", help="picture to write")
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -15,8 +15,8 @@ from svfl_data.system.progress import progress
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "validate",
         help="find what is wrong: damage, clocks, sensors, images, actions, labels",
         description="Check a dataset or an episode: seal, schema, timestamps (order, gaps, jitter, steps), force "
@@ -25,9 +25,9 @@ def add(commands: Commands) -> None:
         example="svfl-data validate data/centering\n"
         "svfl-data validate data/centering --json | jq '.findings[] | select(.severity == \"error\")'",
     )
-    add_path(verb)
-    add_json(verb)
-    verb.set_defaults(command=run)
+    add_path(parser)
+    add_json(parser)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

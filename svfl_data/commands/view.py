@@ -24,8 +24,8 @@ PORT = 9090
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "view",
         help="show episodes: arm, images, forces over time, contacts, labels, what a network thinks",
         description="Show episodes in Rerun's viewer: the arm in 3-D, images and point cloud, forces over time with "
@@ -38,25 +38,25 @@ def add(commands: Commands) -> None:
         "svfl-data view data/centering --episode 3 --save episode.rrd   # later: rerun episode.rrd\n"
         "svfl-data view data/block_picking --compare data/mine",
     )
-    add_path(verb)
-    verb.add_argument(
+    add_path(parser)
+    parser.add_argument(
         "--episode", type=natural, nargs="+", default=[], metavar="N",
         help=f"numbers of the episodes in the dataset, at most {MOST} (default: the first)",
     )  # fmt: skip
-    verb.add_argument("--checkpoint", type=Path, metavar="FILE", help="show what a trained network thinks as well")
-    verb.add_argument("--compare", type=Path, metavar="DATASET", help="show the forces of two datasets instead")
-    verb.add_argument("--urdf", type=Path, metavar="FILE", help="the arm (default: the simulation's Panda)")
-    where = verb.add_mutually_exclusive_group()
+    parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="show what a trained network thinks as well")
+    parser.add_argument("--compare", type=Path, metavar="DATASET", help="show the forces of two datasets instead")
+    parser.add_argument("--urdf", type=Path, metavar="FILE", help="the arm (default: the simulation's Panda)")
+    where = parser.add_mutually_exclusive_group()
     where.add_argument("--save", type=Path, metavar="FILE.rrd", help="write a file instead of opening the viewer")
     where.add_argument("--web", action="store_true", help="serve the viewer to a browser")
-    verb.add_argument(
+    parser.add_argument(
         "--bind", default=LOOPBACK, metavar="ADDRESS",
         help=f"with --web: address to listen on (default {LOOPBACK}, this machine only; 0.0.0.0 is every one)",
     )  # fmt: skip
-    verb.add_argument(
+    parser.add_argument(
         "--port", type=positive, default=PORT, metavar="P", help=f"with --web (default {PORT}, and P + 1)"
     )
-    verb.set_defaults(command=run)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -117,7 +117,7 @@ def _have(found: Sequence[Entry]) -> str:
 def copy(
     chosen: Sequence[Chosen],
     destination: Path,
-    verb: str,
+    command: str,
     facts: dict[str, Any],
     varies: Collection[str] = (),
     once: bool = False,
@@ -129,7 +129,7 @@ def copy(
     may_vary = {*varies, *(path for source in sources for path in source.varies)}
     refuse_difference(
         first_difference([(str(one), one.entry.setup) for one in kept], Common(may_vary)),
-        f"{verb} these episodes",
+        f"{command} these episodes",
         "if it differs on purpose, allow it with --varies {name}",
     )
     _check_rates(kept, may_vary)
@@ -139,12 +139,12 @@ def copy(
         with folder_aside(destination) as aside:
             aside.chmod(0o755)
             tasks = sorted({task for source in sources for task in str(source.info["task"]).split("+")})
-            config = {"made_by": f"svfl-data {verb}", **facts, "sources": [_origin(source) for source in sources]}
+            config = {"made_by": f"svfl-data {command}", **facts, "sources": [_origin(source) for source in sources]}
             seed = int(sources[0].info["seed"])
             new = Dataset.create_or_resume(aside, "+".join(tasks), seed, config, may_vary)
             for number, one in enumerate(progress(kept, "copying episodes")):
                 episode = one.source.read(one.entry.index, images=False)
-                write_episode(_moved(episode, one.source, number, verb), new.episode_path(number))
+                write_episode(_moved(episode, one.source, number, command), new.episode_path(number))
             os.replace(aside, destination)
     except OSError as error:
         raise StorageError(f"cannot create {destination}: {error.strerror}") from error
@@ -180,9 +180,9 @@ def _origin(source: Dataset) -> dict[str, Any]:
     return {"dataset": _name(source), **{key: source.info.get(key) for key in ("task", "seed", "config")}}
 
 
-def _moved(episode: Episode, source: Dataset, number: int, verb: str) -> Episode:
+def _moved(episode: Episode, source: Dataset, number: int, command: str) -> Episode:
     came_from = {"dataset": _name(source), "index": episode.meta.index, "seed": episode.meta.seed}
-    history = [*episode.meta.history, history_entry(verb, came_from=came_from)]
+    history = [*episode.meta.history, history_entry(command, came_from=came_from)]
     return Episode(dataclasses.replace(episode.meta, index=number, history=history), episode.arrays, episode.name)
 
 

@@ -87,10 +87,10 @@ def _rewrite(episode: Episode, file: Path, change: Change) -> list[str]:
     return changed
 
 
-def history_entry(verb: str, **facts: Any) -> dict[str, Any]:  # noqa: ANN401 - any JSON value
+def history_entry(command: str, **facts: Any) -> dict[str, Any]:  # noqa: ANN401 - any JSON value
     """An entry of `Meta.history`: which tool of which version, when, and what it did."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    return {"tool": f"svfl-data {verb}", "version": version("svfl"), "time": now, **facts}
+    return {"tool": f"svfl-data {command}", "version": version("svfl"), "time": now, **facts}
 
 
 def with_success(success: bool) -> Change:

@@ -39,7 +39,7 @@ class Parser(argparse.ArgumentParser):
 
 
 Commands = argparse._SubParsersAction  # what `add_subparsers` returns; argparse has no public name
-"""The verbs of a command."""
+"""The commands of a program."""
 
 
 def positive(text: str) -> int:
@@ -66,7 +66,8 @@ def main(root: Parser, words: list[str] | None = None) -> int:
     """Do what a command line asks for.
 
     Args:
-        root: The program's command line. Its verbs set `command`, the function to call, and their name is in `verb`.
+        root: The program's command line. Each command sets `command`, the function to call, and its name is in
+            `command_name`.
         words: The command line; None for that of this process.
 
     Returns:
@@ -80,16 +81,16 @@ def main(root: Parser, words: list[str] | None = None) -> int:
 
 def _called(root: Parser, words: list[str] | None) -> None:
     arguments = root.parse_args(words)
-    verb = vars(arguments).pop("verb")
+    name = vars(arguments).pop("command_name")
     confine_caches()
     try:
         arguments.command(arguments)
     except ModuleNotFoundError as error:
         if not error.name or error.name.partition(".")[0] in OURS:
             raise
-        raise SvflError(f"{verb} {needs(error.name)}") from error
+        raise SvflError(f"{name} {needs(error.name)}") from error
     except ImportError as error:  # a library that lacks one of its own, or was built for another machine
-        raise SvflError(f"{verb} cannot load a library: {error}") from error
+        raise SvflError(f"{name} cannot load a library: {error}") from error
 
 
 def run(command: Callable[[], None], program: str) -> int:

@@ -20,13 +20,13 @@ DEFAULT = CloningConfig(data="")
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "bc", help="behaviour cloning: a policy that does what demonstrations do", example=EXAMPLE,
         description="Train the paper's actor on demonstrations. The same command gives the same policy; one that was "
         "interrupted goes on after its last whole epoch.",
     )  # fmt: skip
-    add = verb.add_argument
+    add = parser.add_argument
     add("--data", type=Path, required=True, help="dataset folder, such as one written by svfl-collect expert")
     add("--episodes", type=positive, default=DEFAULT.episodes, metavar="N",
         help="successful episodes to use; a tenth is held out (default: %(default)s)")  # fmt: skip
@@ -49,7 +49,7 @@ def add(commands: Commands) -> None:
     add("--learning-rate", type=positive_number, default=DEFAULT.learning_rate, metavar="R",
         help="default: %(default)s")  # fmt: skip
     add("--out", type=Path, metavar="FOLDER", help="default: out/bc_DATA_ENCODER_GROUP_N_seedS")
-    verb.set_defaults(command=run)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

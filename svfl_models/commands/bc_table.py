@@ -18,14 +18,14 @@ RECIPE = ("encoder", "view", "preset", "epochs")
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "bc-table", help="behaviour cloning on several tasks: SVFL against CNN, success and learning curves",
         example=EXAMPLE,
         description="Clone and try many policies. What has finished is kept; the same command goes on after Ctrl-C, "
         "trainings after their last whole epoch. One that fails is named at the end, after all others.",
     )  # fmt: skip
-    add = verb.add_argument
+    add = parser.add_argument
     add("--data", type=Path, nargs="+", required=True, metavar="FOLDER", help="datasets of demonstrations")
     add("--episodes", type=positive, nargs="+", default=[DEFAULT.episodes], metavar="N",
         help="demonstrations to learn from (default: 50)")  # fmt: skip
@@ -39,7 +39,7 @@ def add(commands: Commands) -> None:
     add("--workers", type=positive, default=1, metavar="N", help="policies at a time (default: %(default)s)")
     add("--out", type=Path, default=Path("out/bc_table"), metavar="FOLDER", help="default: %(default)s")
     add("--docs", type=Path, metavar="FOLDER", help="copy page, figures and figures of the runs there too")
-    verb.set_defaults(command=run)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

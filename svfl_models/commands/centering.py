@@ -26,13 +26,13 @@ OF_OWN_ENCODERS = {
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "centering", help="block centering: which way, or how far, must the hand move?", example=EXAMPLE,
         description="Train and test one block-centering network; the same command gives the same result.",
     )  # fmt: skip
-    add_data(verb)
-    add = verb.add_argument
+    add_data(parser)
+    add = parser.add_argument
     add("--encoder", choices=ENCODERS, help=f"image, force, or both (default: {DEFAULT.encoder})")
     add("--model", choices=MODELS, help="svfl: symmetric (default); cnn: its plain twin, the same as --group none")
     add("--group", choices=tuple(GROUPS), help=f"symmetry of the network (default: {DEFAULT.group})")
@@ -49,9 +49,9 @@ def add(commands: Commands) -> None:
     add("--latent-rate", type=positive_number, default=Latent.learning_rate, metavar="R",
         help="learning rate of the pretrained encoder (default: %(default)s)")  # fmt: skip
     add("--rotate", action="store_true", help="turn and mirror the training samples at random")
-    add_recipe(verb)
+    add_recipe(parser)
     add("--out", type=Path, metavar="FOLDER", help="default: out/centering_ENCODER_GROUP_N_seedS")
-    verb.set_defaults(command=run)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

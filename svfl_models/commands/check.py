@@ -15,20 +15,20 @@ PRECISIONS = ("32", "64", "bf16")
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "check", help="how symmetric a trained network is on real episodes", example=EXAMPLE,
         description="Rotate and mirror real episodes and compare what the network says with what it should say. Ends "
         "with 1 if a symmetric network errs by more than rounding where pixels move onto pixels.",
     )  # fmt: skip
-    add = verb.add_argument
+    add = parser.add_argument
     add("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train centering")
     add("--data", type=Path, required=True, help="dataset folder written by svfl-collect centering")
     add("--group", choices=tuple(name for name in GROUPS if name != "none"),
         help="elements to try (default: the network's own; D4 for a network without symmetry)")  # fmt: skip
     add("--samples", type=positive, default=SAMPLES, metavar="N", help="episodes to use (default: %(default)s)")
     add("--precision", choices=PRECISIONS, default=PRECISIONS[0], help="of the arithmetic (default: %(default)s)")
-    verb.set_defaults(command=run)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

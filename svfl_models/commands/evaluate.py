@@ -11,19 +11,19 @@ EXAMPLE = "svfl-train evaluate out/bc_picking/checkpoint.ckpt --episodes 100 --w
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "evaluate", help="how often a trained policy succeeds in simulation", example=EXAMPLE,
         description="Let a policy act in the environment of its task, in scenes that no demonstration has: those of "
         "svfl-collect policy with the same seed, which records them too.",
     )  # fmt: skip
-    add = verb.add_argument
+    add = parser.add_argument
     add("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train bc")
     add("--episodes", type=positive, default=100, metavar="N", help="default: %(default)s")
     add("--seed", type=natural, default=0, metavar="S", help="of the scenes (default: %(default)s)")
     add("--workers", type=positive, default=1, metavar="W", help="episodes at a time (default: %(default)s)")
     add("--out", type=Path, metavar="FILE", help=f"JSON (default: {EVALUATION} beside the checkpoint)")
-    verb.set_defaults(command=run)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -11,8 +11,8 @@ from svfl_models.commands.options import add_data, add_recipe
 
 
 @dataclass(frozen=True)
-class Verb:
-    """A verb of this kind.
+class Experiment:
+    """An experiment that has a command.
 
     Attributes:
         help: What it does, in a line.
@@ -26,25 +26,25 @@ class Verb:
 
 
 _DATA = "--data data/centering --fresh data/centering_fresh"
-VERBS = {
-    "table": Verb(
+COMMANDS = {
+    "table": Experiment(
         "the paper's table: V, F, V+F with SVFL and CNN, against training samples", (10, 25, 50, 100),
         f"svfl-train centering-table {_DATA} --workers 2\n"
         f"svfl-train centering-table {_DATA} --seeds 1 --train-samples 10 --epochs 20 --out out/first_look",
     ),
-    "acuity": Verb(
+    "acuity": Experiment(
         "images of 64, 32, 16 and 8 pixels, with and without force", (100,),
         f"svfl-train centering-acuity {_DATA} --workers 2",
     ),
-    "groups": Verb(
+    "groups": Experiment(
         "symmetry groups none, C4, D4, C8, D8 and D12: accuracy and time", (25, 100),
         f"svfl-train centering-groups {_DATA} --workers 2",
     ),
-    "ablation": Verb(
+    "ablation": Experiment(
         "axial and polar torque, augmentation, view from above, noise of the sensor", (10, 100),
         f"svfl-train centering-ablation {_DATA} --workers 2",
     ),
-    "latents": Verb(
+    "latents": Experiment(
         "SVFL and CNN beside pretrained VTT, PoE and concat: frozen, fine-tuned and from scratch", (10, 25, 50, 100),
         f"svfl-train centering-latents {_DATA} --latents out/latent_poe/checkpoint.ckpt out/latent_vtt/checkpoint.ckpt"
         " --also out/centering_table",
@@ -53,15 +53,15 @@ VERBS = {
 
 
 def add(commands: Commands) -> None:
-    """Put the verbs on the command line."""
-    for name, one in VERBS.items():
-        verb = commands.add_parser(
+    """Put the commands on the command line."""
+    for name, one in COMMANDS.items():
+        parser = commands.add_parser(
             f"centering-{name}", help=one.help, example=one.example,
             description=f"Train and test many block-centering networks: {one.help}.\n"
             "What has finished is kept; the same command goes on after Ctrl-C.",
         )  # fmt: skip
-        add_data(verb)
-        add = verb.add_argument
+        add_data(parser)
+        add = parser.add_argument
         if name == "latents":
             add("--latents", type=Path, nargs="+", required=True, metavar="CHECKPOINT",
                 help="checkpoints of svfl-train latent")  # fmt: skip
@@ -71,16 +71,16 @@ def add(commands: Commands) -> None:
         add("--train-samples", type=positive, nargs="+", metavar="N",
             help=f"sizes of the training set (default: {' '.join(map(str, one.train_samples))})")  # fmt: skip
         add("--workers", type=positive, metavar="N", help="trainings at a time (default: one per core)")
-        add_recipe(verb)
+        add_recipe(parser)
         add("--out", type=Path, metavar="FOLDER", help=f"default: out/centering_{name}")
         add("--also", type=Path, metavar="FOLDER",
             help="take over what another experiment has trained with the same settings")  # fmt: skip
         add("--docs", type=Path, metavar="FOLDER", help="copy page, figures and summary there too")
-        verb.set_defaults(command=functools.partial(run, one), experiment=name)
+        parser.set_defaults(command=functools.partial(run, one), experiment=name)
 
 
-def run(verb: Verb, arguments: argparse.Namespace) -> None:
+def run(experiment: Experiment, arguments: argparse.Namespace) -> None:
     """Do the experiment, or what is left of it, and print its page."""
     from svfl_models.experiments import command  # torch, lightning and escnn take seconds to import
 
-    command.run(arguments, verb.train_samples)
+    command.run(arguments, experiment.train_samples)

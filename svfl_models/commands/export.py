@@ -13,17 +13,17 @@ svfl-train export out/bc/checkpoint.ckpt --out out/bc/policy.pt2"""
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "export", help="write a trained network as a file that runs without svfl and escnn", example=EXAMPLE,
         description="Write a trained block-centering network as a torch.export program (.pt2) or as ONNX (.onnx), or a "
         "trained policy as a .pt2 that svfl-collect policy runs, and try the file against the network first.",
     )  # fmt: skip
-    verb.add_argument("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train centering or bc")
-    verb.add_argument(
+    parser.add_argument("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train centering or bc")
+    parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE", help="ends in .pt2 or .onnx; replaced if it exists"
     )
-    verb.set_defaults(command=run)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -16,12 +16,12 @@ DEFAULT = LatentConfig(data="", model="")
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "latent", help="pretrain a latent model (VTT, PoE or concatenation) on expert episodes", example=EXAMPLE,
         description="Pretrain one latent model; the same command gives the same result, interrupted or not.",
     )  # fmt: skip
-    add = verb.add_argument
+    add = parser.add_argument
     add("--model", choices=MODELS, required=True, help="vtt: transformer; poe: product of experts; concat: neither")
     add("--data", type=Path, required=True, help="dataset folder written by svfl-collect expert")
     add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset,
@@ -41,7 +41,7 @@ def add(commands: Commands) -> None:
     add("--seed", type=natural, default=DEFAULT.seed, metavar="S", help="default: %(default)s")
     add("--out", type=Path, metavar="FOLDER", help="default: out/latent_MODEL_PRESET_seedS")
     add("--resume", action="store_true", help="go on from the checkpoint in --out")
-    verb.set_defaults(command=run)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -14,20 +14,20 @@ EPISODES = 40
 
 
 def add(commands: Commands) -> None:
-    """Put the verb on the command line."""
-    verb = commands.add_parser(
+    """Put the command on the command line."""
+    parser = commands.add_parser(
         "latent-eval", help="what a pretrained latent model is worth, on held-out episodes", example=EXAMPLE,
         description="Judge reconstruction, contact, alignment, prediction, linear probes, missing modalities, who is "
         "heard, and symmetry, on episodes that the model has not learned from.",
     )  # fmt: skip
-    add = verb.add_argument
+    add = parser.add_argument
     add("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train latent")
     add("--data", type=Path, metavar="FOLDER",
         help="another dataset to judge on, or where the model's own is now (default: the checkpoint's)")  # fmt: skip
     add("--episodes", type=positive, default=EPISODES, metavar="N", help="at most, drawn (default: %(default)s)")
     add("--seed", type=natural, default=0, metavar="S", help="of all that is drawn (default: %(default)s)")
     add("--out", type=Path, metavar="FOLDER", help=f"default: {FOLDER} beside the checkpoint")
-    verb.set_defaults(command=run)
+    parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -1,4 +1,4 @@
-"""What the verbs share: argument types and options of a training."""
+"""What the commands share: argument types and options of a training."""
 
 import argparse
 import math
@@ -23,15 +23,17 @@ def positive_number(text: str) -> float:
     return value
 
 
-def add_data(verb: Parser) -> None:
+def add_data(parser: Parser) -> None:
     """Add the datasets."""
-    verb.add_argument("--data", type=Path, required=True, help="dataset folder written by svfl-collect centering")
-    verb.add_argument("--fresh", type=Path, help="another such dataset, all of it tested too, none of it learned from")
+    parser.add_argument("--data", type=Path, required=True, help="dataset folder written by svfl-collect centering")
+    parser.add_argument(
+        "--fresh", type=Path, help="another such dataset, all of it tested too, none of it learned from"
+    )
 
 
-def add_recipe(verb: Parser) -> None:
+def add_recipe(parser: Parser) -> None:
     """Add how to train: sizes and the stopping rule."""
-    add = verb.add_argument
+    add = parser.add_argument
     add("--test-samples", type=positive, default=DEFAULT.test_samples, metavar="N", help="default: %(default)s")
     add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset, help="size of the network (default: %(default)s)")
     add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N", help="default: %(default)s")

@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
     """Do an experiment, or what is left of it, and print its page.
 
     Args:
-        arguments: Options of the verb, see `verbs.experiments`.
+        arguments: Options of the command, see `commands.experiments`.
         usual_samples: Sizes of the training set if none are asked for.
 
     Raises:

@@ -119,7 +119,7 @@ def test_another_dataset_is_refused(collected):
         ),
         (["centering", "--address", "here:1", "--out", "x"], "--address here:1 is for --engine ray"),
         (["centering"], "--out"),
-        ([], "VERB"),
+        ([], "COMMAND"),
     ],
 )
 def test_wrong_arguments_are_one_line_and_code_2(arguments, message):

@@ -15,7 +15,7 @@ from svfl_data.symmetry import nearest_direction
 from svfl_models import cli
 from svfl_models.centering.check import EXACT, PRECISIONS, check, expect_symmetric
 from svfl_models.centering.compatibility import expect_fit
-from svfl_models.commands import check as verb
+from svfl_models.commands import check as command
 from svfl_models.symmetry.groups import GROUPS
 from tests.builders import make_episode
 from tests.models.trained import untrained, write
@@ -183,4 +183,4 @@ def test_the_command_fails_on_damage_and_on_other_data(dataset, module, samples,
 
 
 def test_the_command_offers_what_there_is():
-    assert tuple(PRECISIONS) == verb.PRECISIONS
+    assert tuple(PRECISIONS) == command.PRECISIONS

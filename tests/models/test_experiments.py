@@ -15,7 +15,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.storage.store import write_episode
 from svfl_models import cli
 from svfl_models.centering.config import TrainingConfig
-from svfl_models.commands.experiments import VERBS
+from svfl_models.commands.experiments import COMMANDS
 from svfl_models.experiments import command, page, table
 from svfl_models.experiments.error_analysis import Predictions
 from svfl_models.experiments.results import Cell, Mean, Results, Run
@@ -106,7 +106,7 @@ def test_a_real_table_from_start_to_end(datasets, tmp_path, capsys):
     assert written(tmp_path / "o") == first
 
 
-@pytest.mark.parametrize("name", VERBS)
+@pytest.mark.parametrize("name", COMMANDS)
 def test_every_experiment_makes_its_page(name, datasets, latents, quick, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(command, "_check_enough", lambda *arguments: None)
     more = latents.get(name, ())
@@ -176,7 +176,7 @@ def test_failed_runs_are_told_and_tried_again(datasets, quick, tmp_path, capsys)
     assert "(1 of 2 seeds)" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", VERBS)
+@pytest.mark.parametrize("name", COMMANDS)
 def test_a_page_of_failures_is_a_page_of_dashes(name, datasets, latents, quick, tmp_path, capsys):
     quick(pretend.train_in_vain)
     assert (
@@ -318,6 +318,6 @@ def test_cells_gather_their_seeds(tmp_path):
 
 
 def test_examples_of_the_help_parse():
-    for verb in VERBS.values():
-        for line in verb.example.splitlines():
+    for one in COMMANDS.values():
+        for line in one.example.splitlines():
             assert cli.build_parser().parse_args(line.split()[1:]).data

@@ -1,4 +1,4 @@
-"""The verbs of ``svfl-data``: what they print, what they leave, and how they refuse."""
+"""The commands of ``svfl-data``: what they print, what they leave, and how they refuse."""
 
 import dataclasses
 import json
@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from svfl_data.cli import VERBS, build_parser
+from svfl_data.cli import COMMANDS, build_parser
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.signals.contact import ContactRule, contact_annotations
@@ -56,17 +56,17 @@ def one_line(text):
     return text.startswith("svfl-data") and text.endswith("\n") and text.count("\n") == 1
 
 
-def test_every_verb_has_help_with_an_example(command):
+def test_every_command_has_help_with_an_example(command):
     for name in NAMES:
         code, out, err = command(name, "--help")
         assert (code, err) == (0, "")
         assert f"example:\n  svfl-data {name} " in out.replace("svfl-data split data/centering && ", "")
 
 
-def test_every_verb_is_known(command):
+def test_every_command_is_known(command):
     _, out, _ = command("--help")
     assert all(f"\n    {name} " in out for name in NAMES)
-    assert len(VERBS) == len(NAMES) - 1  # pack and unpack share a module
+    assert len(COMMANDS) == len(NAMES) - 1  # pack and unpack share a module
 
 
 def test_the_examples_of_the_help_parse(command):
@@ -97,7 +97,7 @@ finally:
 def test_mistakes_are_one_line_with_their_exit_code(command, week, tmp_path):
     file, new = week.episode_path(2), tmp_path / "new"
     for code, said, *words in (
-        (2, "VERB"),
+        (2, "COMMAND"),
         (2, "invalid choice", "polish", week.path),
         (1, "no such folder", "info", tmp_path / "nowhere"),
         (1, "no such folder", "validate", tmp_path / "nowhere"),
