@@ -30,7 +30,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.replay import Layout, ReplayBuffer, ReplayConfig
+from svfl_data.replay import ReplayBuffer, ReplayConfig, ReplaySpec
 from svfl_data.sampling.windows import WINDOW, wrench_window
 from svfl_data.schema.episode import Episode
 
@@ -132,18 +132,18 @@ def steps_of(dataset: Dataset, episodes: int) -> int:
 def observations(episode: Episode) -> tuple[list[dict[str, np.ndarray]], np.ndarray, float]:
     """Each observation with arrays of its own, the actions, and the depth's scale; vectors in image-aligned axes."""
     (camera,) = episode.cameras.values()
-    layout = Layout.of_episode(episode, camera)
-    proprio = layout.proprio(episode.proprio)
+    spec = ReplaySpec.of_episode(episode, camera)
+    proprio = spec.proprio(episode.proprio)
     seen = [
         {
             "color": np.ascontiguousarray(camera.color[step].transpose(2, 0, 1)),
             "depth": camera.depth[step].copy(),
-            "wrench": layout.wrench(wrench_window(episode, step, WINDOW)[0]),
+            "wrench": spec.wrench(wrench_window(episode, step, WINDOW)[0]),
             "proprio": proprio[step].copy(),
         }
         for step in range(len(episode.t_ns))
     ]
-    return seen, layout.action(episode.action), layout.depth_scale
+    return seen, spec.action(episode.action), spec.depth_scale
 
 
 def cropped(batch: dict[str, np.ndarray], scale: float, rng: np.random.Generator) -> dict[str, np.ndarray]:

@@ -25,14 +25,14 @@ def convert(file: Path) -> None:
     """Convert one episode and print a row of the table."""
     start, cpu = time.perf_counter(), time.process_time()
     from svfl_data.viewer import show
-    from svfl_data.viewer.episode_source import Shown
+    from svfl_data.viewer.episode_source import EpisodeSource
 
     loading = time.perf_counter() - start
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     episode = EpisodeReader.of_file(file)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "episode.rrd"
-        show.save(show.content([(Shown.of(episode), None)]), path)
+        show.save(show.content([(EpisodeSource.of(episode), None)]), path)
         size = path.stat().st_size
     seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024

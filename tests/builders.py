@@ -43,7 +43,7 @@ def episode_arrays(
         "streams/tags/margin": np.full(steps + 1, 100.0),
         "streams/tags/count": np.ones(steps + 1, dtype=np.int64),
         "actions/action": np.tile(np.array([1.0, 0.0, 0.0, -0.01, 0.0], dtype=np.float32), (steps, 1)),
-        "actions/intended": np.tile(np.array([1.0, 0.0, 0.0, -0.02, 0.0], dtype=np.float32), (steps, 1)),
+        "actions/expert_action": np.tile(np.array([1.0, 0.0, 0.0, -0.02, 0.0], dtype=np.float32), (steps, 1)),
         "streams/wrench/t_ns": wrench_t_ns,
         "streams/wrench/wrench": wrench.astype(np.float32),
         "streams/wrench/tare": tare,

@@ -26,7 +26,7 @@ from svfl_data.reports import plot
 from svfl_data.storage.store import write_episode
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.viewer import show
-from svfl_data.viewer.episode_source import Shown
+from svfl_data.viewer.episode_source import EpisodeSource
 from svfl_models.centering.checkpoint import load_centering
 from svfl_models.centering.classifier import CenteringClassifier
 from svfl_models.centering.config import TrainingConfig
@@ -116,7 +116,7 @@ WRITERS = {
     "classifier.pt2": lambda file: export.save_program(classifier(), file),
     "classifier.onnx": lambda file: export.save_onnx(classifier(), file),
     "buffer.replay": lambda file: agent_buffer(4, capacity=12).save(file),
-    "episode.rrd": lambda file: show.save(show.content([(Shown.of(make_episode(0)), None)]), file),
+    "episode.rrd": lambda file: show.save(show.content([(EpisodeSource.of(make_episode(0)), None)]), file),
     "episode.png": lambda file: plot.save(make_episode(0), file),
     "episode.hdf5": lambda file: write_episode(make_episode(0), file),
     "evaluation.json": lambda file: Evaluation("x", "y", 0, [True], [3]).save(file),

@@ -18,7 +18,7 @@ from svfl_data.storage.store import read_episode, write_episode
 from svfl_data.system import command_line
 from svfl_data.system.printable import ESCAPED, markdown, printable, say
 from svfl_data.viewer import show
-from svfl_data.viewer.episode_source import Shown
+from svfl_data.viewer.episode_source import EpisodeSource
 from tests.builders import make_episode
 from tests.command_lines import data_commands
 from tests.test_output_errors import EACH, refused  # noqa: F401 - a fixture
@@ -137,7 +137,7 @@ def test_the_viewer_shows_names_as_visible_text(folder, monkeypatch, tmp_path):
 
     monkeypatch.setattr(rr.TextDocument, "__init__", init)
     monkeypatch.setattr(rr.RecordingStream, "send_recording_name", lambda _, name: said.append(name))
-    show.save(show.content([(Shown.of(reader), None)]), tmp_path / "a.rrd")
+    show.save(show.content([(EpisodeSource.of(reader), None)]), tmp_path / "a.rrd")
     assert len(said) >= 2
     for text in said:
         assert_harmless(text, text)

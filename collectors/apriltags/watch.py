@@ -66,7 +66,7 @@ class Watch:
 
     ```python
     watch = Watch(Tracker(layout, upright=True), {"tags": camera}, Reached(goal, 0.05, 0.03))
-    arrays = record(rig, policy, 50, done=watch.done) | watch.tracker.arrays()
+    arrays = record(robot, policy, 50, done=watch.done) | watch.tracker.arrays()
     ```
 
     Attributes:

@@ -26,7 +26,7 @@ def add(commands: Commands) -> None:
         example="svfl-collect expert --task block_picking --episodes 50 --workers 2 --seed 0 --out data/block_picking\n"
         "svfl-collect expert --task all --episodes 50 --workers 2 --out data/tasks   # a folder for each task\n"
         "svfl-collect expert --task block_picking --cameras front,top --image-size 128 --out data/two_views\n"
-        "svfl-collect expert --task block_picking --shoves 0.15 --out data/picking_shoved   # to clone a policy from\n"
+        "svfl-collect expert --task block_picking --perturb 0.15 --out data/perturbed   # to clone a policy\n"
         "svfl-collect expert --task block_picking --tags --out data/tagged   # AprilTags tell success\n"
         "svfl-collect expert --task block_picking --out data/seen --rerun   # watch it, after starting: rerun\n"
         "svfl-collect expert --task block_picking --engine ray --address head:6379 --workers 64 --out data/large",
@@ -45,7 +45,7 @@ def add(commands: Commands) -> None:
         help="how much demonstrations differ, 0 to 2 (default 1)",
     )  # fmt: skip
     parser.add_argument(
-        "--shoves", type=between(0, 1, "a number"), default=0.0, metavar="P",
+        "--perturb", type=between(0, 1, "a number"), default=0.0, metavar="P",
         help="how likely the hand is to be pushed off its way at an action; policies that are cloned from such "
         "demonstrations have seen the way back (default 0)",
     )  # fmt: skip
@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> None:
     tasks = {name: arguments.out / name for name in PAPER} if arguments.task == ALL else {arguments.task: arguments.out}
     where, config, workers = engine(arguments), world(arguments), arguments.workers
     kind = _kind(arguments.tags)
-    collectors = {name: kind(arguments.seed, name, arguments.noise, arguments.shoves, config) for name in tasks}
+    collectors = {name: kind(arguments.seed, name, arguments.noise, arguments.perturb, config) for name in tasks}
     datasets = {
         name: Dataset.create_or_resume(tasks[name], name, arguments.seed, collector.config())
         for name, collector in collectors.items()

@@ -44,7 +44,7 @@ def shown(address: str, index: int) -> Iterator[None]:
     """
     live = viewer(address)
     live.name = f"episode {index}"
-    with watching(live):  # type: ignore[arg-type] # its protocols ask for less than ours give
+    with watching(live):
         try:
             yield
         finally:

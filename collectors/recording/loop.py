@@ -7,17 +7,17 @@ from contextvars import ContextVar
 import numpy as np
 from numpy.typing import NDArray
 
-from svfl_data.schema.robot import Calibration, Observation, Policy, Rig
+from svfl_data.schema.robot import Calibration, Observation, Policy, Robot
 
 State = Mapping[str, np.ndarray]
 """True values that only a simulation knows, by name."""
 OBJECT = "object"
 """Name of the state that is the pose of the task's object, (7,): position [m], quat_xyzw, base axes."""
-Watch = Callable[[Rig, Observation, NDArray[np.float32] | None], None]
+Watch = Callable[[Robot, Observation, NDArray[np.float32] | None], None]
 """Is told of every observation and the action that led to it, None at the first; what it does is not recorded."""
 
 
-def _nobody(rig: Rig, observation: Observation, action: NDArray[np.float32] | None) -> None:
+def _nobody(robot: Robot, observation: Observation, action: NDArray[np.float32] | None) -> None:
     """Watch nothing."""
 
 
@@ -35,16 +35,16 @@ def watching(watch: Watch) -> Iterator[None]:
 
 
 def record(
-    rig: Rig,
+    robot: Robot,
     policy: Policy,
     max_steps: int,
     done: Callable[[], bool] = lambda: False,
     state: Callable[[], State] = dict,
 ) -> dict[str, np.ndarray]:
-    """Run a policy on a rig, which has been homed and tared, and keep everything.
+    """Run a policy on a robot, which has been homed and tared, and keep everything.
 
     Args:
-        rig: The robot.
+        robot: The robot.
         policy: Who acts.
         max_steps: Actions after which the episode ends, if neither policy nor `done` have ended it.
         done: Whether the task is achieved; asked after each action.
@@ -54,16 +54,16 @@ def record(
         The arrays of the episode without labels, by dataset path.
     """
     watch = _watch.get()
-    observations = [rig.observe()]
-    watch(rig, observations[-1], None)
+    observations = [robot.observe()]
+    watch(robot, observations[-1], None)
     states = [state()]
     actions: list[NDArray[np.float32]] = []
     while len(actions) < max_steps and (chosen := policy(observations[-1])) is not None:
         actions.append(np.asarray(chosen, dtype=np.float32))  # what is stored is what is commanded
-        rig.step(actions[-1])
-        observations.append(rig.observe())
+        robot.step(actions[-1])
+        observations.append(robot.observe())
         states.append(state())
-        watch(rig, observations[-1], actions[-1])
+        watch(robot, observations[-1], actions[-1])
         if done():
             break
     t_ns = np.array([observation.t_ns for observation in observations], dtype=np.int64)
@@ -71,14 +71,14 @@ def record(
         "observations/t_ns": t_ns,
         "observations/proprio": np.stack([observation.proprio for observation in observations]),
         "actions/action": np.array(actions, dtype=np.float32).reshape(-1, 5),
-        "streams/wrench/t_ns": np.array(rig.wrench_t_ns),
-        "streams/wrench/wrench": np.array(rig.wrench),
-        "streams/wrench/tare": np.array(rig.tare_offset, dtype=np.float64),
+        "streams/wrench/t_ns": np.array(robot.wrench_t_ns),
+        "streams/wrench/wrench": np.array(robot.wrench),
+        "streams/wrench/tare": np.array(robot.tare_offset, dtype=np.float64),
         "streams/joints/t_ns": t_ns.copy(),
         "streams/joints/position": np.stack([observation.joints for observation in observations]),
-        "workspace": np.array(rig.workspace),
+        "workspace": np.array(robot.workspace),
     }
-    for camera, calibration in rig.cameras.items():
+    for camera, calibration in robot.cameras.items():
         arrays |= _camera_arrays(camera, calibration, observations)
     for name in states[0]:
         values = np.stack([one[name] for one in states])

@@ -10,14 +10,14 @@ import numpy as np
 from collectors.recording.collection import software_versions
 from collectors.recording.loop import record
 from collectors.simulation.config import WorldConfig
-from collectors.sources.perturbations import Shoved
+from collectors.sources.perturbations import Perturbed
 from collectors.sources.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
 from collectors.tasks import task_class
 from collectors.tasks.hand import Hand
 from collectors.tasks.task import MAX_STEPS, Task
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError
-from svfl_data.sampling.samples import INTENDED
+from svfl_data.sampling.samples import EXPERT_ACTION
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.schema.robot import Policy
 
@@ -34,20 +34,22 @@ class ExpertCollector(Simulated):
         seed: Seed of the dataset.
         task: Name of the task.
         noise: How much demonstrations differ, 0 not at all, 1 as intended, 2 at most.
-        shoves: How likely the hand is to be pushed off its way at an action, see `collectors.sources.perturbations`.
+        perturbations: How likely the hand is to be pushed off its way at an action, see
+            `collectors.sources.perturbations`.
         world: Physics, arm, sensors and cameras.
     """
 
     seed: int
     task: str
     noise: float = 1.0
-    shoves: float = 0.0
+    perturbations: float = 0.0
     world: WorldConfig = field(default_factory=WorldConfig)
 
     def config(self) -> dict[str, Any]:
         """Everything that was set, as JSON values."""
-        shoves = {"shoves": self.shoves} if self.shoves else {}  # datasets from before there were any go on
-        return {"task": self.task, "noise": self.noise, **shoves, "world": asdict(self.world)}
+        return {
+            "task": self.task, "noise": self.noise, "perturbations": self.perturbations, "world": asdict(self.world),
+        }  # fmt: skip
 
     def __call__(self, index: int, keep: Callable[[Episode], None] = forget) -> Episode:
         """Record one demonstration.
@@ -76,15 +78,15 @@ class ExpertCollector(Simulated):
     def _attempt(self, index: int, attempt: int, rejected: list[str]) -> Episode:
         seed = attempt_seed(self.seed, index, attempt)
         task = task_class(self.task).begin(self.opened, seed)
-        # Children of the seed, so that the expert's noise and the shoves have nothing to do with the scene's numbers.
-        rng, shoves = (
+        # Children of the seed: the expert's noise and the perturbations have nothing to do with the scene's numbers.
+        rng, perturbations = (
             np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=(child,))) for child in range(2)
         )
         moves = task.expert(Hand(self.opened, rng, self.noise))
-        policy = Shoved(moves, self.opened.action_bound, self.shoves, shoves)
+        policy = Perturbed(moves, self.opened.action_bound, self.perturbations, perturbations)
         arrays, success = self._recorded(task, policy)
-        if self.shoves:
-            arrays[INTENDED] = np.array(policy.intended, np.float32).reshape(-1, 5)
+        if self.perturbations:
+            arrays[EXPERT_ACTION] = np.array(policy.expert_action, np.float32).reshape(-1, 5)
         facts = {"drawn": task.drawn(), "index": index, "attempt": attempt, "rejected": rejected}
         number = index if success else index * ATTEMPTS + attempt
         meta = Meta(

@@ -97,7 +97,7 @@ class TaggedCollector(ExpertCollector):
         seed: Seed of the dataset.
         task: One of `TAGGED`.
         noise: How much demonstrations differ, 0 to 2.
-        shoves: How likely the hand is to be pushed off its way at an action.
+        perturbations: How likely the hand is to be pushed off its way at an action.
         world: Physics, arm, sensors and cameras of the policy; those that look at the tags are `TAG_CAMERAS`.
     """
 

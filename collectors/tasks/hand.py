@@ -57,7 +57,7 @@ class Hand:
     Attributes:
         world: The world whose hand it is.
         rng: Source of the variety.
-        noise: How much demonstrations differ: 0 not at all, 1 as intended, more at your own risk.
+        noise: How much demonstrations differ: 0 not at all, 1 as expert_action, more at your own risk.
         opening: Gripper opening that goes with every action, 0 closed to 1 open.
     """
 

@@ -9,7 +9,7 @@ TURN = 0.5
 """Of the pace, for turning: full speed would be 225 degrees per second."""
 
 
-class Pilot:
+class ActionMapper:
     """Turns readings into actions in base axes, with a soft start and stop.
 
     Args:

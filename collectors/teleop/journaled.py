@@ -1,4 +1,4 @@
-"""A rig that writes everything down while it works: a kill costs half a second of an episode, not all of it."""
+"""A robot that writes everything down while it works: a kill costs half a second of an episode, not all of it."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from collectors.recording.loop import OBJECT
 from svfl_data.recording.writer import EpisodeWriter
-from svfl_data.schema.robot import Observation, Rig
+from svfl_data.schema.robot import Observation, Robot
 from svfl_data.system.own_process import OwnProcess
 
 
-def constants(rig: Rig) -> dict[str, np.ndarray]:
+def constants(robot: Robot) -> dict[str, np.ndarray]:
     """The arrays that an episode has once, by dataset path."""
-    arrays = {"workspace": np.array(rig.workspace), "streams/wrench/tare": np.array(rig.tare_offset, np.float64)}
-    for name, calibration in rig.cameras.items():
+    arrays = {"workspace": np.array(robot.workspace), "streams/wrench/tare": np.array(robot.tare_offset, np.float64)}
+    for name, calibration in robot.cameras.items():
         arrays |= {
             f"cameras/{name}/{field}": np.array(getattr(calibration, field), np.float64)
             for field in ("intrinsics", "T_base_camera", "image_axes", "depth_scale")
@@ -24,19 +24,19 @@ def constants(rig: Rig) -> dict[str, np.ndarray]:
 
 
 class Journaled(OwnProcess):
-    """A rig, with a journal of the episode that it is in.
+    """A robot, with a journal of the episode that it is in.
 
     Args:
-        rig: Does the work.
+        robot: Does the work.
         writer: Of the journal.
     """
 
-    def __init__(self, rig: Rig, writer: EpisodeWriter) -> None:
-        self._rig, self._writer = rig, writer
+    def __init__(self, robot: Robot, writer: EpisodeWriter) -> None:
+        self._rig, self._writer = robot, writer
         self._readings = 0
         self._t_ns = np.zeros(1, np.int64)
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the rig has
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the robot has
         return getattr(self._rig, name)
 
     def observe(self) -> Observation:
@@ -49,7 +49,7 @@ class Journaled(OwnProcess):
         for name, frame in seen.frames.items():
             self._writer.append(f"cameras/{name}", t_ns=self._t_ns, color=frame.color[None], depth=frame.depth[None])
         t_ns, wrench = self._rig.wrench_t_ns, self._rig.wrench
-        count = min(len(t_ns), len(wrench))  # of a rig whose sensor runs by itself
+        count = min(len(t_ns), len(wrench))  # of a robot whose sensor runs by itself
         self._writer.append("streams/wrench", t_ns=t_ns[self._readings : count], wrench=wrench[self._readings : count])
         self._readings = count
         return seen

@@ -15,7 +15,7 @@ from collectors.recording.loop import record
 from collectors.simulation.config import WorldConfig
 from collectors.sources.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
 from collectors.tasks import task_class
-from collectors.teleop.action_mapper import Pilot
+from collectors.teleop.action_mapper import ActionMapper
 from collectors.teleop.clock import Clock, steadiness
 from collectors.teleop.devices.device import Command, Device, DeviceLostError
 from collectors.teleop.devices.script import InputLog
@@ -88,7 +88,7 @@ class Session:
         self._dataset, self._what, self._device, self._screen, self._clock = dataset, what, device, screen, clock
         self._world, self._max_steps, self._log, self._viewer = what.opened, max_steps, log, viewer
         self._about = {"device": device.name, "pace": pace, **about}
-        self._pilot = Pilot(self._world.action_bound, self._world.camera.image_axes, pace)
+        self._mapper = ActionMapper(self._world.action_bound, self._world.camera.image_axes, pace)
         self._message = "press enter to start"
         self._again: int | None = None  # the saved episode that the next one replaces
         self._saved: dict[int, bool] = {}  # episodes of this session, and whether they succeeded
@@ -129,7 +129,7 @@ class Session:
         kind, what = task_class(self._what.task), self._what
         self._task = kind.begin(self._world, attempt_seed(what.seed, self._scene, ATTEMPT))
         self._device.begin(opened=not self._world.holds(self._task.body))
-        self._pilot.begin()
+        self._mapper.begin()
         self._clock.begin()
         self._contact, self._steps = False, None
 
@@ -164,10 +164,10 @@ class Session:
         self._steps, self._message = 0, "recording"
         self._clock.begin()
         with EpisodeWriter(self._dataset, meta, constants(self._world)) as writer:
-            rig = Journaled(self._world, writer)
+            robot = Journaled(self._world, writer)
             with shown(self._viewer, self._scene) if self._viewer else nullcontext():
                 arrays = record(
-                    rig, self._act, self._max_steps, self._task.success, lambda: rig.state(self._task.state())
+                    robot, self._act, self._max_steps, self._task.success, lambda: robot.state(self._task.state())
                 )
             if self._task.success():
                 self._end = ACHIEVED
@@ -204,7 +204,7 @@ class Session:
                 self._tares.append(observation.t_ns)
                 self._tare()
         self._steps = (self._steps or 0) + 1
-        return self._pilot.action(self._reading)
+        return self._mapper.action(self._reading)
 
     def _tare(self) -> None:
         self._world.tare()

@@ -20,7 +20,7 @@ OPENING = 0.05  # fingers stop a little before or after their nominal range
 def check_action(episode: Episode) -> Iterator[Finding]:
     """Actions are within the bounds of the configuration, or else of the paper."""
     bounds = ActionBounds.of(episode.meta.config)
-    for name in ("action", "intended"):
+    for name in ("action", "expert_action"):
         if episode.has(name) and (fault := bounds.fault(getattr(episode, name))):
             yield error(episode, f"actions/{name}", *fault)
 

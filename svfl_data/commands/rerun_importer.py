@@ -46,12 +46,12 @@ def _write(file: Path, application: str | None, recording_id: str | None, prefix
 
     from svfl_data.storage.reader import EpisodeReader
     from svfl_data.viewer import names, show
-    from svfl_data.viewer.episode_source import Shown
+    from svfl_data.viewer.episode_source import EpisodeSource
 
     recording = rr.RecordingStream(application or names.APPLICATION, recording_id=recording_id)
     recording.stdout()
     root = prefix.strip("/")
-    shown = Shown.of(EpisodeReader.of_file(file), f"{root}/" if root else "")
+    shown = EpisodeSource.of(EpisodeReader.of_file(file), f"{root}/" if root else "")
     show.content([(shown, None)])(recording)
     recording.flush()
     recording.disconnect()

@@ -14,8 +14,8 @@ from svfl_data.system.command_line import Commands, natural, positive
 from svfl_data.system.printable import say
 
 if TYPE_CHECKING:
-    from svfl_data.viewer.episode_source import Shown
-    from svfl_data.viewer.predictions import Opinion
+    from svfl_data.viewer.episode_source import EpisodeSource
+    from svfl_data.viewer.predictions import Prediction
 
 MOST = 6
 """Episodes that fit beside each other."""
@@ -82,16 +82,16 @@ def run(arguments: argparse.Namespace) -> None:
         show.show(content)
 
 
-def _episodes(arguments: argparse.Namespace) -> "Sequence[tuple[Shown, Opinion | None]]":
+def _episodes(arguments: argparse.Namespace) -> "Sequence[tuple[EpisodeSource, Prediction | None]]":
     """The episodes asked for, each with what the network thinks of it."""
     from svfl_data.viewer import predictions
-    from svfl_data.viewer.episode_source import Shown
+    from svfl_data.viewer.episode_source import EpisodeSource
 
     network = predictions.load(arguments.checkpoint) if arguments.checkpoint else None
     readers = _readers(arguments.path, list(dict.fromkeys(arguments.episode)))
     roots = [f"episode_{one.meta.index}/" if len(readers) > 1 else "" for one in readers]
     return [
-        (Shown.of(one, root), network(one.load()) if network else None)
+        (EpisodeSource.of(one, root), network(one.load()) if network else None)
         for one, root in zip(readers, roots, strict=True)
     ]
 

@@ -8,12 +8,12 @@ Example, with one of the environments of `collectors.environment`::
 
     env = Environment("block_picking")
     observation, _ = env.reset()
-    buffer.begin_episode(observation, layout=Layout.of_environment(env, "block_picking"))
+    buffer.begin_episode(observation, spec=ReplaySpec.of_environment(env, "block_picking"))
     buffer.add(action, *env.step(action)[:4])
 """
 
 from svfl_data.replay.buffer import ReplayBuffer
 from svfl_data.replay.config import ReplayConfig
-from svfl_data.replay.replay_spec import Layout
+from svfl_data.replay.replay_spec import ReplaySpec
 
-__all__ = ["Layout", "ReplayBuffer", "ReplayConfig"]
+__all__ = ["ReplayBuffer", "ReplayConfig", "ReplaySpec"]

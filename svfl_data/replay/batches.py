@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from svfl_data.replay.stored_episode import Recorded
-from svfl_data.replay.symmetry_augmentation import Turns
+from svfl_data.replay.stored_episode import StoredEpisode
+from svfl_data.replay.symmetry_augmentation import SymmetryAugmentation
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS
 
 Batch = dict[str, np.ndarray]
@@ -13,23 +13,23 @@ PARTS = {"wrench": WRENCH_PARTS, "proprio": PROPRIO_PARTS, "action": ACTION_PART
 
 
 def images(
-    episodes: Sequence[Recorded],
+    episodes: Sequence[StoredEpisode],
     steps: Sequence[int],
     corners: np.ndarray,
-    turns: Turns,
+    augmentation: SymmetryAugmentation,
     elements: np.ndarray,
     crop: int,
     frames: int,
     depth_scale: float,
 ) -> np.ndarray:
-    """Crops of observed images, turned; all those of one observation alike.
+    """Crops of observed images, rotated or reflected; all those of one observation alike.
 
     Args:
         episodes: Of each observation.
         steps: Which of its episode.
         corners: Upper left pixel (row, column) of each crop, shape (B, 2).
-        turns: How images may be turned.
-        elements: Which element of `turns` moves each, shape (B,).
+        augmentation: How images may be rotated and reflected.
+        elements: Which element of `augmentation` moves each, shape (B,).
         crop: Height and width of the crops h, [px].
         frames: Images up to each observation, K; before an episode began there is its first one.
         depth_scale: Metres per unit of depth.
@@ -43,13 +43,13 @@ def images(
     for stack, (episode, step, corner, element) in zip(out, places, strict=True):
         for image, row in zip(stack, range(step - frames + 1, step + 1), strict=True):
             row = max(0, row)
-            turns.image(image, episode.color[row], episode.depth[row], corner, element)
+            augmentation.image(image, episode.color[row], episode.depth[row], corner, element)
             image[:3] /= brightest  # at once, while the pixels are in the cache
             image[3] *= scale
     return out
 
 
-def vectors(episodes: Sequence[Recorded], steps: Sequence[int], window: int) -> Batch:
+def vectors(episodes: Sequence[StoredEpisode], steps: Sequence[int], window: int) -> Batch:
     """What was felt and known at observations: ``wrench`` (B, T, 6) and ``proprio`` (B, 5), float32.
 
     Args:
@@ -64,15 +64,15 @@ def vectors(episodes: Sequence[Recorded], steps: Sequence[int], window: int) -> 
     }
 
 
-def turned(batch: Batch, turns: Turns, elements: np.ndarray) -> Batch:
+def rotated(batch: Batch, augmentation: SymmetryAugmentation, elements: np.ndarray) -> Batch:
     """Turn and mirror the vectors of each sample.
 
     Args:
         batch: Entries of `PARTS`.
-        turns: How they may be turned.
-        elements: Which element of `turns` moves each sample, shape (B,).
+        augmentation: How they may be rotated and reflected.
+        elements: Which element of `augmentation` moves each sample, shape (B,).
 
     Returns:
         The same keys, moved as `svfl_data.symmetry` says.
     """
-    return {name: turns.numbers(values, PARTS[name], elements) for name, values in batch.items()}
+    return {name: augmentation.numbers(values, PARTS[name], elements) for name, values in batch.items()}

@@ -10,14 +10,14 @@ import numpy as np
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, UsageError
 from svfl_data.replay import demos, saving
-from svfl_data.replay.batches import Batch, images, turned, vectors
+from svfl_data.replay.batches import Batch, images, rotated, vectors
 from svfl_data.replay.config import ReplayConfig
-from svfl_data.replay.episode_builder import Growing, Observation
+from svfl_data.replay.episode_builder import EpisodeBuilder, Observation
 from svfl_data.replay.priorities import Priorities
-from svfl_data.replay.replay_spec import Layout
+from svfl_data.replay.replay_spec import ReplaySpec
 from svfl_data.replay.ring import Ring
-from svfl_data.replay.stored_episode import ARRAYS, Recorded
-from svfl_data.replay.symmetry_augmentation import Turns
+from svfl_data.replay.stored_episode import ARRAYS, StoredEpisode
+from svfl_data.replay.symmetry_augmentation import SymmetryAugmentation
 from svfl_data.sampling.frames import corners
 
 CAPACITY = 50_000
@@ -34,24 +34,24 @@ class ReplayBuffer:
 
     Args:
         capacity: Transitions; the oldest episodes are forgotten, whole, when more would come.
-        layout: What its episodes have in common.
+        spec: What its episodes have in common.
         config: How transitions are prioritised and cut.
 
     Raises:
         UsageError: If the capacity is not positive, or crops are larger than the images.
     """
 
-    def __init__(self, capacity: int, layout: Layout, config: ReplayConfig | None = None) -> None:
-        self.capacity, self.layout, self.config = operator.index(capacity), layout, config or ReplayConfig()
+    def __init__(self, capacity: int, spec: ReplaySpec, config: ReplayConfig | None = None) -> None:
+        self.capacity, self.spec, self.config = operator.index(capacity), spec, config or ReplayConfig()
         if capacity < 1:
             raise UsageError(f"capacity is {capacity}; it must be at least 1")
-        if self.config.crop > min(layout.size):
-            raise UsageError(f"crop is {self.config.crop} px; the images have {layout.size[0]} x {layout.size[1]} px")
+        if self.config.crop > min(spec.size):
+            raise UsageError(f"crop is {self.config.crop} px; the images have {spec.size[0]} x {spec.size[1]} px")
         self._ring, self._priorities = Ring(self.capacity), Priorities(self.capacity, self.config)
-        self._turns = Turns(self.config.turns)
+        self._augmentation = SymmetryAugmentation(self.config.group_order)
         self._rng = np.random.default_rng(self.config.seed)
         self._powers = self.config.gamma ** np.arange(self.config.n_step + 1)
-        self._growing: Growing | None = None
+        self._builder: EpisodeBuilder | None = None
 
     @classmethod
     def from_demos(
@@ -89,9 +89,9 @@ class ReplayBuffer:
                 "choose a larger capacity or fewer demonstrations"
             )
         buffer: ReplayBuffer | None = None
-        for layout, recorded in demos.read(dataset, chosen, camera):
+        for spec, recorded in demos.read(dataset, chosen, camera):
             if buffer is None:
-                buffer = cls(capacity, layout, config)
+                buffer = cls(capacity, spec, config)
             buffer._append(recorded)
         assert buffer is not None, "at least one was chosen"
         return buffer
@@ -103,7 +103,7 @@ class ReplayBuffer:
         episodes = self._ring.episodes
         expert = sum(len(episode) for episode in episodes if episode.expert)
         return (
-            f"ReplayBuffer({self.layout.task}: {len(self)} of {self.capacity} transitions in {len(episodes)} episodes, "
+            f"ReplayBuffer({self.spec.task}: {len(self)} of {self.capacity} transitions in {len(episodes)} episodes, "
             f"{expert} of experts, {self.nbytes / 1e6:.1f} MB, beta {self.beta:.3f})"
         )
 
@@ -118,7 +118,7 @@ class ReplayBuffer:
         """Power of the importance weights now."""
         return self._priorities.beta
 
-    def begin_episode(self, observation: Observation, expert: bool = False, layout: Layout | None = None) -> None:
+    def begin_episode(self, observation: Observation, expert: bool = False, spec: ReplaySpec | None = None) -> None:
         """Begin to add an episode.
 
         Args:
@@ -126,21 +126,21 @@ class ReplayBuffer:
                 ``image`` (4, H, W), RGB 0..1 and depth in [m]; ``wrench`` (T, 6), the last readings, tared; ``proprio``
                 (5,).
             expert: Whether it is a demonstration.
-            layout: What the observations show, as `Layout.of_environment` tells; None trusts that it is the buffer's.
+            spec: What the observations show, as `ReplaySpec.of_environment` tells; None trusts that it is the buffer's.
 
         Raises:
             DatasetError: If they are of another view, camera, task or bounds.
             UsageError: If the last episode has neither terminated nor been truncated.
             FieldError: If the observation does not fit.
         """
-        if layout is not None:
-            self.layout.require_equal(layout, "the replay buffer", "the environment")
-        if self._growing is not None and len(self._growing):
+        if spec is not None:
+            self.spec.require_equal(spec, "the replay buffer", "the environment")
+        if self._builder is not None and len(self._builder):
             raise UsageError(
-                f"the last episode has not ended after {len(self._growing)} steps; its last step must be terminated or "
+                f"the last episode has not ended after {len(self._builder)} steps; its last step must be terminated or "
                 "truncated"
             )
-        self._growing = Growing(self.layout, self.config.window, observation, expert)
+        self._builder = EpisodeBuilder(self.spec, self.config.window, observation, expert)
 
     def add(
         self, action: np.ndarray, observation: Observation, reward: float, terminated: bool, truncated: bool
@@ -160,14 +160,14 @@ class ReplayBuffer:
             UsageError: If no episode has begun, or this one is longer than the capacity.
             FieldError: If something does not fit; nothing is kept of it then.
         """
-        if self._growing is None:
+        if self._builder is None:
             raise UsageError("add before begin_episode: hand over the observation after the reset first")
-        if len(self._growing) >= self.capacity:
+        if len(self._builder) >= self.capacity:
             raise UsageError(f"an episode of more than {self.capacity} steps does not fit into the capacity")
-        self._growing.add(action, observation, reward)
+        self._builder.add(action, observation, reward)
         if terminated or truncated:
-            self._append(self._growing.finish(bool(terminated)))
-            self._growing = None
+            self._append(self._builder.finish(bool(terminated)))
+            self._builder = None
 
     def sample(self, batch_size: int = 64) -> Batch:
         """Draw transitions by their priorities, with replacement.
@@ -201,14 +201,15 @@ class ReplayBuffer:
 
         pairs, at = episodes * 2, [*steps, *later]  # s of all samples, then s' of all
         crop, where = self.config.crop, self._rng.random((batch_size, 2))
-        places = np.tile(corners(*self.layout.size, (crop, crop), where), (2, 1))
-        moves = self._rng.integers(len(self._turns) if self.config.rotate else 1, size=batch_size)
+        places = np.tile(corners(*self.spec.size, (crop, crop), where), (2, 1))
+        moves = self._rng.integers(len(self._augmentation) if self.config.rotate else 1, size=batch_size)
         both = vectors(pairs, at, self.config.window)
         acted = {"action": np.stack([episode.action[step] for episode, step in zip(episodes, steps, strict=True)])}
         if self.config.rotate:
-            both, acted = turned(both, self._turns, np.tile(moves, 2)), turned(acted, self._turns, moves)
-        scale, frames = self.layout.depth_scale, self.config.frames
-        stacks = images(pairs, at, places, self._turns, np.tile(moves, 2), crop, frames, scale)
+            both = rotated(both, self._augmentation, np.tile(moves, 2))
+            acted = rotated(acted, self._augmentation, moves)
+        scale, frames = self.spec.depth_scale, self.config.frames
+        stacks = images(pairs, at, places, self._augmentation, np.tile(moves, 2), crop, frames, scale)
         both["image"] = stacks if frames > 1 else stacks[:, 0]
         now = {name: values[:batch_size] for name, values in both.items()}
         after = {f"next_{name}": values[batch_size:] for name, values in both.items()}
@@ -245,7 +246,7 @@ class ReplayBuffer:
         """
         ring, priorities = self._ring, self._priorities
         header = {
-            "capacity": self.capacity, "layout": asdict(self.layout), "config": asdict(self.config),
+            "capacity": self.capacity, "spec": asdict(self.spec), "config": asdict(self.config),
             "first": ring.first, "drawn": priorities.drawn, "largest": priorities.largest,
             "random": self._rng.bit_generator.state,
             "episodes": [{"terminated": one.terminated, "expert": one.expert} for one in ring.episodes],
@@ -263,20 +264,20 @@ class ReplayBuffer:
             FormatError: If the file is missing, foreign, damaged or of another version.
         """
         with saving.reading(Path(path)) as saved:
-            header, layout = saved.header, Layout.of_json(saved.header["layout"])
-            buffer = cls(saved.count("capacity"), layout, ReplayConfig(**header["config"]))
+            header, spec = saved.header, ReplaySpec.of_json(saved.header["spec"])
+            buffer = cls(saved.count("capacity"), spec, ReplayConfig(**header["config"]))
             buffer._ring = Ring(buffer.capacity, saved.count("first"))
             for number, one in enumerate(header["episodes"]):
                 arrays = {name: saved.array(f"{number}/{name}") for name in ARRAYS}
-                recorded = Recorded(**arrays, terminated=one["terminated"], expert=one["expert"])
-                recorded.require_fit(layout)
+                recorded = StoredEpisode(**arrays, terminated=one["terminated"], expert=one["expert"])
+                recorded.require_fit(spec)
                 buffer._append(recorded)
             slots = np.arange(buffer._ring.first, buffer._ring.next) % buffer.capacity
             buffer._priorities.restore(slots, saved.array("priority"), saved.count("drawn"), header["largest"])
             buffer._rng.bit_generator.state = header["random"]
             return buffer
 
-    def _append(self, recorded: Recorded) -> None:
+    def _append(self, recorded: StoredEpisode) -> None:
         freed, taken = self._ring.append(recorded)
         self._priorities.clear(freed)
         self._priorities.welcome(taken, recorded.expert)

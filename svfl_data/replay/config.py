@@ -6,7 +6,7 @@ from numbers import Integral
 from svfl_data.errors import UsageError
 from svfl_data.sampling.windows import WINDOW
 
-COUNTS = {"crop": 1, "frames": 1, "window": 1, "n_step": 1, "beta_samples": 1, "turns": 1, "seed": 0}
+COUNTS = {"crop": 1, "frames": 1, "window": 1, "n_step": 1, "beta_samples": 1, "group_order": 1, "seed": 0}
 """The least that each whole number may be."""
 
 
@@ -25,9 +25,10 @@ class ReplayConfig:
         beta: Power of the importance weights at first; it grows evenly to 1.
         beta_samples: Transitions drawn until it is 1; by default those of the paper's training, 35,000 batches of 64.
         expert_bonus: What a demonstration's error counts more, whatever its size.
-        rotate: Turn and mirror each transition of a batch by a random element of D_turns.
-        turns: Rotations to choose from; there are as many reflections. 4 moves pixels onto pixels; others, such as 8
-            or 12, interpolate images (`svfl_data.replay.symmetry_augmentation`), but turn vectors exactly, too.
+        rotate: Whether each transition of a batch is rotated or reflected by a random element of D_N.
+        group_order: The number N of rotations to choose from; there are as many reflections. N = 4 moves pixels onto
+            pixels; others, such as 8 or 12, interpolate images (`svfl_data.replay.symmetry_augmentation`) but rotate
+            vectors exactly, too.
         seed: Of everything that is drawn.
 
     Source of alpha, beta and the bonus: Kohler et al., CoRL 2023, section 5 and published code.
@@ -43,7 +44,7 @@ class ReplayConfig:
     beta_samples: int = 35_000 * 64
     expert_bonus: float = 1.0
     rotate: bool = False
-    turns: int = 4
+    group_order: int = 4
     seed: int = 0
 
     def __post_init__(self) -> None:

@@ -8,8 +8,8 @@ from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, UsageError
 from svfl_data.recording.consistency import check_agreement
-from svfl_data.replay.replay_spec import Layout
-from svfl_data.replay.stored_episode import Recorded
+from svfl_data.replay.replay_spec import ReplaySpec
+from svfl_data.replay.stored_episode import StoredEpisode
 from svfl_data.schema.episode import Camera, Episode
 from svfl_data.system.progress import progress
 
@@ -52,8 +52,8 @@ def choose(dataset: Dataset, episodes: int | Sequence[int], failures: bool) -> l
     return chosen
 
 
-def read(dataset: Dataset, indices: Sequence[int], camera: str | None) -> Iterator[tuple[Layout, Recorded]]:
-    """Read episodes, all of one layout.
+def read(dataset: Dataset, indices: Sequence[int], camera: str | None) -> Iterator[tuple[ReplaySpec, StoredEpisode]]:
+    """Read episodes, all of one spec.
 
     Args:
         dataset: Where from.
@@ -68,15 +68,15 @@ def read(dataset: Dataset, indices: Sequence[int], camera: str | None) -> Iterat
     cameras = [camera] if camera else dataset.episode(indices[0]).cameras
     check_usable(dataset, indices, ["streams/wrench", *(f"cameras/{name}" for name in cameras)])
     check_agreement(dataset, indices, cameras)
-    first: Layout | None = None
+    first: ReplaySpec | None = None
     for index in progress(indices, "preloading demonstrations"):
         episode = dataset.episode(index).load(images=False)
         seen = _camera(episode, camera)
-        layout = Layout.of_episode(episode, seen)
+        spec = ReplaySpec.of_episode(episode, seen)
         if first is not None:
-            first.require_equal(layout, f"episode {indices[0]}", episode.name)
-        first = first or layout
-        yield layout, Recorded.of_episode(episode, seen, layout)
+            first.require_equal(spec, f"episode {indices[0]}", episode.name)
+        first = first or spec
+        yield spec, StoredEpisode.of_episode(episode, seen, spec)
 
 
 def _camera(episode: Episode, name: str | None) -> Camera:

@@ -5,17 +5,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from svfl_data.errors import FieldError
-from svfl_data.replay.replay_spec import Layout
-from svfl_data.replay.stored_episode import Recorded
+from svfl_data.replay.replay_spec import ReplaySpec
+from svfl_data.replay.stored_episode import StoredEpisode
 
 Observation = Mapping[str, np.ndarray]
 
 
-class Growing:
+class EpisodeBuilder:
     """What has happened since the reset.
 
     Args:
-        layout: Of the buffer.
+        spec: Of the buffer.
         window: Readings in the wrench window of an observation.
         observation: After the reset, as `ReplayBuffer.begin_episode` takes it.
         expert: Whether it is a demonstration.
@@ -24,8 +24,8 @@ class Growing:
         FieldError: If the observation does not fit.
     """
 
-    def __init__(self, layout: Layout, window: int, observation: Observation, expert: bool) -> None:
-        self._layout, self._window, self._expert = layout, window, expert
+    def __init__(self, spec: ReplaySpec, window: int, observation: Observation, expert: bool) -> None:
+        self._spec, self._window, self._expert = spec, window, expert
         self._color: list[np.ndarray] = []
         self._depth: list[np.ndarray] = []
         self._proprio: list[np.ndarray] = []
@@ -46,16 +46,16 @@ class Growing:
             FieldError: If something does not fit; nothing is kept of it then.
         """
         acted = _numbers("action", action, (5,))
-        if fault := self._layout.bounds.fault(acted[None]):
+        if fault := self._spec.bounds.fault(acted[None]):
             raise FieldError(f"action: {fault[1]}")
         gained = float(_numbers("reward", np.asarray(reward), ()))
         self._see(observation)
-        self._actions.append(self._layout.action(acted))
+        self._actions.append(self._spec.action(acted))
         self._rewards.append(gained)
 
-    def finish(self, terminated: bool) -> Recorded:
+    def finish(self, terminated: bool) -> StoredEpisode:
         """The whole episode."""
-        return Recorded(
+        return StoredEpisode(
             color=np.stack(self._color),
             depth=np.stack(self._depth),
             wrench=np.concatenate(self._readings),
@@ -71,16 +71,16 @@ class Growing:
         for name in ("image", "wrench", "proprio"):
             if name not in observation:
                 raise FieldError(f"observation: {name} is missing; it has {', '.join(observation) or 'nothing'}")
-        image = _numbers("image", observation["image"], (4, *self._layout.size))
+        image = _numbers("image", observation["image"], (4, *self._spec.size))
         felt = _numbers("wrench", observation["wrench"], (self._window, 6))
         proprio = _numbers("proprio", observation["proprio"], (5,))
-        color, depth = self._layout.pixels(image)
+        color, depth = self._spec.pixels(image)
         new = felt[len(felt) - unseen(self._felt, felt) :]
         self._felt = felt
         self._color.append(color)
         self._depth.append(depth)
-        self._proprio.append(self._layout.proprio(proprio))
-        self._readings.append(self._layout.wrench(new))
+        self._proprio.append(self._spec.proprio(proprio))
+        self._readings.append(self._spec.wrench(new))
         self._end.append((self._end[-1] if self._end else 0) + len(new))
 
 

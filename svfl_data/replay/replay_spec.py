@@ -8,7 +8,7 @@ import numpy as np
 from svfl_data.errors import DatasetError, FieldError
 from svfl_data.schema.action_bounds import ActionBounds
 from svfl_data.schema.episode import Camera, Episode
-from svfl_data.signals.top_view import Optics
+from svfl_data.schema.robot import Optics
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 
 MATRICES = ("image_axes", "intrinsics", "T_base_camera")
@@ -44,7 +44,7 @@ class Surroundings(Protocol):
 
 
 @dataclass(frozen=True)
-class Layout:
+class ReplaySpec:
     """Transitions may be mixed in one batch if all of this is equal.
 
     Attributes:
@@ -78,8 +78,8 @@ class Layout:
         task: str,
         action_bounds: tuple[float, float] | None = None,
         view: str = "camera",
-    ) -> "Layout":
-        """The layout of what an agent sees.
+    ) -> "ReplaySpec":
+        """The spec of what an agent sees.
 
         Args:
             camera: Whose images it sees: an `episode.Camera` or a `svfl_data.schema.robot.Calibration`.
@@ -97,8 +97,8 @@ class Layout:
         )  # fmt: skip
 
     @classmethod
-    def of_environment(cls, env: Surroundings, task: str) -> "Layout":
-        """The layout of what one of the environments of `collectors.environment` shows.
+    def of_environment(cls, env: Surroundings, task: str) -> "ReplaySpec":
+        """The spec of what one of the environments of `collectors.environment` shows.
 
         Args:
             env: The environment, unwrapped.
@@ -110,33 +110,33 @@ class Layout:
         return cls.seen_by(world.camera, (height, width), world.workspace, task, (most[0], most[-1]), view)
 
     @classmethod
-    def of_episode(cls, episode: Episode, camera: Camera) -> "Layout":
-        """The layout of a recorded episode seen by one of its cameras."""
+    def of_episode(cls, episode: Episode, camera: Camera) -> "ReplaySpec":
+        """The spec of a recorded episode seen by one of its cameras."""
         found = ActionBounds.of(episode.meta.config)
         bounds = (found.move, found.turn) if found.declared else None
         height, width = camera.arrays["color"].shape[1:3]
         return cls.seen_by(camera, (height, width), episode.workspace, episode.meta.task, bounds)
 
     @classmethod
-    def of_json(cls, found: dict[str, Any]) -> "Layout":
-        """What `dataclasses.asdict` and JSON have made of a layout."""
+    def of_json(cls, found: dict[str, Any]) -> "ReplaySpec":
+        """What `dataclasses.asdict` and JSON have made of a spec."""
         (a, b), (c, d) = found["image_axes"]
         (height, width), (x, y), bounds = found["size"], found["centre"], found["action_bounds"]
         scale = float(found["depth_scale"])
         axes, lens, pose = ((a, b), (c, d)), _rows(found["intrinsics"]), _rows(found["T_base_camera"])
         numbers = np.concatenate([np.ravel(part) for part in (axes, (x, y), lens, pose, (scale,), bounds or ())])
         if not np.isfinite(numbers).all() or scale <= 0 or min(height, width) < 1:
-            raise ValueError("its layout has impossible numbers")
+            raise ValueError("its spec has impossible numbers")
         bounds = tuple(bounds) if bounds else None
         return cls(
             str(found["task"]), (height, width), scale, axes, (x, y), lens, pose, str(found["view"]), bounds
         )  # fmt: skip
 
-    def require_equal(self, other: "Layout", where: str, there: str) -> None:
+    def require_equal(self, other: "ReplaySpec", where: str, there: str) -> None:
         """Refuse what cannot be mixed with this.
 
         Args:
-            other: The other layout.
+            other: The other spec.
             where: Where this one is from, for the message.
             there: Where the other one is from.
 

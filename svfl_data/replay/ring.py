@@ -3,7 +3,7 @@
 import numpy as np
 
 from svfl_data.errors import UsageError
-from svfl_data.replay.stored_episode import Recorded
+from svfl_data.replay.stored_episode import StoredEpisode
 
 
 class Ring:
@@ -21,7 +21,7 @@ class Ring:
 
     def __init__(self, capacity: int, first: int = 0) -> None:
         self.capacity, self.next = capacity, first
-        self.episodes: list[Recorded] = []
+        self.episodes: list[StoredEpisode] = []
         self.begin = np.empty(0, np.int64)
 
     @property
@@ -32,7 +32,7 @@ class Ring:
     def __len__(self) -> int:
         return self.next - self.first
 
-    def append(self, episode: Recorded) -> tuple[np.ndarray, np.ndarray]:
+    def append(self, episode: StoredEpisode) -> tuple[np.ndarray, np.ndarray]:
         """Keep an episode.
 
         Returns:

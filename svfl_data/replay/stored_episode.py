@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from svfl_data.errors import DatasetError
-from svfl_data.replay.replay_spec import Layout
+from svfl_data.replay.replay_spec import ReplaySpec
 from svfl_data.schema.episode import Camera, Episode
 
 ARRAYS = ("color", "depth", "wrench", "wrench_end", "proprio", "action", "reward")
@@ -13,7 +13,7 @@ ARRAYS = ("color", "depth", "wrench", "wrench_end", "proprio", "action", "reward
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class StoredEpisode:
     """N actions, N + 1 observations, M wrench readings; vectors in image-aligned axes, positions from the centre.
 
     Attributes:
@@ -40,7 +40,7 @@ class Recorded:
     expert: bool
 
     @classmethod
-    def of_episode(cls, episode: Episode, camera: Camera, layout: Layout) -> "Recorded":
+    def of_episode(cls, episode: Episode, camera: Camera, spec: ReplaySpec) -> "StoredEpisode":
         """A demonstration from a file.
 
         Its reward is sparse: 1 for the action that achieved the task, with which the episode ends, 0 before. A
@@ -49,7 +49,7 @@ class Recorded:
         Args:
             episode: As recorded, fit for training (`svfl_data.checks.check_usable`).
             camera: Whose images to keep.
-            layout: Of the episode and the camera.
+            spec: Of the episode and the camera.
 
         Raises:
             DatasetError: If it has no actions, or there is an observation before any frame.
@@ -64,10 +64,10 @@ class Recorded:
         return cls(
             color=np.ascontiguousarray(camera.color[frames].transpose(0, 3, 1, 2)),  # (N+1, H, W, 3) -> (N+1, 3, H, W)
             depth=camera.depth[frames],
-            wrench=layout.wrench(episode.tared_wrench),
+            wrench=spec.wrench(episode.tared_wrench),
             wrench_end=np.searchsorted(episode.wrench_t_ns, episode.t_ns, side="right"),
-            proprio=layout.proprio(episode.proprio),
-            action=layout.action(episode.action),
+            proprio=spec.proprio(episode.proprio),
+            action=spec.action(episode.action),
             reward=reward,
             terminated=episode.meta.success,
             expert=True,
@@ -76,15 +76,15 @@ class Recorded:
     def __len__(self) -> int:
         return len(self.action)
 
-    def require_fit(self, layout: Layout) -> None:
-        """Refuse arrays that do not belong together, or not to a layout.
+    def require_fit(self, spec: ReplaySpec) -> None:
+        """Refuse arrays that do not belong together, or not to a spec.
 
         Raises:
             ValueError: If one has another shape or type.
         """
         steps, readings = len(self.action), len(self.wrench)
         expected = {
-            "color": ((steps + 1, 3, *layout.size), "u1"), "depth": ((steps + 1, *layout.size), "u2"),
+            "color": ((steps + 1, 3, *spec.size), "u1"), "depth": ((steps + 1, *spec.size), "u2"),
             "wrench": ((readings, 6), "f4"), "wrench_end": ((steps + 1,), "i8"), "proprio": ((steps + 1, 5), "f4"),
             "action": ((steps, 5), "f4"), "reward": ((steps,), "f4"),
         }  # fmt: skip

@@ -9,7 +9,7 @@ from svfl_data.symmetry import Part, act, act_on_image, dihedral
 View = tuple[bool, int, int]
 
 
-class Turns:
+class SymmetryAugmentation:
     """The elements of D_N, rotations first; number 0 leaves everything as it is.
 
     Quarter turns and their mirror images only change the order of pixels. Other elements of a D_N interpolate colour

@@ -22,7 +22,7 @@ from svfl_data.storage.reader import EpisodeReader, StoredArray
 from svfl_data.system.progress import progress
 
 TIMES, PROPRIO = "observations/t_ns", "observations/proprio"
-ACTION, INTENDED = "actions/action", "actions/intended"
+ACTION, EXPERT_ACTION = "actions/action", "actions/expert_action"
 WRENCH, WRENCH_TIMES, TARE = "streams/wrench/wrench", "streams/wrench/t_ns", "streams/wrench/tare"
 Batch = dict[str, np.ndarray]
 Values = TypeVar("Values", bound=Any)
@@ -60,7 +60,7 @@ class Samples:
         frames: int = 1,
         wrench_window: int = WINDOW,
         action_chunk: int = 1,
-        intended: bool = False,
+        expert_action: bool = False,
         crop: int | None = None,
         crop_at: Literal["centre", "random"] = "centre",
         labels: Sequence[str] = (),
@@ -79,7 +79,7 @@ class Samples:
             frames: Frames per camera and sample, K.
             wrench_window: Readings per sample, T; 0 leaves the wrench out.
             action_chunk: Actions per sample, A.
-            intended: Give as actions what an expert meant rather than what was done, where an episode tells them
+            expert_action: Give as actions what an expert meant rather than what was done, where an episode tells them
                 apart.
             crop: Height and width to cut out of each image, [px]; whole images by default.
             crop_at: Where: in the middle, or anywhere, drawn from `seed`, epoch and number of the sample.
@@ -106,7 +106,7 @@ class Samples:
         self.dataset, self.episodes = dataset, list(dataset.indices if episodes is None else episodes)
         self.at, self.cameras, self.labels = at, None if cameras is None else list(cameras), list(labels)
         self.frames, self.wrench_window, self.action_chunk = frames, wrench_window, action_chunk
-        self.intended = intended
+        self.expert_action = expert_action
         self.crop, self.crop_at, self.seed = crop, crop_at, seed
         self.cache = cache
         self.budget = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2 if budget is None else budget
@@ -178,9 +178,9 @@ class Samples:
         has_depth = [camera for camera in self.cameras if f"cameras/{camera}/depth" in readers[0]]
         needed += [f"cameras/{camera}/{name}" for camera in has_depth for name in ("depth", "depth_scale")]
         stored = [{path: reader[path] for path in needed} for reader in progress(readers, "opening episodes")]
-        if self.intended:
+        if self.expert_action:
             for of_episode, reader in zip(stored, readers, strict=True):
-                of_episode[ACTION] = reader[INTENDED if INTENDED in reader else ACTION]
+                of_episode[ACTION] = reader[EXPERT_ACTION if EXPERT_ACTION in reader else ACTION]
         self._check(stored, readers)
         if validated:
             uses = [

@@ -88,7 +88,7 @@ FIELDS = (
         axes="base", components=("opening", "dx", "dy", "dz", "dtheta"), parts=ACTION_PARTS,
     ),
     Field(
-        "actions/intended", "intended", "float32", ("N", 5), "-, m, m, m, rad",
+        "actions/expert_action", "expert_action", "float32", ("N", 5), "-, m, m, m, rad",
         "What an expert meant when its hand was pushed off its way now and then; `action` is what was commanded.",
         axes="base", components=("opening", "dx", "dy", "dz", "dtheta"), parts=ACTION_PARTS, optional=True,
     ),

@@ -1,4 +1,4 @@
-"""What the recording loop asks of a robot, simulated or real, and of whoever acts on it."""
+"""The contract of robots and policies: what is observed at a step, and what a recording loop asks of a robot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -58,7 +58,27 @@ class Calibration:
     depth_scale: float
 
 
-class Rig(Protocol):
+class Optics(Protocol):
+    """The geometry of a camera: a `Calibration` has it, and so has a recorded `svfl_data.schema.episode.Camera`."""
+
+    @property
+    def intrinsics(self) -> np.ndarray:
+        """Pinhole matrix, (3, 3), [px]."""
+
+    @property
+    def T_base_camera(self) -> np.ndarray:
+        """Pose of the camera in base, (4, 4), [m]."""
+
+    @property
+    def image_axes(self) -> np.ndarray:
+        """Base (x, y) to image (right, up), (2, 2)."""
+
+    @property
+    def depth_scale(self) -> float | np.ndarray:
+        """Metres per unit of depth."""
+
+
+class Robot(Protocol):
     """A robot with its sensors, homed and tared.
 
     One step is `observe`, then `step` with the action commanded after it. The wrench stream runs by itself at the

@@ -12,56 +12,17 @@ pictures, and reads 0. Nothing is invented there.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from svfl_data.errors import UsageError
+from svfl_data.schema.robot import Frame, Optics
 
 SIZE = 76  # [px], as the paper's pictures
 EYE_M = 1.0  # [m]; above everything that the arm does over a table, and depth is 1 m minus height
 FARTHEST = 2**16 - 1  # of uint16
 MOST_POINTS = 2 * 10**7
 """Of one picture, 400 MB while they are drawn; a camera of 640 x 480 px above a table gives 3 * 10^5."""
-
-
-class Picture(Protocol):
-    """Colour and depth of one camera, such as `svfl_data.schema.robot.Frame`.
-
-    Attributes:
-        color: (H, W, 3) uint8 RGB.
-        depth: (H, W) uint16 along the camera's axis, 0 = nothing seen.
-    """
-
-    @property
-    def color(self) -> np.ndarray:
-        """The colours."""
-
-    @property
-    def depth(self) -> np.ndarray:
-        """The depths."""
-
-
-class Optics(Protocol):
-    """What `svfl_data.schema.fields` declares of a camera beside its pictures; an `episode.Camera` has it, and so has
-    `svfl_data.schema.robot.Calibration`.
-    """  # noqa: D205
-
-    @property
-    def intrinsics(self) -> np.ndarray:
-        """Pinhole matrix, (3, 3), [px]."""
-
-    @property
-    def T_base_camera(self) -> np.ndarray:
-        """Pose of the camera in base, (4, 4), [m]."""
-
-    @property
-    def image_axes(self) -> np.ndarray:
-        """Base (x, y) to image (right, up), (2, 2)."""
-
-    @property
-    def depth_scale(self) -> float | np.ndarray:
-        """Metres per unit of depth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +97,7 @@ class TopView:
         """Base z of what the picture's depth shows, [m]; NaN where it shows nothing."""
         return np.where(depth > 0, self.eye - depth * self.depth_scale, np.nan)
 
-    def draw(self, pictures: Sequence[tuple[Picture, Optics]]) -> tuple[np.ndarray, np.ndarray]:
+    def draw(self, pictures: Sequence[tuple[Frame, Optics]]) -> tuple[np.ndarray, np.ndarray]:
         """See from above what one or several cameras saw at one moment.
 
         Args:
@@ -178,7 +139,7 @@ class TopView:
         means = np.rint(sums / np.maximum(np.bincount(pixel, minlength=outside), 1)).reshape(4, size, size)
         return np.ascontiguousarray(means[1:].transpose(1, 2, 0), np.uint8), means[0].astype(np.uint16)
 
-    def _patches(self, picture: Picture, optics: Optics) -> tuple[np.ndarray, np.ndarray]:
+    def _patches(self, picture: Frame, optics: Optics) -> tuple[np.ndarray, np.ndarray]:
         """The surface that one camera saw, as points no farther apart than this view's pixels, as `splat` takes it."""
         depth, color = np.asarray(picture.depth), np.asarray(picture.color)
         points = self._points(depth, optics)

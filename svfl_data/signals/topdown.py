@@ -7,7 +7,8 @@ import numpy as np
 
 from svfl_data.errors import FieldError, UsageError
 from svfl_data.schema.episode import Camera, Episode
-from svfl_data.signals.top_view import EYE_M, SIZE, Optics, Picture, TopView
+from svfl_data.schema.robot import Frame, Optics
+from svfl_data.signals.top_view import EYE_M, SIZE, TopView
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,7 @@ class TopDown:
 
 
 def topdown_frame(
-    frame: Picture,
+    frame: Frame,
     calibration: Optics,
     workspace: np.ndarray,
     size: int = SIZE,
@@ -91,26 +92,10 @@ def topdown(
     depth = np.zeros((len(wanted), size, size), np.uint16)
     for out, step in enumerate(wanted):
         rows = [(camera, latest_frame(episode, camera, step)) for camera in sources]
-        pictures = [(_Row(camera, row), camera) for camera, row in rows if row is not None]
+        pictures = [(Frame(camera.color[row], camera.depth[row]), camera) for camera, row in rows if row is not None]
         if pictures:
             color[out], depth[out] = view.draw(pictures)
     return TopDown(color[0], depth[0], view) if single else TopDown(color, depth, view)
-
-
-@dataclass(frozen=True)
-class _Row:
-    """One frame of a recorded camera."""
-
-    camera: Camera
-    row: int
-
-    @property
-    def color(self) -> np.ndarray:
-        return self.camera.arrays["color"][self.row]
-
-    @property
-    def depth(self) -> np.ndarray:
-        return self.camera.arrays["depth"][self.row]
 
 
 def latest_frame(episode: Episode, camera: Camera, step: int) -> int | None:

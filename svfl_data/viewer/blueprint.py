@@ -10,10 +10,10 @@ from svfl_data.sampling.windows import WINDOW
 from svfl_data.symmetry import element
 from svfl_data.system.printable import printable
 from svfl_data.viewer import names
-from svfl_data.viewer.episode_source import ACTION, PROPRIO, TIMES, WRENCH_TIMES, Shown
+from svfl_data.viewer.episode_source import ACTION, PROPRIO, TIMES, WRENCH_TIMES, EpisodeSource
 from svfl_data.viewer.images import camera_entity, crop_range
 from svfl_data.viewer.names import CAMERAS, SCENE, TIMELINE
-from svfl_data.viewer.predictions import Opinion
+from svfl_data.viewer.predictions import Prediction
 from svfl_data.viewer.recording import Summary
 
 DARK = (22, 24, 28)
@@ -25,21 +25,21 @@ EYE_DEG, DISTANCE = -75, 1.5
 COMMANDED_AND_ACHIEVED = (("", "move"), ("_turn", "turn"), ("_opening", "opening"))
 
 
-def one(shown: Shown, summary: Summary, opinion: Opinion | None = None) -> rrb.Blueprint:
+def one(shown: EpisodeSource, summary: Summary, prediction: Prediction | None = None) -> rrb.Blueprint:
     """The window for one episode, readable at first sight on a laptop (1440 x 850).
 
     Args:
         shown: The episode.
         summary: What was learnt of it while logging.
-        opinion: What a network says of it.
+        prediction: What a network says of it.
 
     Returns:
         The blueprint; the time cursor starts at the end.
     """
-    return _window(_page(shown, summary, opinion))
+    return _window(_page(shown, summary, prediction))
 
 
-def side_by_side(episodes: Sequence[tuple[Shown, Summary, Opinion | None]]) -> rrb.Blueprint:
+def side_by_side(episodes: Sequence[tuple[EpisodeSource, Summary, Prediction | None]]) -> rrb.Blueprint:
     """The window for several episodes: all beside each other at the same time of their clocks, then each by itself."""
     columns = [
         rrb.Vertical(
@@ -52,7 +52,7 @@ def side_by_side(episodes: Sequence[tuple[Shown, Summary, Opinion | None]]) -> r
         )
         for shown, summary, _ in episodes
     ]
-    pages = [_page(shown, summary, opinion) for shown, summary, opinion in episodes]
+    pages = [_page(shown, summary, prediction) for shown, summary, prediction in episodes]
     return _window(rrb.Tabs(rrb.Horizontal(*columns, name="Side by side"), *pages, active_tab=0))
 
 
@@ -65,11 +65,11 @@ def _window(content: rrb.Container) -> rrb.Blueprint:
     )
 
 
-def _title(shown: Shown) -> str:
+def _title(shown: EpisodeSource) -> str:
     return printable(f"{shown.meta.task} {shown.meta.index}")
 
 
-def _page(shown: Shown, summary: Summary, opinion: Opinion | None) -> rrb.Container:
+def _page(shown: EpisodeSource, summary: Summary, prediction: Prediction | None) -> rrb.Container:
     low, high, root = summary.low, summary.high, shown.root
     size_low, size_high = np.zeros(1), np.array([summary.peak])
     force = rrb.Tabs(
@@ -83,17 +83,17 @@ def _page(shown: Shown, summary: Summary, opinion: Opinion | None) -> rrb.Contai
     )
     about = rrb.TextDocumentView(origin=root + names.ABOUT, name="About this episode")
     return rrb.Horizontal(
-        rrb.Vertical(_scene(shown), rrb.Horizontal(*_pictures(shown, opinion)), row_shares=[3, 2]),
-        rrb.Vertical(force, torque, rrb.Tabs(*_motion(shown, opinion)), about, row_shares=[6, 5, 5, 6]),
+        rrb.Vertical(_scene(shown), rrb.Horizontal(*_pictures(shown, prediction)), row_shares=[3, 2]),
+        rrb.Vertical(force, torque, rrb.Tabs(*_motion(shown, prediction)), about, row_shares=[6, 5, 5, 6]),
         column_shares=[1, 1],
         name=_title(shown),
     )
 
 
-def _motion(shown: Shown, opinion: Opinion | None) -> list[rrb.View | rrb.Container]:
+def _motion(shown: EpisodeSource, prediction: Prediction | None) -> list[rrb.View | rrb.Container]:
     action = shown[ACTION]
-    thinks = [f"{names.OPINION}/{name}" for _, name in COMMANDED_AND_ACHIEVED]
-    if opinion is None or opinion.actions is None:
+    thinks = [f"{names.PREDICTION}/{name}" for _, name in COMMANDED_AND_ACHIEVED]
+    if prediction is None or prediction.actions is None:
         thinks = ["", "", ""]
     moves, turn, opening = (
         [path for path in (names.COMMANDED + suffix, names.ACHIEVED + suffix, thought) if path]
@@ -113,25 +113,27 @@ def _motion(shown: Shown, opinion: Opinion | None) -> list[rrb.View | rrb.Contai
         ),
         _plot(shown, [names.REWARD], "Reward and success", np.zeros(1), np.ones(1)),
     ]
-    if opinion is not None and opinion.probabilities is not None:
-        path = f"{names.OPINION}/probability"
+    if prediction is not None and prediction.probabilities is not None:
+        path = f"{names.PREDICTION}/probability"
         tabs.insert(0, _plot(shown, [path], "Network: probability of each direction", np.zeros(1), np.ones(1)))
     return tabs
 
 
-def _pictures(shown: Shown, opinion: Opinion | None) -> list[rrb.View]:
+def _pictures(shown: EpisodeSource, prediction: Prediction | None) -> list[rrb.View]:
     views: list[rrb.View] = []
     for camera in shown.cameras:
         entity = camera_entity(shown.root, camera)
-        outline = "seen" if opinion is not None and opinion.crop is not None and opinion.camera == camera else "crop"
+        outline = (
+            "seen" if prediction is not None and prediction.crop is not None and prediction.camera == camera else "crop"
+        )
         contents = ["$origin/color", f"$origin/{outline}", "$origin/predicted", "$origin/true"]
         views.append(rrb.Spatial2DView(origin=entity, contents=contents, name=printable(f"{camera}: colour")))
         if f"cameras/{camera}/depth" in shown:
             views.append(
                 rrb.Spatial2DView(origin=entity, contents=["$origin/depth"], name=printable(f"{camera}: depth, m"))
             )
-    if opinion is not None and opinion.seen is not None:
-        views.append(rrb.Spatial2DView(origin=f"{shown.root}{names.OPINION}/seen", name="What the network sees"))
+    if prediction is not None and prediction.seen is not None:
+        views.append(rrb.Spatial2DView(origin=f"{shown.root}{names.PREDICTION}/seen", name="What the network sees"))
     elif shown.cameras:
         camera = shown.cameras[0]
         height, width = shown.arrays[f"cameras/{camera}/color"].shape[1:3]
@@ -141,7 +143,7 @@ def _pictures(shown: Shown, opinion: Opinion | None) -> list[rrb.View]:
     return views
 
 
-def _scene(shown: Shown) -> rrb.Spatial3DView:
+def _scene(shown: EpisodeSource) -> rrb.Spatial3DView:
     """Seen from where the image's lower edge is, so that right in the image is right in the scene too."""
     workspace = shown["workspace"]
     target = np.array([*workspace[:2].mean(axis=1), 0.2])
@@ -165,7 +167,7 @@ def _scene(shown: Shown) -> rrb.Spatial3DView:
     )
 
 
-def _wrench(shown: Shown, path: str, name: str, low: np.ndarray, high: np.ndarray) -> rrb.TimeSeriesView:
+def _wrench(shown: EpisodeSource, path: str, name: str, low: np.ndarray, high: np.ndarray) -> rrb.TimeSeriesView:
     """A plot of the processed wrench with the marks below and the window of the current step thick."""
     window = {names.FORCE_PLOT: names.WINDOW_FORCE, names.TORQUE_PLOT: names.WINDOW_TORQUE}[path]
     marks = [f"{names.MARKS}/**"] if path == names.FORCE_PLOT else []
@@ -181,7 +183,7 @@ def _wrench(shown: Shown, path: str, name: str, low: np.ndarray, high: np.ndarra
 
 
 def _plot(
-    shown: Shown,
+    shown: EpisodeSource,
     paths: Sequence[str],
     name: str,
     low: np.ndarray | None = None,

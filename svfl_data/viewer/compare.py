@@ -11,7 +11,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.system.printable import markdown, printable
 from svfl_data.system.progress import progress
-from svfl_data.viewer.episode_source import Shown
+from svfl_data.viewer.episode_source import EpisodeSource
 from svfl_data.viewer.names import AXES, FORCE
 from svfl_data.viewer.recording import RULE
 
@@ -47,7 +47,7 @@ class Loads:
         """
         norms, peaks = [], []
         for index in progress(dataset.indices, printable(f"forces of {dataset.path}")):
-            pieces = list(Shown.of(dataset.episode(index)).readings(RULE))
+            pieces = list(EpisodeSource.of(dataset.episode(index)).readings(RULE))
             norms += [np.linalg.norm(piece.wrench.reshape(-1, 2, 3), axis=2) for piece in pieces]
             peaks.append(max((float(piece.size.max()) for piece in pieces), default=0.0))
         if not norms:

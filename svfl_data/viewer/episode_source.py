@@ -39,7 +39,7 @@ class Readings:
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class EpisodeSource:
     """An episode to be shown.
 
     Attributes:
@@ -53,7 +53,7 @@ class Shown:
     root: str = ""
 
     @classmethod
-    def of(cls, episode: Episode | EpisodeReader, root: str = "") -> "Shown":
+    def of(cls, episode: Episode | EpisodeReader, root: str = "") -> "EpisodeSource":
         """An episode in memory or on disk."""
         if isinstance(episode, Episode):
             return cls(episode.meta, episode.arrays, root)

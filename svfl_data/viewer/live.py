@@ -7,16 +7,15 @@ long the last sending took decides when the next one may begin, so that the reco
 
 import socket
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from multiprocessing.util import Finalize
-from typing import Any, Protocol
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from svfl_data.errors import UsageError
+from svfl_data.schema.robot import Observation, Robot
 from svfl_data.system.own_process import OwnProcess
 from svfl_data.viewer import images, names, plots, scene
 from svfl_data.viewer.robot import robot_for
@@ -32,45 +31,6 @@ BEHIND_S = 4.0
 TIMEOUT_S = 2.0
 
 
-class Optics(Protocol):
-    """Calibration of a camera, such as `svfl_data.schema.robot.Calibration`."""
-
-    intrinsics: Any
-    T_base_camera: Any
-    depth_scale: float
-
-
-class Rig(Protocol):
-    """What is asked of a robot, such as `svfl_data.schema.robot.Rig`."""
-
-    tare_offset: Any
-
-    @property
-    def cameras(self) -> Mapping[str, Any]:
-        """`Optics` by name."""
-
-    @property
-    def workspace(self) -> np.ndarray:
-        """Bounds of the TCP, (3, 2), [m]."""
-
-    @property
-    def wrench_t_ns(self) -> np.ndarray:
-        """Time of every reading, (M,), [ns]."""
-
-    @property
-    def wrench(self) -> np.ndarray:
-        """Raw readings, (M, 6)."""
-
-
-class Seen(Protocol):
-    """One observation, such as `svfl_data.schema.robot.Observation`."""
-
-    t_ns: int
-    frames: Any
-    proprio: Any
-    joints: Any
-
-
 @dataclass(frozen=True, eq=False)
 class Step:
     """What waits to be sent of one observation.
@@ -83,7 +43,7 @@ class Step:
     """
 
     t_ns: int
-    seen: Seen
+    seen: Observation
     action: np.ndarray | None
     before: "Step | None"
 
@@ -113,18 +73,18 @@ class Live(OwnProcess):
         self._steps: list[Step] = []
         self._readings: list[tuple[np.ndarray, np.ndarray]] = []  # times and tared wrenches of episodes that have ended
         self._titles: list[tuple[int, str]] = []
-        self._rig: Rig | None = None  # of the episode that is being recorded
+        self._rig: Robot | None = None  # of the episode that is being recorded
         self._known = 0  # readings of that episode that have been taken
         self._begins_ns = self._ends_ns = 0  # of that episode, on the recording's clock
         self._before: Step | None = None
         self._next_s = 0.0
         Finalize(None, self.close, exitpriority=10)  # runs at the end of worker processes too, where atexit does not
 
-    def __call__(self, rig: Rig, seen: Seen, action: np.ndarray | None) -> None:
+    def __call__(self, robot: Robot, seen: Observation, action: np.ndarray | None) -> None:
         """Take note of an observation.
 
         Args:
-            rig: The robot.
+            robot: The robot.
             seen: What it observed.
             action: What led there, (5,); None at the first observation of an episode.
 
@@ -134,8 +94,8 @@ class Live(OwnProcess):
         self.check_process()
         if action is None:
             self.finish()
-            self._recording = self._recording or self._open(rig, seen)
-            self._rig, self._known, self._before = rig, 0, None
+            self._recording = self._recording or self._open(robot, seen)
+            self._rig, self._known, self._before = robot, 0, None
             self._readings.append((np.array([self._ends_ns + 1]), np.full((1, 6), np.nan)))  # here the curves break
             self._begins_ns = self._ends_ns + GAP_NS
             self._titles.append((self._begins_ns, self.name))
@@ -158,18 +118,19 @@ class Live(OwnProcess):
             self._recording.disconnect()
             self._recording = None
 
-    def _open(self, rig: Rig, seen: Seen) -> rr.RecordingStream:
+    def _open(self, robot: Robot, seen: Observation) -> rr.RecordingStream:
         """Begin the recording: everything that never changes."""
         recording = rr.RecordingStream(names.APPLICATION)
         recording.connect_grpc(self._address)
-        recording.send_blueprint(arrange(list(rig.cameras)))  # not as a default, which the last window's would outlast
+        # Not as a default, which the last window's would outlast.
+        recording.send_blueprint(arrange(list(robot.cameras)))
         recording.send_recording_name("live")
-        scene.log_surroundings(recording, "", rig.workspace)
+        scene.log_surroundings(recording, "", robot.workspace)
         plots.log_styles(recording, "")
         self._robot = robot_for(len(seen.joints)) if len(seen.joints) else None
         if self._robot:
             self._robot.log(recording, "")
-        for name, optics in rig.cameras.items():
+        for name, optics in robot.cameras.items():
             entity, frame = images.camera_entity("", name), seen.frames[name]
             images.log_camera(recording, entity, optics.intrinsics, optics.T_base_camera, frame.color.shape[:2])
             images.log_depth_style(recording, entity, frame.depth[None], optics.depth_scale, small=False)

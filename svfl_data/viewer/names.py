@@ -17,7 +17,7 @@ WINDOW_FORCE, WINDOW_TORQUE = "wrench/window/force", "wrench/window/torque"
 SIZE, MARKS = "wrench/size", "wrench/marks"
 COMMANDED, ACHIEVED = "motion/commanded", "motion/achieved"
 POSITION, OPENING_AND_YAW = "proprio/position", "proprio/opening_and_yaw"
-REWARD, ABOUT, OPINION = "reward", "about", "network"
+REWARD, ABOUT, PREDICTION = "reward", "about", "network"
 
 # Okabe and Ito's palette, made to be told apart by colour-blind people. Axes x, y, z have one colour everywhere.
 AXES = ((213, 94, 0), (0, 158, 115), (86, 180, 233))

@@ -1,42 +1,42 @@
-"""A network's opinion on the pictures: the direction it predicts with its probability, beside the true one."""
+"""A network's prediction on the pictures: the direction it predicts with its probability, beside the true one."""
 
 import numpy as np
 import rerun as rr
 
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer import names
-from svfl_data.viewer.episode_source import TIMES, Shown
+from svfl_data.viewer.episode_source import TIMES, EpisodeSource
 from svfl_data.viewer.images import camera_entity, send_color
 from svfl_data.viewer.names import FORCE, LABEL, TORQUE, send
 from svfl_data.viewer.plots import send_curve
-from svfl_data.viewer.predictions import Opinion
+from svfl_data.viewer.predictions import Prediction
 
 ARROWS = np.array([(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0)])
 """The directions right, up, left, down on a picture whose rows run downwards."""
 COLORS = (names.AXES[0], names.AXES[1], names.AXES[2], TORQUE)
 
 
-def log_opinion(recording: rr.RecordingStream, shown: Shown, opinion: Opinion) -> None:
+def log_prediction(recording: rr.RecordingStream, shown: EpisodeSource, prediction: Prediction) -> None:
     """Log everything that a network says of an episode."""
     t_ns, root = shown[TIMES], shown.root
-    if opinion.seen is not None:
-        send_color(recording, f"{root}{names.OPINION}/seen", t_ns, opinion.seen, small=False)
-    if opinion.crop is not None:
-        _log_crop(recording, f"{camera_entity(root, opinion.camera)}/seen", t_ns, opinion.crop)
-    if opinion.probabilities is not None:
+    if prediction.seen is not None:
+        send_color(recording, f"{root}{names.PREDICTION}/seen", t_ns, prediction.seen, small=False)
+    if prediction.crop is not None:
+        _log_crop(recording, f"{camera_entity(root, prediction.camera)}/seen", t_ns, prediction.crop)
+    if prediction.probabilities is not None:
         lines = rr.SeriesLines(names=[f"p({name})" for name in DIRECTIONS], colors=COLORS, widths=2.0)
-        recording.log(f"{root}{names.OPINION}/probability", lines, static=True)
-        send_curve(recording, f"{root}{names.OPINION}/probability", t_ns, opinion.probabilities)
-        _log_arrows(recording, shown, opinion, t_ns)
-    if opinion.actions is not None:
+        recording.log(f"{root}{names.PREDICTION}/probability", lines, static=True)
+        send_curve(recording, f"{root}{names.PREDICTION}/probability", t_ns, prediction.probabilities)
+        _log_arrows(recording, shown, prediction, t_ns)
+    if prediction.actions is not None:
         for path, columns, labels, colors in (
             ("move", slice(1, 4), ["dx network", "dy network", "dz network"], names.PALE_AXES),
             ("turn", slice(4, 5), ["dtheta network"], [names.PALE_AXES[0]]),
             ("opening", slice(0, 1), ["opening network"], [names.PALE_AXES[1]]),
         ):
             lines = rr.SeriesLines(names=labels, colors=colors, widths=1.5, interpolation_mode="StepAfter")
-            recording.log(f"{root}{names.OPINION}/{path}", lines, static=True)
-            send_curve(recording, f"{root}{names.OPINION}/{path}", t_ns, opinion.actions[:, columns])
+            recording.log(f"{root}{names.PREDICTION}/{path}", lines, static=True)
+            send_curve(recording, f"{root}{names.PREDICTION}/{path}", t_ns, prediction.actions[:, columns])
 
 
 def _log_crop(recording: rr.RecordingStream, path: str, t_ns: np.ndarray, crop: np.ndarray) -> None:
@@ -46,13 +46,13 @@ def _log_crop(recording: rr.RecordingStream, path: str, t_ns: np.ndarray, crop: 
     send(recording, path, t_ns, rr.Boxes2D.columns(centers=(first + after) / 2, half_sizes=(after - first) / 2))
 
 
-def _log_arrows(recording: rr.RecordingStream, shown: Shown, opinion: Opinion, t_ns: np.ndarray) -> None:
+def _log_arrows(recording: rr.RecordingStream, shown: EpisodeSource, prediction: Prediction, t_ns: np.ndarray) -> None:
     """Predicted and true direction as arrows from the middle of the picture."""
-    camera = opinion.camera or shown.cameras[0]
+    camera = prediction.camera or shown.cameras[0]
     height, width = shown.arrays[f"cameras/{camera}/color"].shape[1:3]
-    assert opinion.probabilities is not None
-    best = opinion.probabilities.argmax(axis=1)
-    sure = opinion.probabilities.max(axis=1)
+    assert prediction.probabilities is not None
+    best = prediction.probabilities.argmax(axis=1)
+    sure = prediction.probabilities.max(axis=1)
     entity, middle = camera_entity(shown.root, camera), np.array([width / 2, height / 2])
     look = rr.Arrows2D.from_fields(colors=[FORCE], radii=[0.7], show_labels=True)
     recording.log(f"{entity}/predicted", look, static=True)

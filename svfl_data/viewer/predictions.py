@@ -1,7 +1,7 @@
 """What a trained network thinks of every observation of an episode, for the viewer to draw.
 
 Networks come from elsewhere: whoever can load some kind of file declares a function ``load(path) -> network`` in the
-entry-point group `GROUP`, under the file's suffix without its dot; ``network(episode)`` gives an `Opinion`.
+entry-point group `GROUP`, under the file's suffix without its dot; ``network(episode)`` gives a `Prediction`.
 """
 
 from collections.abc import Callable
@@ -14,11 +14,11 @@ import numpy as np
 from svfl_data.errors import FormatError, UsageError
 from svfl_data.schema.episode import Episode
 
-GROUP = "svfl.opinions"
+GROUP = "svfl.predictions"
 
 
 @dataclass(frozen=True, eq=False)
-class Opinion:
+class Prediction:
     """Of one network on one episode of N+1 observations.
 
     Attributes:
@@ -39,7 +39,7 @@ class Opinion:
     crop: np.ndarray | None = None
 
 
-Network = Callable[[Episode], Opinion]
+Network = Callable[[Episode], Prediction]
 
 
 def load(checkpoint: Path) -> Network:

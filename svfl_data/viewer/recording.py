@@ -12,11 +12,11 @@ from svfl_data.symmetry import DIRECTIONS
 from svfl_data.system.printable import printable
 from svfl_data.system.progress import progress
 from svfl_data.viewer import images, names, plots, scene
-from svfl_data.viewer.episode_source import ACTION, PROPRIO, TIMES, WRENCH_TIMES, Shown
-from svfl_data.viewer.overlay import log_opinion
-from svfl_data.viewer.predictions import Opinion
+from svfl_data.viewer.episode_source import ACTION, PROPRIO, TIMES, WRENCH_TIMES, EpisodeSource
+from svfl_data.viewer.overlay import log_prediction
+from svfl_data.viewer.predictions import Prediction
 from svfl_data.viewer.robot import robot_for
-from svfl_data.viewer.summary_text import about
+from svfl_data.viewer.summary_text import summary_text
 
 FRAMES_AT_ONCE = 256
 EXACT_BYTES = 2**26
@@ -44,14 +44,14 @@ class Summary:
 
 
 def log_episode(
-    recording: rr.RecordingStream, shown: Shown, opinion: Opinion | None = None, urdf: Path | None = None
+    recording: rr.RecordingStream, shown: EpisodeSource, prediction: Prediction | None = None, urdf: Path | None = None
 ) -> Summary:
     """Log a whole episode.
 
     Args:
         recording: Where.
         shown: The episode.
-        opinion: What a network says of it.
+        prediction: What a network says of it.
         urdf: Description of the arm; that of the Panda if not given.
 
     Raises:
@@ -79,14 +79,14 @@ def log_episode(
         scene.log_label(recording, root, int(t_ns[-1]), proprio[-1], offset, direction)
     for camera in shown.cameras:
         _log_camera(recording, shown, camera)
-    if opinion:
-        log_opinion(recording, shown, opinion)
-    text = rr.TextDocument(about(shown, summary.peak, opinion), media_type=rr.MediaType.MARKDOWN)
+    if prediction:
+        log_prediction(recording, shown, prediction)
+    text = rr.TextDocument(summary_text(shown, summary.peak, prediction), media_type=rr.MediaType.MARKDOWN)
     recording.log(root + names.ABOUT, text, static=True)
     return summary
 
 
-def _log_wrench(recording: rr.RecordingStream, shown: Shown, t_ns: np.ndarray, proprio: np.ndarray) -> Summary:
+def _log_wrench(recording: rr.RecordingStream, shown: EpisodeSource, t_ns: np.ndarray, proprio: np.ndarray) -> Summary:
     """Log curves, arrows, marks and the coloured path in one pass over the readings."""
     clock, root = shown[WRENCH_TIMES], shown.root
     at_steps = np.searchsorted(clock, t_ns, side="right") - 1  # the latest reading of each observation
@@ -117,11 +117,11 @@ def _force_on_the_way(at_steps: np.ndarray, size: np.ndarray) -> np.ndarray:
     return np.array([size[first : max(after, first + 1)].max(initial=0.0) for first, after in pairwise(edges)])
 
 
-def _half_extents(shown: Shown) -> np.ndarray | None:
+def _half_extents(shown: EpisodeSource) -> np.ndarray | None:
     return shown["streams/object/half_extents"] if "streams/object/half_extents" in shown else None  # noqa: SIM401
 
 
-def _annotations(shown: Shown, clock: np.ndarray, size: np.ndarray, t_ns: np.ndarray) -> list[dict]:
+def _annotations(shown: EpisodeSource, clock: np.ndarray, size: np.ndarray, t_ns: np.ndarray) -> list[dict]:
     """Recorded intervals, contacts found here where none were recorded, and the label at the last step."""
     found = [
         one
@@ -138,7 +138,7 @@ def _annotations(shown: Shown, clock: np.ndarray, size: np.ndarray, t_ns: np.nda
     return found
 
 
-def _log_camera(recording: rr.RecordingStream, shown: Shown, camera: str) -> None:
+def _log_camera(recording: rr.RecordingStream, shown: EpisodeSource, camera: str) -> None:
     """Log a camera's calibration and pictures."""
     entity, group = images.camera_entity(shown.root, camera), f"cameras/{camera}"
     color, clock = shown.arrays[f"{group}/color"], shown[f"{group}/t_ns"]

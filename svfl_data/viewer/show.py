@@ -19,9 +19,9 @@ from svfl_data.errors import SvflError
 from svfl_data.system.atomic_io import named_aside
 from svfl_data.system.printable import printable, say
 from svfl_data.viewer import blueprint
-from svfl_data.viewer.episode_source import Shown
+from svfl_data.viewer.episode_source import EpisodeSource
 from svfl_data.viewer.names import APPLICATION
-from svfl_data.viewer.predictions import Opinion
+from svfl_data.viewer.predictions import Prediction
 from svfl_data.viewer.recording import log_episode
 
 LOOPBACK = "127.0.0.1"
@@ -37,7 +37,7 @@ Content = Callable[[rr.RecordingStream], None]
 """Logs what is to be shown, and the arrangement of the window."""
 
 
-def content(episodes: Sequence[tuple[Shown, Opinion | None]], urdf: Path | None = None) -> Content:
+def content(episodes: Sequence[tuple[EpisodeSource, Prediction | None]], urdf: Path | None = None) -> Content:
     """Episodes as something to show.
 
     Args:
@@ -48,7 +48,7 @@ def content(episodes: Sequence[tuple[Shown, Opinion | None]], urdf: Path | None 
     def log(recording: rr.RecordingStream) -> None:
         metas = [shown.meta for shown, _ in episodes]
         recording.send_recording_name(printable(f"{metas[0].task} {', '.join(str(meta.index) for meta in metas)}"))
-        pages = [(shown, log_episode(recording, shown, opinion, urdf), opinion) for shown, opinion in episodes]
+        pages = [(shown, log_episode(recording, shown, prediction, urdf), prediction) for shown, prediction in episodes]
         recording.send_blueprint(blueprint.one(*pages[0]) if len(pages) == 1 else blueprint.side_by_side(pages))
 
     return log

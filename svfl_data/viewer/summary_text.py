@@ -7,18 +7,18 @@ from svfl_data.schema.clocks import mean_hz
 from svfl_data.schema.rates import declared_hz
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.system.printable import markdown
-from svfl_data.viewer.episode_source import TARE, TIMES, WRENCH_TIMES, Shown
-from svfl_data.viewer.predictions import Opinion
+from svfl_data.viewer.episode_source import TARE, TIMES, WRENCH_TIMES, EpisodeSource
+from svfl_data.viewer.predictions import Prediction
 from svfl_data.viewer.scene import METRES_PER_NEWTON, METRES_PER_NEWTON_METRE
 
 
-def about(shown: Shown, peak: float, opinion: Opinion | None = None) -> str:
+def summary_text(shown: EpisodeSource, peak: float, prediction: Prediction | None = None) -> str:
     """The text beside an episode, in Markdown.
 
     Args:
         shown: The episode.
         peak: Largest filtered force, [N]: the brightest colour of the path.
-        opinion: What a network says of it.
+        prediction: What a network says of it.
     """
     meta, t_ns, tare = shown.meta, shown[TIMES], shown[TARE]
     seconds = (t_ns[-1] - t_ns[0]) / 1e9
@@ -31,8 +31,8 @@ def about(shown: Shown, peak: float, opinion: Opinion | None = None) -> str:
             f"**Label** (yellow): the hand must move **{direction}** as the image shows it; exactly "
             f"({dx:+.1f}, {dy:+.1f}) mm along base x, y."
         )
-    if opinion:
-        lines.append(f"**Network** (orange on the picture): {_opinion_words(shown, opinion)}")
+    if prediction:
+        lines.append(f"**Network** (orange on the picture): {_prediction_words(shown, prediction)}")
     lines += [
         f"**Arrows at the wrist:** force orange, {METRES_PER_NEWTON * 1e3:.0f} mm per N; torque pink, "
         f"{METRES_PER_NEWTON_METRE * 1e3:.0f} mm per N m. Path of the TCP: dark without force, bright at {peak:.1f} N.",
@@ -47,18 +47,18 @@ def about(shown: Shown, peak: float, opinion: Opinion | None = None) -> str:
     return title + lines.pop(0) + "\n\n" + "\n".join(f"- {line}" for line in lines)
 
 
-def _opinion_words(shown: Shown, opinion: Opinion) -> str:
-    if opinion.probabilities is None:
-        outlined = "; outlined: the part of the picture that it sees" if opinion.crop is not None else ""
-        return f"{markdown(opinion.name)}; its actions (pale) are beside the commanded ones{outlined}."
-    last = opinion.probabilities[-1]
-    words = f"{markdown(opinion.name)}; at the last step **{DIRECTIONS[int(last.argmax())]}** with {last.max():.1%}."
+def _prediction_words(shown: EpisodeSource, prediction: Prediction) -> str:
+    if prediction.probabilities is None:
+        outlined = "; outlined: the part of the picture that it sees" if prediction.crop is not None else ""
+        return f"{markdown(prediction.name)}; its actions (pale) are beside the commanded ones{outlined}."
+    last = prediction.probabilities[-1]
+    words = f"{markdown(prediction.name)}; at the last step **{DIRECTIONS[int(last.argmax())]}** with {last.max():.1%}."
     if "labels/direction" in shown:
         words += f" The true direction has {last[int(shown['labels/direction'])]:.1%}."
     return words
 
 
-def _rate(shown: Shown) -> str:
+def _rate(shown: EpisodeSource) -> str:
     t_ns = shown[WRENCH_TIMES]
     if len(t_ns) < 2:
         return f"{len(t_ns)} readings."

@@ -12,7 +12,7 @@ from svfl_data.sampling.windows import WINDOW
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.system.atomic_io import write_atomically
 from svfl_models.cloning.checkpoint import load_policy
-from svfl_models.cloning.deployment_spec import Workplace
+from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.hand_view import corners
 from svfl_models.cloning.module import CloningModule
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, scaled
@@ -34,7 +34,7 @@ class ActingPolicy(nn.Module):
 
     Args:
         policy: The network, in image-aligned axes.
-        workplace: Of its demonstrations.
+        deployment: Of its demonstrations.
         view: One of `cloning.config.VIEWS`.
     """
 
@@ -45,18 +45,18 @@ class ActingPolicy(nn.Module):
     turn: Tensor
     projection: Tensor
 
-    def __init__(self, policy: Policy, workplace: Workplace, view: str) -> None:
+    def __init__(self, policy: Policy, deployment: DeploymentSpec, view: str) -> None:
         super().__init__()
-        self.policy, self.workplace, self.view = policy, workplace, view
-        axes = np.array(workplace.image_axes)
+        self.policy, self.deployment, self.view = policy, deployment, view
+        axes = np.array(deployment.image_axes)
         turn = act(axes, np.zeros(5), PROPRIO_PARTS)  # of the yaw; the rest of all this is linear
         maps = {
             "wrench_map": act(axes, np.eye(6), WRENCH_PARTS),
             "proprio_map": act(axes, np.eye(5), PROPRIO_PARTS) - turn,
-            "action_map": act(axes.T, np.eye(5), ACTION_PARTS) * workplace.unit,
-            "centre": np.array([0.0, *workplace.centre, 0.0, 0.0]),
+            "action_map": act(axes.T, np.eye(5), ACTION_PARTS) * deployment.unit,
+            "centre": np.array([0.0, *deployment.centre, 0.0, 0.0]),
             "turn": turn,
-            "projection": np.array(workplace.projection),
+            "projection": np.array(deployment.projection),
         }
         for name, values in maps.items():
             self.register_buffer(name, torch.tensor(values, dtype=torch.float32))
@@ -70,12 +70,12 @@ class ActingPolicy(nn.Module):
             proprio: Shape (B, 5): gripper opening 0..1, TCP x, y, z [m], yaw [rad], base.
         """
         batch = {
-            "image": self._cropped(image, proprio) if self.workplace.camera else image,
+            "image": self._cropped(image, proprio) if self.deployment.camera else image,
             "wrench": wrench @ self.wrench_map,
             "proprio": (proprio - self.centre) @ self.proprio_map + self.turn,
         }
         action = self.policy(batch).mode @ self.action_map
-        if self.workplace.switch:
+        if self.deployment.switch:
             action = torch.cat([(action[:, :1] > 0.5).to(action), action[:, 1:]], dim=1)
         return action
 
@@ -84,12 +84,14 @@ class ActingPolicy(nn.Module):
         side = crop_side(height, size)
         if self.view == "camera":
             return scaled(centre_crop(image, side), size)
-        return scaled(crop_at(image, corners(proprio, self.projection, self.workplace.table, height, side), side), size)
+        return scaled(
+            crop_at(image, corners(proprio, self.projection, self.deployment.table, height, side), side), size
+        )
 
 
 def acting(module: CloningModule) -> ActingPolicy:
     """A trained policy, ready to act, made of ordinary layers."""
-    return ActingPolicy(plain(module.policy), module.workplace, module.view).eval()  # type: ignore[arg-type] # a copy of a Policy
+    return ActingPolicy(plain(module.policy), module.deployment, module.view).eval()  # type: ignore[arg-type] # a copy of a Policy
 
 
 def load(file: Path | str) -> exported_policy.ExportedPolicy:
@@ -103,8 +105,8 @@ def load(file: Path | str) -> exported_policy.ExportedPolicy:
 
 
 def _exported(module: CloningModule) -> bytes:
-    side = module.workplace.image_side
-    return exported_policy.exported(acting(module), (side, side), module.workplace.depth_scale)
+    side = module.deployment.image_side
+    return exported_policy.exported(acting(module), (side, side), module.deployment.depth_scale)
 
 
 def export(module: CloningModule, file: Path) -> float:
@@ -137,10 +139,10 @@ def export(module: CloningModule, file: Path) -> float:
 @torch.no_grad()
 def _difference(module: CloningModule, content: bytes) -> float:
     """How far the actions of a program are from its network's, component by component, in units of the bounds."""
-    network = ActingPolicy(module.policy, module.workplace, module.view).eval()
+    network = ActingPolicy(module.policy, module.deployment, module.view).eval()
     program, _ = from_bytes(content, exported_policy.FACTS)
     generator = torch.Generator().manual_seed(0)
-    unit = torch.from_numpy(module.workplace.unit)
+    unit = torch.from_numpy(module.deployment.unit)
     worst = torch.zeros(())
     for _ in range(TRIALS):
         inputs = _inputs(module, lambda *shape: torch.rand(shape, generator=generator))
@@ -151,5 +153,5 @@ def _difference(module: CloningModule, content: bytes) -> float:
 
 
 def _inputs(module: CloningModule, fill: Callable[..., Tensor]) -> tuple[Tensor, Tensor, Tensor]:
-    side = module.workplace.image_side
+    side = module.deployment.image_side
     return fill(1, 4, side, side), fill(1, WINDOW, 6), fill(1, 5)

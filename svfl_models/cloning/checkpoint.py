@@ -14,7 +14,7 @@ def load_policy(path: Path | str) -> CloningModule:
         path: A ``checkpoint.ckpt`` that ``svfl-train bc`` has written.
 
     Returns:
-        The module; ``.policy`` is the network, ``.workplace`` what it must know to act, ``.hparams`` what it was
+        The module; ``.policy`` is the network, ``.deployment`` what it must know to act, ``.hparams`` what it was
         trained with.
 
     Raises:

@@ -18,7 +18,7 @@ from svfl_data.sampling.torch_samples import EpochSampler, whole_batches
 from svfl_data.sampling.windows import WINDOW
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_models.cloning.config import CloningConfig
-from svfl_models.cloning.deployment_spec import Workplace, workplace_of
+from svfl_models.cloning.deployment_spec import DeploymentSpec, deployment_of
 from svfl_models.cloning.hand_view import JITTER, corners
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, random_crop, scaled
 from svfl_models.networks.visual_force import Batch
@@ -32,7 +32,7 @@ STATISTICS = 1024
 class Demonstrations(TorchDataset[Batch]):
     """Every step of some episodes, as `policy.Policy` takes them, with the ``action`` (B, 5); image-aligned axes.
 
-    Actions are scaled to the bounds that a policy has, the paper's (`Workplace.unit`).
+    Actions are scaled to the bounds that a policy has, the paper's (`DeploymentSpec.unit`).
 
     Its keys run beyond the number of steps: key k is step k % len in epoch k // len, as those of
     `svfl_data.sampling.torch_samples.TorchSamples`. What is random about a batch depends on the seed and its first key
@@ -42,7 +42,7 @@ class Demonstrations(TorchDataset[Batch]):
     Args:
         dataset: Where the episodes lie.
         episodes: Which.
-        workplace: What they have in common.
+        deployment: What they have in common.
         config: Image size, augmentation and seed.
         random: Crop at random (training) rather than at the centre.
 
@@ -52,19 +52,19 @@ class Demonstrations(TorchDataset[Batch]):
     """
 
     def __init__(
-        self, dataset: Dataset, episodes: Sequence[int], workplace: Workplace, config: CloningConfig, random: bool
+        self, dataset: Dataset, episodes: Sequence[int], deployment: DeploymentSpec, config: CloningConfig, random: bool
     ) -> None:
         self.sees = "v" in config.encoder
-        cameras = [workplace.camera] if self.sees else []
+        cameras = [deployment.camera] if self.sees else []
         self.feels = "f" in config.encoder
         window = WINDOW if self.feels else 0
         self.samples = Samples(
-            dataset, episodes, cameras=cameras, wrench_window=window, intended=True, cache=True, validated=False
+            dataset, episodes, cameras=cameras, wrench_window=window, expert_action=True, cache=True, validated=False
         )
-        self.workplace, self.config, self.random = workplace, config, random
-        self.axes = np.array(workplace.image_axes)
-        self.projection = torch.tensor(workplace.projection, dtype=torch.float32)
-        self.side = crop_side(workplace.image_side, config.image_size) if self.sees else 0
+        self.deployment, self.config, self.random = deployment, config, random
+        self.axes = np.array(deployment.image_axes)
+        self.projection = torch.tensor(deployment.projection, dtype=torch.float32)
+        self.side = crop_side(deployment.image_side, config.image_size) if self.sees else 0
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -84,18 +84,18 @@ class Demonstrations(TorchDataset[Batch]):
         recorded = self.samples.batch(np.asarray(keys) % len(self))
         proprio = recorded[PROPRIO]
         known = torch.from_numpy(proprio.copy())
-        proprio[:, 1:3] -= np.array(self.workplace.centre, np.float32)
+        proprio[:, 1:3] -= np.array(self.deployment.centre, np.float32)
         batch = {
             "proprio": torch.from_numpy(act(self.axes, proprio, PROPRIO_PARTS)),
-            "action": torch.from_numpy(act(self.axes, recorded[ACTION][:, 0] / self.workplace.unit, ACTION_PARTS)),
+            "action": torch.from_numpy(act(self.axes, recorded[ACTION][:, 0] / self.deployment.unit, ACTION_PARTS)),
         }
         if self.feels:
             batch["wrench"] = torch.from_numpy(act(self.axes, recorded[WRENCH], WRENCH_PARTS))
         if self.sees:
-            color, depth = (recorded[f"cameras/{self.workplace.camera}/{name}"][:, 0] for name in ("color", "depth"))
+            color, depth = (recorded[f"cameras/{self.deployment.camera}/{name}"][:, 0] for name in ("color", "depth"))
             with torch.random.fork_rng(devices=[]):
                 torch.manual_seed(int(np.random.SeedSequence([self.config.seed, keys[0]]).generate_state(1)[0]))
-                batch["image"] = self._image(_picture(color, depth, self.workplace.depth_scale), known)
+                batch["image"] = self._image(_picture(color, depth, self.deployment.depth_scale), known)
         return batch
 
     def loader(self, batch_size: int) -> DataLoader[Batch]:
@@ -110,7 +110,7 @@ class Demonstrations(TorchDataset[Batch]):
     def _image(self, image: Tensor, proprio: Tensor) -> Tensor:
         size = self.config.image_size
         if self.config.view == "hand":
-            corner = corners(proprio, self.projection, self.workplace.table, image.shape[-1], self.side)
+            corner = corners(proprio, self.projection, self.deployment.table, image.shape[-1], self.side)
             if not self.random:
                 return scaled(crop_at(image, corner, self.side), size)
             image = scaled(crop_at(image, corner + torch.randint(-JITTER, JITTER + 1, corner.shape), self.side), size)
@@ -137,7 +137,7 @@ class CloningData(pl.LightningDataModule):
         config: Which demonstrations, and how they become batches.
 
     Attributes:
-        workplace: What the demonstrations have in common.
+        deployment: What the demonstrations have in common.
 
     Raises:
         SvflError: If they cannot serve: too few, unlike each other, damaged, without a field.
@@ -151,10 +151,10 @@ class CloningData(pl.LightningDataModule):
         if "v" in config.encoder:
             uses += [f"cameras/{camera}" for camera in [config.camera or (*dataset.episode(chosen[0]).cameras, "")[0]]]
         check_usable(dataset, chosen, uses)
-        self.workplace = workplace_of(dataset, chosen, config.camera, config.encoder)
+        self.deployment = deployment_of(dataset, chosen, config.camera, config.encoder)
         split = split_episodes(chosen, {"train": 1 - config.valid, "valid": config.valid}, config.seed)
-        self.train_set = Demonstrations(dataset, split["train"], self.workplace, config, random=True)
-        self.valid_set = Demonstrations(dataset, split["valid"], self.workplace, config, random=False)
+        self.train_set = Demonstrations(dataset, split["train"], self.deployment, config, random=True)
+        self.valid_set = Demonstrations(dataset, split["valid"], self.deployment, config, random=False)
         self.batch_size = config.batch_size
 
     def train_dataloader(self) -> DataLoader[Batch]:

@@ -24,7 +24,7 @@ LARGEST_SIDE = 4096
 
 
 @dataclass(frozen=True)
-class Workplace:
+class DeploymentSpec:
     """What all demonstrations have in common; plain values, kept in the checkpoint.
 
     Attributes:
@@ -70,7 +70,7 @@ class Workplace:
         ):
             values = np.asarray(getattr(self, name), dtype=np.float64)
             if values.shape != shapes.get(name, ()) or not np.isfinite(values).all():
-                raise TrainingError(f"{name} of a workplace cannot be {printable(getattr(self, name), 60)}")
+                raise TrainingError(f"{name} of a deployment setup cannot be {printable(getattr(self, name), 60)}")
         if self.image_side not in range(1, LARGEST_SIDE + 1) or not self.depth_scale > 0:
             raise TrainingError(f"a camera of {self.image_side} px and {self.depth_scale} m per unit of depth is none")
         if not (self.max_move > 0 and self.max_turn > 0):
@@ -91,9 +91,9 @@ class Workplace:
         return ActionBounds(self.max_move, self.max_turn)
 
 
-def workplace_of(
+def deployment_of(
     dataset: Dataset, episodes: Sequence[int], camera: str | None = None, encoder: str = "vfp"
-) -> Workplace:
+) -> DeploymentSpec:
     """What demonstrations have in common, as far as a policy depends on it.
 
     A policy without eyes needs no camera: its vectors stay in base axes, and what a file must know of pictures is
@@ -126,11 +126,11 @@ def workplace_of(
     return replace(common, step_ms=step_ms, switch=all(one.switch for _, one in found))
 
 
-def _of_episode(reader: EpisodeReader, camera: str | None, encoder: str) -> Workplace:
+def _of_episode(reader: EpisodeReader, camera: str | None, encoder: str) -> DeploymentSpec:
     bounds = ActionBounds.of(reader.meta.config)
     seen = _seen(reader, camera, encoder) if "v" in encoder else {}
     return replace(
-        Workplace(task=reader.meta.task, max_move=bounds.move, max_turn=bounds.turn),
+        DeploymentSpec(task=reader.meta.task, max_move=bounds.move, max_turn=bounds.turn),
         **seen,
         centre=np.round(reader["workspace"][:2].mean(axis=1), 9).tolist() if "p" in encoder else [0.0, 0.0],
         step_ms=float(np.median(np.diff(reader["observations/t_ns"][:])) / 1e6) if len(reader) else 0.0,

@@ -22,7 +22,7 @@ from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
 from svfl_models.cloning.acting import acting
 from svfl_models.cloning.checkpoint import load_policy
-from svfl_models.cloning.deployment_spec import OTHER_RATE, Workplace
+from svfl_models.cloning.deployment_spec import OTHER_RATE, DeploymentSpec
 
 ATTEMPT = 20
 """Number of the attempt whose scenes policies are tried in; no demonstration is made in them (docs/decisions.md)."""
@@ -109,7 +109,7 @@ def evaluate(
     Raises:
         SvflError: If the file is no policy, there is no such environment, its camera is another one, or workers die.
     """
-    environment = environment_of(load_policy(checkpoint).workplace.task)
+    environment = environment_of(load_policy(checkpoint).deployment.task)
     console = console or Console(stderr=True)
     columns = (TextColumn("episode"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
     success, steps = [], []
@@ -144,7 +144,7 @@ class Trial:
         except (gymnasium.error.Error, ValueError) as error:  # the latter for a name that is none
             reason = printable(" ".join(str(error).split()), 200)
             raise TrainingError(f"{checkpoint}: cannot be tried in {environment}: {reason}") from error
-        _expect_same(self.environment, module.workplace, self.name)
+        _expect_same(self.environment, module.deployment, self.name)
 
     @torch.inference_mode()
     def __call__(self, index: int) -> tuple[bool, int]:
@@ -162,31 +162,31 @@ class Trial:
         action = self.policy(image, wrench, proprio)[0].numpy()
         if not np.isfinite(action).all():
             raise TrainingError(f"{self.name}: the policy's action is not finite: {action.tolist()}")
-        bounds = self.policy.workplace.bounds
+        bounds = self.policy.deployment.bounds
         return np.clip(action, bounds.low, bounds.high).astype(np.float32)
 
 
-def _expect_same(environment: Any, workplace: Workplace, name: str) -> None:  # noqa: ANN401 - gymnasium's, wrapped
+def _expect_same(environment: Any, deployment: DeploymentSpec, name: str) -> None:  # noqa: ANN401 - gymnasium's, wrapped
     """Refuse an environment whose steps or pictures are others than the demonstrations'.
 
     Raises:
         TrainingError: Saying what differs.
     """
     rate = environment.metadata.get("render_fps")  # environments of others may not say
-    if rate and workplace.step_ms and not 1 / OTHER_RATE < workplace.step_ms * rate / 1000 < OTHER_RATE:
+    if rate and deployment.step_ms and not 1 / OTHER_RATE < deployment.step_ms * rate / 1000 < OTHER_RATE:
         raise TrainingError(
-            f"{name}: learned from steps of {workplace.step_ms:.1f} ms, those of the environment last "
+            f"{name}: learned from steps of {deployment.step_ms:.1f} ms, those of the environment last "
             f"{1000 / rate:.1f} ms"
         )
-    if not workplace.camera:
+    if not deployment.camera:
         return  # it does not look
     side = environment.observation_space["image"].shape[-1]
-    if side != workplace.image_side:
-        raise TrainingError(f"{name}: learned from images of {workplace.image_side} px, the environment gives {side}")
+    if side != deployment.image_side:
+        raise TrainingError(f"{name}: learned from images of {deployment.image_side} px, the environment gives {side}")
     axes = environment.get_wrapper_attr("image_axes")
-    if not np.allclose(axes, workplace.image_axes):
+    if not np.allclose(axes, deployment.image_axes):
         raise TrainingError(
-            f"{name}: learned from camera {workplace.camera} with image axes {workplace.image_axes}, the "
+            f"{name}: learned from camera {deployment.camera} with image axes {deployment.image_axes}, the "
             f"environment's are {np.round(axes, 3).tolist()}"
         )
 

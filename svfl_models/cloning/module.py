@@ -9,7 +9,7 @@ from lightning.pytorch.utilities.types import OptimizerLRScheduler
 from torch import Tensor
 
 from svfl_data.errors import TrainingError
-from svfl_models.cloning.deployment_spec import Workplace
+from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.loss import LOSSES
 from svfl_models.networks.policy import Policy
 from svfl_models.networks.squashed_gaussian import SquashedGaussian
@@ -22,12 +22,12 @@ FORMAT_VERSION = "1.0"
 class CloningModule(pl.LightningModule):
     """Loss and Adam around a `policy.Policy`.
 
-    A checkpoint holds the configuration, the normalisation and the workplace of the demonstrations with the weights;
-    `cloning.checkpoint.load_policy` opens it.
+    A checkpoint holds the configuration, the normalisation and the deployment setup of the demonstrations with the
+    weights; `cloning.checkpoint.load_policy` opens it.
 
     Args:
         network: Arguments of `policy.Policy`.
-        workplace: The fields of `cloning.workplace.Workplace`.
+        deployment: The fields of `cloning.deployment.DeploymentSpec`.
         view: One of `cloning.config.VIEWS`.
         loss: One of `cloning.config.LOSSES`.
         learning_rate: Of Adam, at the start.
@@ -38,7 +38,7 @@ class CloningModule(pl.LightningModule):
     def __init__(
         self,
         network: dict[str, Any],
-        workplace: dict[str, Any],
+        deployment: dict[str, Any],
         view: str = "hand",
         loss: str = "action",
         learning_rate: float = 1e-3,
@@ -49,7 +49,7 @@ class CloningModule(pl.LightningModule):
         self.save_hyperparameters()
         if loss not in LOSSES:
             raise TrainingError(f"unknown loss {loss!r}; possible: {', '.join(LOSSES)}")
-        self.policy, self.workplace = Policy(**network), Workplace(**workplace)
+        self.policy, self.deployment = Policy(**network), DeploymentSpec(**deployment)
         self.view = view
         self.loss, self.learning_rate, self.steps = LOSSES[loss], learning_rate, steps
 
@@ -83,7 +83,7 @@ class CloningModule(pl.LightningModule):
                 f"the {stage} loss became {loss.item()} in epoch {self.current_epoch}: the training diverged; "
                 f"try a smaller learning rate than {self.learning_rate}"
             )
-        unit = torch.from_numpy(self.workplace.unit).to(action)
+        unit = torch.from_numpy(self.deployment.unit).to(action)
         figures = {"loss": loss} | (errors(said.mode * unit, action * unit) if stage == "valid" else {})
         of_epoch: dict[str, Any] = {"on_step": False, "on_epoch": True, "batch_size": len(action)}
         self.log_dict({f"{stage}_{name}": value for name, value in figures.items()}, **of_epoch)

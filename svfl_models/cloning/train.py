@@ -76,7 +76,7 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
     pl.seed_everything(config.seed, verbose=False)
     steps = config.epochs * math.ceil(len(data.train_set) / config.batch_size)
     module = CloningModule(
-        config.network(), data.workplace.plain(), config.view, config.loss, config.learning_rate, steps, config.plain()
+        config.network(), data.deployment.plain(), config.view, config.loss, config.learning_rate, steps, config.plain()
     )
     typical = data.train_set.typical()
     module.policy.trunk.normalization.fit(
@@ -98,7 +98,7 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
             seconds=last["seconds"],
             parameters=parameter_count(module),
         )
-        content = {"config": config.plain(), "workplace": data.workplace.plain(), "result": asdict(result)}
+        content = {"config": config.plain(), "deployment": data.deployment.plain(), "result": asdict(result)}
         write_json(out / run_folder.RESULT, content)
     return result
 

@@ -10,8 +10,9 @@ from svfl_models.cloning.config import ENCODERS, VIEWS, CloningConfig
 from svfl_models.networks.presets import PRESETS
 
 EXAMPLE = """\
-svfl-train bc-table --data data/shoved/block_picking data/shoved/block_pushing data/shoved/drawer_closing --workers 2
-svfl-train bc-table --data data/shoved/block_picking --episodes 10 25 50 --seeds 1 --trials 50 --out out/bc_curve"""
+svfl-train bc-table --data data/perturbed/block_picking data/perturbed/block_pushing data/perturbed/drawer_closing
+--workers 2 svfl-train bc-table --data data/perturbed/block_picking --episodes 10 25 50 --seeds 1 --trials 50 --out
+out/bc_curve"""
 DEFAULT = CloningConfig(data="")
 RECIPE = ("encoder", "view", "preset", "epochs")
 """Options that become part of every policy's configuration."""

@@ -1,17 +1,16 @@
 """What a cloned policy would do at every observation of an episode, and which part of the picture it sees there."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from svfl_data.errors import DatasetError
 from svfl_data.sampling.windows import latest, wrench_window
 from svfl_data.schema.episode import Camera, Episode
-from svfl_data.viewer.predictions import Network, Opinion
+from svfl_data.schema.robot import Frame, Observation
+from svfl_data.viewer.predictions import Network, Prediction
 from svfl_models.cloning.acting import ActingPolicy
 from svfl_models.cloning.hand_view import corners
 from svfl_models.cloning.module import CloningModule
@@ -20,6 +19,8 @@ from svfl_models.programs.exported_policy import ExportedPolicy
 
 AT_ONCE = 256
 """Observations in memory as numbers at a time."""
+NO_JOINTS = np.zeros(0, np.float32)
+"""No policy looks at joints."""
 
 
 def of_module(module: CloningModule, name: str) -> Network:
@@ -29,10 +30,10 @@ def of_module(module: CloningModule, name: str) -> Network:
         module: The policy.
         name: What to call it.
     """
-    policy = ActingPolicy(module.policy, module.workplace, module.view).eval()
+    policy = ActingPolicy(module.policy, module.deployment, module.view).eval()
 
     @torch.inference_mode()
-    def network(episode: Episode) -> Opinion:
+    def network(episode: Episode) -> Prediction:
         camera = _camera_of(module, episode)
         parts = [
             (policy(image, wrench, proprio), *_looked_at(module, image, proprio))
@@ -40,8 +41,8 @@ def of_module(module: CloningModule, name: str) -> Network:
         ]
         actions, seen, crop = (torch.cat(part).numpy() for part in zip(*parts, strict=True))
         if "v" not in module.hparams["network"]["encoder"]:
-            return Opinion(name, "", actions=actions)
-        return Opinion(name, camera.name, seen, actions=actions, crop=crop)
+            return Prediction(name, "", actions=actions)
+        return Prediction(name, camera.name, seen, actions=actions, crop=crop)
 
     return network
 
@@ -54,32 +55,18 @@ def of_program(policy: ExportedPolicy, name: str) -> Network:
         name: What to call it.
     """
 
-    def network(episode: Episode) -> Opinion:
+    def network(episode: Episode) -> Prediction:
         camera = next((camera for camera in episode.cameras.values() if camera.has("depth")), None)
         if camera is None:
             raise DatasetError(f"{episode.name}: a policy needs a camera with depth")
         actions = []
         for step, row in enumerate(_rows(episode, camera)):
-            pictures = {camera.name: _Picture(camera.color[row], camera.depth[row])}
-            actions.append(policy(_Seen(pictures, wrench_window(episode, step)[0], episode.proprio[step])))
-        return Opinion(name, camera.name, actions=np.stack(actions))
+            frames = {camera.name: Frame(camera.color[row], camera.depth[row])}
+            wrench, proprio = wrench_window(episode, step)[0], episode.proprio[step]
+            actions.append(policy(Observation(int(episode.t_ns[step]), frames, wrench, proprio, NO_JOINTS)))
+        return Prediction(name, camera.name, actions=np.stack(actions))
 
     return network
-
-
-@dataclass(frozen=True)
-class _Picture:
-    color: NDArray[np.uint8]
-    depth: NDArray[np.uint16]
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """An observation as a policy gets it from a collector."""
-
-    frames: dict[str, _Picture]
-    wrench: NDArray[np.float32]
-    proprio: NDArray[np.float32]
 
 
 def _camera_of(module: CloningModule, episode: Episode) -> Camera:
@@ -88,7 +75,7 @@ def _camera_of(module: CloningModule, episode: Episode) -> Camera:
     Raises:
         DatasetError: If it is not recorded, or its pictures are of another size.
     """
-    wanted, side = module.workplace.camera, module.workplace.image_side
+    wanted, side = module.deployment.camera, module.deployment.image_side
     found = {name: camera for name, camera in episode.cameras.items() if camera.has("depth")}
     if found and not wanted:  # it does not look
         return next(iter(found.values()))
@@ -125,11 +112,11 @@ def _observations(episode: Episode, camera: Camera) -> Iterator[tuple[Tensor, Te
 
 def _looked_at(module: CloningModule, image: Tensor, proprio: Tensor) -> tuple[Tensor, Tensor]:
     """What the network sees of pictures, (B, H, W, 3), uint8, and its edges left, top, right, bottom, (B, 4), [px]."""
-    height, size, workplace = image.shape[-1], module.policy.trunk.image_size, module.workplace
+    height, size, deployment = image.shape[-1], module.policy.trunk.image_size, module.deployment
     side = crop_side(height, size)
     corner = torch.full((len(image), 2), (height - side) // 2)
     if module.view == "hand":
-        corner = corners(proprio, torch.tensor(workplace.projection), workplace.table, height, side)
+        corner = corners(proprio, torch.tensor(deployment.projection), deployment.table, height, side)
     seen = (scaled(crop_at(image[:, :3], corner, side), size).clamp(0, 1) * 255).round().to(torch.uint8)
     edges = torch.cat([corner.flip(1), corner.flip(1) + side], dim=1)
     return seen.movedim(1, -1).contiguous(), edges

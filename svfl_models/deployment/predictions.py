@@ -12,7 +12,7 @@ from svfl_data.sampling.windows import latest, wrench_window
 from svfl_data.schema.episode import Camera, Episode
 from svfl_data.signals.topdown import topdown
 from svfl_data.symmetry import PROPRIO_PARTS, WRENCH_PARTS, act
-from svfl_data.viewer.predictions import Network, Opinion
+from svfl_data.viewer.predictions import Network, Prediction
 from svfl_models.centering.checkpoint import configuration, load_centering
 from svfl_models.centering.module import CenteringModule, directions
 from svfl_models.cloning.checkpoint import is_policy, load_policy
@@ -49,7 +49,7 @@ def _name(file: Path) -> str:
 
 
 @torch.inference_mode()
-def _directions(module: CenteringModule, episode: Episode, name: str) -> Opinion:
+def _directions(module: CenteringModule, episode: Episode, name: str) -> Prediction:
     """Directions that a classifier predicts; one that gives offsets has no probabilities, only a direction."""
     trained = configuration(module)
     camera = _camera(episode)
@@ -58,7 +58,7 @@ def _directions(module: CenteringModule, episode: Episode, name: str) -> Opinion
     shares = output.softmax(dim=1) if output.shape[1] == 4 else torch.eye(4)[directions(output)]
     seen = (batch["image"][:, :3].clamp(0, 1) * 255).round().to(torch.uint8).permute(0, 2, 3, 1)  # (N+1, H, W, 3)
     words = name + ("" if output.shape[1] == 4 else " (gives offsets, no probabilities)")
-    return Opinion(words, camera.name, seen.contiguous().numpy(), shares.numpy())
+    return Prediction(words, camera.name, seen.contiguous().numpy(), shares.numpy())
 
 
 def _batch(episode: Episode, camera: Camera, view: str, size: int, window: int) -> Batch:

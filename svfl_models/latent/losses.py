@@ -14,7 +14,7 @@ from svfl_models.latent.inputs import Batch
 from svfl_models.latent.mismatch import mismatched
 from svfl_models.latent.networks.decoder import DEPTH_UNIT
 from svfl_models.latent.networks.gaussian import Gaussian
-from svfl_models.latent.networks.network import LatentNetwork, Understanding
+from svfl_models.latent.networks.network import LatentNetwork, LatentOutput
 
 SIGMA = math.sqrt(0.1)
 """Deviation of the pictures' normal distribution (VTT's published code), in units of the decoder's output."""
@@ -81,7 +81,7 @@ class Objective:
     def _counts(self, *names: str) -> bool:
         return any(self.weights.get(name, 0) > 0 for name in names)
 
-    def _pictures(self, network: LatentNetwork, batch: Batch, seen: Understanding) -> dict[str, Term]:
+    def _pictures(self, network: LatentNetwork, batch: Batch, seen: LatentOutput) -> dict[str, Term]:
         if not self._counts("image", "depth"):
             return {}
         image = batch["image"].flatten(0, 1)
@@ -93,7 +93,7 @@ class Objective:
         depth = (nats[:, 3] * valid).sum() / valid.sum().clamp(min=1)
         return {"image": Term(nats[:, :3].mean(), 3 * frames * pixels), "depth": Term(depth, frames * pixels)}
 
-    def _divergences(self, network: LatentNetwork, batch: Batch, seen: Understanding) -> dict[str, Term]:
+    def _divergences(self, network: LatentNetwork, batch: Batch, seen: LatentOutput) -> dict[str, Term]:
         kl = seen.states.posterior.kl(seen.states.prior)
         found = {"kl": Term(kl.mean(), kl[0].numel())}
         if (posterior := seen.encoding.posterior) is not None:
@@ -101,7 +101,7 @@ class Objective:
             found["expert_kl"] = Term(experts.mean(), experts[0].numel() * kl.shape[1])
         return found
 
-    def _next_step(self, network: LatentNetwork, batch: Batch, seen: Understanding) -> dict[str, Term]:
+    def _next_step(self, network: LatentNetwork, batch: Batch, seen: LatentOutput) -> dict[str, Term]:
         error = (seen.next_proprio - network.inputs.proprio(batch["proprio"][:, 1:])).square()
         return {
             "reward": _entropy(seen.reward, batch["reward"]),
@@ -109,7 +109,7 @@ class Objective:
             "next_proprio": Term(error.mean(), error[0].numel()),
         }
 
-    def _pairs(self, network: LatentNetwork, batch: Batch, seen: Understanding) -> dict[str, Term]:
+    def _pairs(self, network: LatentNetwork, batch: Batch, seen: LatentOutput) -> dict[str, Term]:
         frames = batch["contact"].shape[1]
         own = seen.encoding.alignment.unflatten(0, (-1, frames))
         found = {

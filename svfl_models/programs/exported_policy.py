@@ -14,7 +14,7 @@ Cropping, normalisation and the change to image axes are part of the program. A 
 import io
 import json
 from pathlib import Path
-from typing import Annotated, Any, Protocol
+from typing import Annotated
 
 import msgspec
 import numpy as np
@@ -24,6 +24,7 @@ from torch import Tensor, nn
 
 from svfl_data.errors import FormatError, TrainingError
 from svfl_data.sampling.windows import WINDOW
+from svfl_data.schema.robot import Observation
 from svfl_data.system.atomic_io import write_atomically
 from svfl_models.programs.program import Program, from_bytes, read
 
@@ -37,34 +38,6 @@ class Facts(msgspec.Struct):
     """Content of `FACTS`."""
 
     depth_scale: Annotated[float, msgspec.Meta(gt=0)]
-
-
-class Frame(Protocol):
-    """What one camera sees."""
-
-    @property
-    def color(self) -> NDArray[np.uint8]:
-        """(H, W, 3) RGB."""
-
-    @property
-    def depth(self) -> NDArray[np.uint16]:
-        """(H, W), in units of the camera's depth scale, 0 = nothing seen."""
-
-
-class Seen(Protocol):
-    """What a collector knows at one step."""
-
-    @property
-    def frames(self) -> dict[str, Any]:
-        """A `Frame` of every camera, by name; the first one is the policy's."""
-
-    @property
-    def wrench(self) -> NDArray[np.float32]:
-        """(64, 6), tared."""
-
-    @property
-    def proprio(self) -> NDArray[np.float32]:
-        """(5,)."""
 
 
 def save(network: nn.Module, file: Path, image_size: tuple[int, int], depth_scale: float = 1e-4) -> None:
@@ -160,13 +133,13 @@ class ExportedPolicy:
         self._depth_scale, self._name = np.float32(scale), name
 
     @torch.inference_mode()
-    def __call__(self, seen: Seen) -> NDArray[np.float32]:
+    def __call__(self, seen: Observation) -> NDArray[np.float32]:
         """Act on an observation.
 
         Raises:
             TrainingError: If the pictures are of another size than in training, or the action is not finite.
         """
-        frame: Frame = next(iter(seen.frames.values()))
+        frame = next(iter(seen.frames.values()))
         if frame.depth.shape != self.size:
             (height, width), (rows, columns) = self.size, frame.depth.shape
             raise TrainingError(

@@ -38,7 +38,7 @@ def picked():
 
 @pytest.fixture(scope="module")
 def pushed():
-    return recorded(TaggedCollector(0, "block_pushing", shoves=0.1, world=SMALL), 0)
+    return recorded(TaggedCollector(0, "block_pushing", perturbations=0.1, world=SMALL), 0)
 
 
 def told(episode):
@@ -71,7 +71,7 @@ def test_an_episode_ends_when_the_tags_say_so_and_is_whole(picked, pushed):
         assert np.allclose(older[~seen[1:]], 0.0)
         where = np.linalg.norm(episode.tags_pose[seen, :3] - true_places(episode)[seen], axis=1)
         assert np.median(where) < 0.003
-    assert "actions/intended" in pushed[0].arrays
+    assert "actions/expert_action" in pushed[0].arrays
     assert pushed[0].meta.config["tag_cameras"].keys() == TAG_CAMERAS.keys()
 
 

@@ -89,7 +89,7 @@ def test_what_the_viewer_says_that_it_would_do_is_what_it_did(checkpoint):
 def test_a_loaded_policy_says_what_its_network_says(checkpoint, file):
     """In base axes, from what a collector sees; the network is the one with symmetric layers."""
     module = load_policy(checkpoint)
-    network = acting.ActingPolicy(module.policy, module.workplace, module.view).eval()
+    network = acting.ActingPolicy(module.policy, module.deployment, module.view).eval()
     assert any(isinstance(part, export.SymmetricConv) for part in network.modules())
     for policy in (acting.load(checkpoint), exported_policy.load(file)):
         for observation, action in seen_and_said(network):

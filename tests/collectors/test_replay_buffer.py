@@ -8,7 +8,7 @@ from collectors.sources.simulated import attempt_seed
 from collectors.tasks.task import MAX_STEPS
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
-from svfl_data.replay import Layout, ReplayBuffer, ReplayConfig
+from svfl_data.replay import ReplayBuffer, ReplayConfig, ReplaySpec
 from tests.collectors.conftest import SMALL
 
 CONFIG = ReplayConfig(crop=12, expert_bonus=0.0)
@@ -35,21 +35,21 @@ def again(env: Environment, buffer: ReplayBuffer, episode) -> tuple[bool, bool]:
 
 def test_the_layout_of_an_environment_is_that_of_its_demonstrations(env, picked):
     buffer = ReplayBuffer.from_demos(Dataset.open(picked), 1, config=CONFIG)
-    assert buffer.layout == Layout.of_environment(env, "block_picking")
+    assert buffer.spec == ReplaySpec.of_environment(env, "block_picking")
     observation, _ = env.reset(seed=0)
-    buffer.begin_episode(observation, layout=Layout.of_environment(env, "block_picking"))
+    buffer.begin_episode(observation, spec=ReplaySpec.of_environment(env, "block_picking"))
     env.view = "top"
     with pytest.raises(
         DatasetError, match=r"the environment: its view is top, seen from [\d.]+ m, but camera in the re"
     ):
-        buffer.begin_episode(observation, layout=Layout.of_environment(env, "block_picking"))
+        buffer.begin_episode(observation, spec=ReplaySpec.of_environment(env, "block_picking"))
 
 
 def test_what_is_lived_through_equals_what_was_recorded(env, picked):
     """Same shapes, units, axes, dtypes, rewards and end: the same batch, whichever way the episode came."""
     dataset = Dataset.open(picked)
     shown = ReplayBuffer.from_demos(dataset, 1, config=CONFIG)
-    lived = ReplayBuffer(shown.capacity, shown.layout, CONFIG)
+    lived = ReplayBuffer(shown.capacity, shown.spec, CONFIG)
     assert again(env, lived, dataset.read(0)) == (True, False)
     assert len(lived) == len(shown)
     batch, other = shown.sample(64), lived.sample(64)

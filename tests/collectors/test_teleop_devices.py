@@ -1,4 +1,4 @@
-"""What devices make of keys, sticks and reports, and what the pilot makes of that."""
+"""What devices make of keys, sticks and reports, and what the mapper makes of that."""
 
 import ctypes
 import re
@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from collectors.simulation.camera import CAMERAS, calibration
-from collectors.teleop.action_mapper import RAMP, TURN, Pilot
+from collectors.teleop.action_mapper import RAMP, TURN, ActionMapper
 from collectors.teleop.clock import PERIOD_NS, Clock, steadiness
 from collectors.teleop.devices.device import FINE, Command, DeviceLostError, reading, without_rest
 from collectors.teleop.devices.gamepad import Gamepad
@@ -68,20 +68,20 @@ def test_space_opens_and_closes():
 
 def test_the_pilot_moves_as_the_picture_shows():
     """Away is -x and right is +y for the front camera, which looks back at the robot."""
-    assert Pilot(BOUND, FRONT.image_axes, 0.2).action(np.array([1, 1, 0, 0, 0], np.float32)) == pytest.approx(
+    assert ActionMapper(BOUND, FRONT.image_axes, 0.2).action(np.array([1, 1, 0, 0, 0], np.float32)) == pytest.approx(
         [1, 0, 0.2 * 0.025, 0, 0], abs=1e-9
     )
-    assert Pilot(BOUND, FRONT.image_axes, 0.2).action(np.array([0, 0, 1, -1, 1], np.float32)) == pytest.approx(
+    assert ActionMapper(BOUND, FRONT.image_axes, 0.2).action(np.array([0, 0, 1, -1, 1], np.float32)) == pytest.approx(
         [0, -0.2 * 0.025, 0, -0.2 * 0.025, 0.2 * TURN * np.pi / 16], abs=1e-9
     )
 
 
 @given(st.lists(readings, min_size=1, max_size=12), st.floats(0.05, 1), st.sampled_from([*CAMERAS]))
 def test_actions_stay_in_their_bounds_and_change_softly(ticks, pace, camera):
-    pilot = Pilot(BOUND, calibration(CAMERAS[camera]).image_axes, pace)
+    mapper = ActionMapper(BOUND, calibration(CAMERAS[camera]).image_axes, pace)
     last = np.zeros(4)
     for told in ticks:
-        action = pilot.action(told)
+        action = mapper.action(told)
         assert action.dtype == np.float32
         assert 0 <= action[0] <= 1
         assert (np.abs(action[1:]) <= pace * BOUND * [1, 1, 1, TURN] * (1 + 1e-6)).all()

@@ -157,12 +157,12 @@ def test_a_tare_in_contact_is_said_to_be_one(dataset, what, tmp_path):
 class Audience(dict):
     """A viewer that remembers the times of what it is shown of each episode, and of the robot when that is over."""
 
-    def __call__(self, rig, seen, action):
+    def __call__(self, robot, seen, action):
         self.setdefault(self.name, []).append(seen.t_ns)
-        self.rig = rig
+        self.robot = robot
 
     def finish(self):
-        self[self.name].append(int(self.rig.wrench_t_ns[-1]))  # before it goes on
+        self[self.name].append(int(self.robot.wrench_t_ns[-1]))  # before it goes on
 
 
 def test_a_viewer_is_shown_every_episode_and_changes_none(dataset, what, tmp_path, monkeypatch):

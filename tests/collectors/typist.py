@@ -15,7 +15,7 @@ import pytest
 
 from collectors.simulation.camera import CAMERAS, calibration
 from collectors.simulation.config import WorldConfig
-from collectors.teleop.action_mapper import Pilot
+from collectors.teleop.action_mapper import ActionMapper
 from collectors.teleop.devices.device import Command
 from tests.patience import PATIENCE
 
@@ -85,13 +85,13 @@ class Typist:
     def at(self) -> np.ndarray:
         """Where the hand has been told to be: x, y, z [m], yaw [rad]."""
         start = next(line["tick"] for line in self.lines() if Command.START in line.get("commands", ()))
-        pilot = Pilot(BOUND, calibration(CAMERAS["front"]).image_axes, PACE)
+        mapper = ActionMapper(BOUND, calibration(CAMERAS["front"]).image_axes, PACE)
         told, target = dict(self.inputs()), np.array([*CONFIG.home, 0.0])
         now = told[0]
         for tick in range(max(told) + 8):
             now = told.get(tick, now)
             if tick > start:
-                target += pilot.action(np.array(now, np.float32))[1:]
+                target += mapper.action(np.array(now, np.float32))[1:]
         return target
 
     def go(self, component: int, goal: float, near: float) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.replay import Layout, ReplayBuffer, ReplayConfig
+from svfl_data.replay import ReplayBuffer, ReplayConfig, ReplaySpec
 from svfl_data.sampling.windows import WINDOW, wrench_window
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.storage.store import write_episode
@@ -37,8 +37,8 @@ def store(folder: Path, *episodes: Episode) -> Dataset:
     return dataset
 
 
-def layout_of(episode: Episode) -> Layout:
-    return Layout.of_episode(episode, episode.cameras["front"])
+def spec_of(episode: Episode) -> ReplaySpec:
+    return ReplaySpec.of_episode(episode, episode.cameras["front"])
 
 
 def observation(episode: Episode, step: int) -> dict[str, np.ndarray]:
@@ -64,7 +64,7 @@ def live_through(buffer: ReplayBuffer, episode: Episode, terminated: bool | None
 def agent_buffer(*lengths: int, capacity: int = 100, config: ReplayConfig = SMALL) -> ReplayBuffer:
     """A buffer without demonstrations that has seen episodes of these lengths; the k-th is `make_demo(k)`."""
     episodes = [make_demo(index, steps) for index, steps in enumerate(lengths)]
-    buffer = ReplayBuffer(capacity, layout_of(make_demo(0)), config)
+    buffer = ReplayBuffer(capacity, spec_of(make_demo(0)), config)
     for episode in episodes:
         live_through(buffer, episode)
     return buffer

@@ -12,7 +12,7 @@ from svfl_data.schema.clocks import Clock
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.schema.rates import Found, rate_fault, unit_fault
 from svfl_data.storage.store import write_episode
-from svfl_data.viewer.episode_source import Shown
+from svfl_data.viewer.episode_source import EpisodeSource
 from tests.data.spoiled import WRENCH, WRENCH_T, fresh
 
 RATES = {"rates_hz": {"streams/wrench": 500, "observations": 20, "cameras/front": 20}}
@@ -76,12 +76,12 @@ def test_bursts_have_the_declared_rate_everywhere():
     assert not [one for one in findings(arrays, RATES) if one.severity == "error"]
     assert not [one for one in findings(arrays, RATES) if "periods of 0.1 ms" in one.words]
     pytest.importorskip("rerun")
-    from svfl_data.viewer.summary_text import about
+    from svfl_data.viewer.summary_text import summary_text
 
-    shown = Shown.of(Episode(Meta("centering", 0, 0, "robot", True, RATES), arrays))
-    assert "600 readings at 500 Hz as declared" in about(shown, 1.0)
-    bare = Shown.of(Episode(Meta("centering", 0, 0, "robot", True), arrays))
-    assert "600 readings at 520 Hz on average" in about(bare, 1.0)
+    shown = EpisodeSource.of(Episode(Meta("centering", 0, 0, "robot", True, RATES), arrays))
+    assert "600 readings at 500 Hz as declared" in summary_text(shown, 1.0)
+    bare = EpisodeSource.of(Episode(Meta("centering", 0, 0, "robot", True), arrays))
+    assert "600 readings at 520 Hz on average" in summary_text(bare, 1.0)
 
 
 def gap(start, end, stream="streams/wrench"):

@@ -381,7 +381,7 @@ def test_what_the_disk_refused_in_the_background_is_said_and_nothing_of_it_is_lo
         with pytest.raises(StorageError, match=r"cannot record to .*Disk quota exceeded"):
             writer.flush()
         with pytest.raises(StorageError, match="Disk quota exceeded"):
-            writer.append("actions", action=episode.action, intended=episode.arrays["actions/intended"])
+            writer.append("actions", action=episode.action, expert_action=episode.arrays["actions/expert_action"])
         monkeypatch.setattr(journal, "write_all", write_all)
         writer.flush()
         append_all(writer, without_wrench(episode.arrays))

@@ -90,7 +90,7 @@ def step_by_step(writer: EpisodeWriter, arrays: dict[str, np.ndarray]):
         ):
             writer.append(group, **{name: arrays[f"{group}/{name}"][row] for name in names})
         if step < len(arrays["actions/action"]):
-            writer.append("actions", **{name: arrays[f"actions/{name}"][row] for name in ("action", "intended")})
+            writer.append("actions", **{name: arrays[f"actions/{name}"][row] for name in ("action", "expert_action")})
         yield step
 
 

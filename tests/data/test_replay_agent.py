@@ -11,7 +11,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, UsageError
 from svfl_data.replay import ReplayBuffer, ReplayConfig
 from svfl_data.replay.episode_builder import unseen
-from tests.data.replay_episodes import layout_of, live_through, make_demo, observation, small, store
+from tests.data.replay_episodes import live_through, make_demo, observation, small, spec_of, store
 
 
 def moved(up: float) -> np.ndarray:
@@ -26,7 +26,7 @@ def test_a_file_and_an_agent_that_lived_through_it_give_the_same(tmp_path):
     from_file = ReplayBuffer.from_demos(store(tmp_path / "d", demo), 1, config=small(expert_bonus=0.0))
     rewards = np.zeros(6)
     rewards[-1] = 1
-    lived = ReplayBuffer(50_000, layout_of(demo), small(expert_bonus=0.0))
+    lived = ReplayBuffer(50_000, spec_of(demo), small(expert_bonus=0.0))
     live_through(lived, demo, rewards=rewards)
     batch, other = from_file.sample(40), lived.sample(40)
     for name in batch.keys() - {"expert"}:
@@ -42,7 +42,7 @@ def test_nothing_is_kept_twice(tmp_path):
     paths = ["cameras/front/color", "cameras/front/depth", "observations/proprio", "actions/action"]
     raw = sum(demo.arrays[path].nbytes for demo in demos for path in [*paths, "streams/wrench/wrench"])
     assert raw <= buffer.nbytes < 1.1 * raw
-    lived = ReplayBuffer(1000, layout_of(demos[0]), small())
+    lived = ReplayBuffer(1000, spec_of(demos[0]), small())
     for demo in demos:
         live_through(lived, demo)
     assert lived.nbytes < 1.1 * raw
@@ -125,12 +125,12 @@ def test_episodes_of_different_kinds_are_not_mixed(tmp_path, other, message):
 def test_what_shows_another_view_is_refused_before_anything_is_kept(tmp_path):
     demo = make_demo(0)
     buffer = ReplayBuffer.from_demos(store(tmp_path / "d", demo), 1, config=small())
-    buffer.begin_episode(observation(demo, 0), layout=layout_of(demo))
-    above = replace(layout_of(demo), view="top, seen from 0.5 m")
+    buffer.begin_episode(observation(demo, 0), spec=spec_of(demo))
+    above = replace(spec_of(demo), view="top, seen from 0.5 m")
     with pytest.raises(
         DatasetError, match=r"^the environment: its view is top, seen from 0\.5 m, but camera in the rep"
     ):
-        buffer.begin_episode(observation(demo, 0), layout=above)
+        buffer.begin_episode(observation(demo, 0), spec=above)
 
 
 def test_a_number_may_be_numpys_and_no_episode_counts_twice(tmp_path):
@@ -152,7 +152,7 @@ def test_missing_depth_is_named(tmp_path):
 
 def test_an_action_beyond_the_bounds_is_refused_and_nothing_kept(tmp_path):
     demo = make_demo(0)
-    buffer = ReplayBuffer(10, layout_of(demo), small())
+    buffer = ReplayBuffer(10, spec_of(demo), small())
     buffer.begin_episode(observation(demo, 0))
     for column, value, name in (
         (0, -1.0, "the gripper opening is -1"),
@@ -182,7 +182,7 @@ def test_clocks_that_cannot_be_trusted_are_named(tmp_path):
 def test_what_an_agent_cannot_add_is_named_and_not_kept():
     demo = make_demo(0)
     seen = observation(demo, 0)
-    buffer = ReplayBuffer(3, layout_of(demo), small())
+    buffer = ReplayBuffer(3, spec_of(demo), small())
     with pytest.raises(UsageError, match="add before begin_episode"):
         buffer.add(demo.action[0], seen, 0.0, False, False)
     with pytest.raises(FieldError, match="observation: wrench is missing; it has image, proprio"):
@@ -213,7 +213,7 @@ def test_what_an_agent_cannot_add_is_named_and_not_kept():
     [
         ({"n_step": 0}, "n_step is 0; it must be at least 1"),
         ({"frames": 0}, "frames is 0; it must be at least 1"),
-        ({"turns": 2.5}, r"turns is 2\.5; it must be at least 1, and a whole number"),
+        ({"group_order": 2.5}, r"group_order is 2\.5; it must be at least 1, and a whole number"),
         ({"seed": -1}, "seed is -1; it must be at least 0"),
         ({"gamma": 1.5}, r"gamma is 1\.5; it must be from 0 to 1"),
         ({"alpha": -0.1}, r"alpha is -0\.1"),

@@ -5,7 +5,7 @@ import pytest
 
 from svfl_data.errors import DatasetError, UsageError
 from svfl_data.replay import ReplayBuffer
-from tests.data.replay_episodes import agent_buffer, layout_of, live_through, make_demo, small, store
+from tests.data.replay_episodes import agent_buffer, live_through, make_demo, small, spec_of, store
 
 
 def counts(buffer: ReplayBuffer, draws: int) -> np.ndarray:
@@ -97,7 +97,7 @@ def test_old_episodes_are_forgotten_whole():
 
 
 def test_what_is_drawn_after_many_rounds_is_what_was_added_last():
-    buffer = ReplayBuffer(20, layout_of(make_demo(0)), small(seed=3))
+    buffer = ReplayBuffer(20, spec_of(make_demo(0)), small(seed=3))
     rng = np.random.default_rng(0)
     lengths = rng.integers(1, 8, 30).tolist()
     for number, steps in enumerate(lengths):

@@ -39,7 +39,7 @@ def test_what_is_loaded_goes_on_exactly_as_what_was_saved(tmp_path):
     buffer = used()
     buffer.save(tmp_path / "b.replay")
     loaded = ReplayBuffer.load(tmp_path / "b.replay")
-    assert (repr(loaded), loaded.config, loaded.layout) == (repr(buffer), buffer.config, buffer.layout)
+    assert (repr(loaded), loaded.config, loaded.spec) == (repr(buffer), buffer.config, buffer.spec)
     assert_equal_future(buffer, loaded)
 
 
@@ -150,8 +150,8 @@ def test_foreign_files_are_refused(tmp_path):
         ("capacity", 0), ("capacity", -3), ("capacity", 2.5), ("capacity", 2**80), ("capacity", 14),
         ("first", -1), ("drawn", -1), ("drawn", 0.5), ("largest", float("nan")), ("largest", 0.5),
         ("config/crop", 0), ("config/crop", 17), ("config/gamma", 2), ("config/beta_samples", -1),
-        ("config/seed", -1), ("config/frames", 0), ("config/turns", None),
-        ("layout/size", [99, 99]), ("layout/size", [0, 0]), ("layout/depth_scale", 0), ("layout/centre", [0, 1e999]),
+        ("config/seed", -1), ("config/frames", 0), ("config/group_order", None),
+        ("spec/size", [99, 99]), ("spec/size", [0, 0]), ("spec/depth_scale", 0), ("spec/centre", [0, 1e999]),
         ("episodes", []), ("random", {}),
     ],
 )  # fmt: skip

@@ -138,7 +138,7 @@ def spoil_shape(arrays):
 
 
 def spoil_rows(arrays):
-    for name in ("actions/action", "actions/intended"):
+    for name in ("actions/action", "actions/expert_action"):
         arrays[name] = arrays[name][:-1]
 
 

@@ -33,7 +33,7 @@ def rows(count, *groups):
     def change(arrays):
         for path in arrays:
             if path.rpartition("/")[0] in groups and arrays[path].shape[:1] > (count,) and path.rpartition("/")[2] in (
-                "t_ns", "color", "depth", "wrench", "pose", "position", "action", "intended", "proprio",
+                "t_ns", "color", "depth", "wrench", "pose", "position", "action", "expert_action", "proprio",
             ):  # fmt: skip
                 arrays[path] = arrays[path][:count]
 

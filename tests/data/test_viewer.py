@@ -17,8 +17,8 @@ from svfl_data.schema.fields import OF_EPISODE
 from svfl_data.signals.transforms import LowPass, Tare, as_record, processed_wrench
 from svfl_data.viewer import plots, recording, scene, show
 from svfl_data.viewer.blueprint import axis_range
-from svfl_data.viewer.episode_source import Shown
-from svfl_data.viewer.summary_text import about
+from svfl_data.viewer.episode_source import EpisodeSource
+from svfl_data.viewer.summary_text import summary_text
 from tests.builders import episode_arrays, make_episode
 
 RERUN = Path(sys.executable).parent / "rerun"
@@ -38,7 +38,7 @@ def verify(path):
 
 
 def save(episode, path, root=""):
-    show.save(show.content([(Shown.of(episode, root), None)]), path)
+    show.save(show.content([(EpisodeSource.of(episode, root), None)]), path)
 
 
 def without(episode, *paths):
@@ -141,7 +141,7 @@ def test_readings_in_pieces_are_those_of_the_whole_stream(episode, monkeypatch, 
     filters = [Tare(), LowPass(20.0)]
     filtered = Episode(replace(episode.meta, transforms=[as_record(one) for one in filters]), episode.arrays)
     monkeypatch.setattr("svfl_data.viewer.episode_source.READINGS_AT_ONCE", at_once)
-    pieces = list(Shown.of(filtered).readings(recording.RULE))
+    pieces = list(EpisodeSource.of(filtered).readings(recording.RULE))
     np.testing.assert_array_equal(np.concatenate([piece.t_ns for piece in pieces]), episode.wrench_t_ns)
     whole = processed_wrench(filtered)
     np.testing.assert_allclose(np.concatenate([piece.wrench for piece in pieces]), whole, atol=1e-5)
@@ -191,7 +191,7 @@ def test_long_pictures_are_small_and_their_depth_exact(episode, tmp_path, monkey
 
 
 def test_several_episodes_have_folders_of_their_own(episode, tmp_path):
-    pair = [(Shown.of(episode, f"episode_{number}/"), None) for number in (3, 4)]
+    pair = [(EpisodeSource.of(episode, f"episode_{number}/"), None) for number in (3, 4)]
     show.save(show.content(pair), tmp_path / "pair.rrd")
     found = entities(tmp_path / "pair.rrd")
     for number in (3, 4):
@@ -241,7 +241,7 @@ def test_force_arrow_has_the_stated_scale_and_starts_at_the_wrist(saved, episode
     expected = episode.tared_wrench[-len(t_ns) :, :3] * scene.METRES_PER_NEWTON
     np.testing.assert_allclose(vectors[:, 0], expected, rtol=1e-6)
     np.testing.assert_array_equal(t_ns, episode.wrench_t_ns[-len(t_ns) :])
-    assert f"{scene.METRES_PER_NEWTON * 1e3:.0f} mm per N;" in about(Shown.of(episode), 1.0)
+    assert f"{scene.METRES_PER_NEWTON * 1e3:.0f} mm per N;" in summary_text(EpisodeSource.of(episode), 1.0)
     _, wrist = logged(saved, "scene/wrist", "Transform3D:translation")
     np.testing.assert_allclose(wrist[:, 0] - episode.proprio[:, 1:4], [[0, 0, 0.105]] * len(wrist), atol=1e-6)
 
@@ -278,12 +278,12 @@ def test_block_has_the_recorded_size_or_says_that_it_is_not_known(episode, tmp_p
     save(known, tmp_path / "known.rrd")
     _, sizes = logged(tmp_path / "known.rrd", "scene/object", "Boxes3D:half_sizes")
     np.testing.assert_allclose(sizes, [[[0.01, 0.02, 0.03]]] * len(episode.t_ns))
-    assert "size not recorded" in about(Shown.of(unknown), 1.0)
-    assert "size not recorded" not in about(Shown.of(known), 1.0)
+    assert "size not recorded" in summary_text(EpisodeSource.of(unknown), 1.0)
+    assert "size not recorded" not in summary_text(EpisodeSource.of(known), 1.0)
 
 
 def test_text_says_what_it_is_and_what_the_numbers_mean(episode):
-    text = about(Shown.of(episode), 1.0)
+    text = summary_text(EpisodeSource.of(episode), 1.0)
     for words in ("centering, episode 3: success", "seed 0", "500 Hz", "base axes", "sensor origin", "-8.00) N"):
         assert words in text
     dx, dy = episode.label_offset * 1e3

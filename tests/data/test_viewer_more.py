@@ -1,4 +1,4 @@
-"""Importer, live streaming, networks' opinions, comparison of datasets."""
+"""Importer, live streaming, networks' predictions, comparison of datasets."""
 
 import os
 import signal
@@ -19,9 +19,9 @@ from svfl_data.storage import seal
 from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer import compare, predictions, show
-from svfl_data.viewer.episode_source import Shown
+from svfl_data.viewer.episode_source import EpisodeSource
 from svfl_data.viewer.live import GAP_NS, Live
-from svfl_data.viewer.predictions import Opinion
+from svfl_data.viewer.predictions import Prediction
 from tests.builders import make_episode
 from tests.data.test_viewer import entities, logged
 from tests.patience import PATIENCE
@@ -81,7 +81,7 @@ def test_the_importer_says_in_one_line_what_is_wrong_with_a_damaged_episode(tmp_
     assert done.stderr.count(b"\n") == 1
 
 
-class Rig:
+class Robot:
     """A robot that replays an episode."""
 
     def __init__(self, episode):
@@ -124,11 +124,11 @@ def test_live_sends_every_reading_and_step_once_however_often_it_sends(monkeypat
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(file))
     episode, live = make_episode(steps=6), Live("127.0.0.1:1")
     for _ in range(2):
-        rig = Rig(episode)
-        live(rig, rig.observe(), None)
+        robot = Robot(episode)
+        live(robot, robot.observe(), None)
         for step in range(len(episode)):
-            rig.step = step + 1
-            live(rig, rig.observe(), episode.action[step])
+            robot.step = step + 1
+            live(robot, robot.observe(), episode.action[step])
         live.finish()
     live.close()
     offset = GAP_NS
@@ -173,8 +173,8 @@ def test_predicted_direction_is_drawn_with_its_probability_beside_the_true_one(t
     episode = make_episode(steps=3)
     shares = np.full((4, 4), 0.1)
     shares[:, 2] = 0.7
-    thought = Opinion("tiny", "front", np.zeros((4, 8, 8, 3), np.uint8), shares)
-    show.save(show.content([(Shown.of(episode), thought)]), tmp_path / "a.rrd")
+    thought = Prediction("tiny", "front", np.zeros((4, 8, 8, 3), np.uint8), shares)
+    show.save(show.content([(EpisodeSource.of(episode), thought)]), tmp_path / "a.rrd")
     camera = "scene/cameras/front"
     t_ns, vectors = logged(tmp_path / "a.rrd", f"{camera}/predicted", "Arrows2D:vectors")
     np.testing.assert_array_equal(t_ns, episode.t_ns)
@@ -192,8 +192,8 @@ def test_what_a_policy_would_do_is_drawn_and_where_it_looks(tmp_path):
     episode = make_episode(steps=3, size=20)
     actions = np.arange(20.0).reshape(4, 5)
     crop = np.array([[2, 3, 18, 19]]) + np.arange(4)[:, None]
-    thought = Opinion("tiny", "front", np.zeros((4, 8, 8, 3), np.uint8), actions=actions, crop=crop)
-    show.save(show.content([(Shown.of(episode), thought)]), tmp_path / "a.rrd")
+    thought = Prediction("tiny", "front", np.zeros((4, 8, 8, 3), np.uint8), actions=actions, crop=crop)
+    show.save(show.content([(EpisodeSource.of(episode), thought)]), tmp_path / "a.rrd")
     for part, columns in (("move", slice(1, 4)), ("turn", slice(4, 5)), ("opening", slice(0, 1))):
         t_ns, values = logged(tmp_path / "a.rrd", f"network/{part}", "Scalars:scalars")
         np.testing.assert_array_equal(t_ns, episode.t_ns)
@@ -241,7 +241,7 @@ def test_distance_of_distributions_is_zero_for_equal_and_one_for_separate_ones()
 def test_the_web_page_is_this_machines_unless_asked_otherwise(monkeypatch):
     called = []
     monkeypatch.setattr(show, "_run", lambda arguments, advice: called.append(arguments))
-    content = show.content([(Shown.of(make_episode()), None)])
+    content = show.content([(EpisodeSource.of(make_episode()), None)])
     show.serve(content)
     show.serve(content, bind="0.0.0.0", port=7000)
     assert called[0][called[0].index("--bind") + 1] == "127.0.0.1"

@@ -264,8 +264,8 @@ def test_a_recording_that_cannot_be_right_never_starts(dataset, tmp_path):
 
 def test_an_unwhole_episode_is_not_sealed_but_can_be_completed(dataset):
     episode = make_episode()
-    begun = {f"actions/{name}": episode.arrays[f"actions/{name}"][:-1] for name in ("action", "intended")}
-    last = {name: episode.arrays[f"actions/{name}"][-1:] for name in ("action", "intended")}
+    begun = {f"actions/{name}": episode.arrays[f"actions/{name}"][:-1] for name in ("action", "expert_action")}
+    last = {name: episode.arrays[f"actions/{name}"][-1:] for name in ("action", "expert_action")}
     with start(dataset) as writer:
         append_all(writer, episode.arrays | begun)
         with pytest.raises(FieldError, match="5 observations need 4 actions, found 3"):

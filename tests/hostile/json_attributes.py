@@ -60,7 +60,7 @@ ODD = {  # attribute, value, why it may stand
     "config_rates_no_object": ("config", {"rates_hz": [1, 2]}, NO_RATES),
     "config_max_move": ("config", {"world": {"max_move": "far"}, "max_move": [None]}, OWN),
     "config_max_move_far": ("config", {"world": {"max_move": -1e308}, "max_move": 1e308}, OWN),
-    "config_shoves": ("config", {"shoves": 7, "camera": [], "robot": {}}, OWN),
+    "config_perturbations": ("config", {"perturbations": 7, "camera": [], "robot": {}}, OWN),
     "config_world_no_object": ("config", {"world": 3, "scene": [], "attempt": "x"}, OWN),
     "software_numbers": ("software", {"svfl": 1, "x": None, "y": [[]]}, ""),
     "software_escapes": ("software", {HIDDEN: HIDDEN, "svfl": HIDDEN}, SHOWN),

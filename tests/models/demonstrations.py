@@ -20,7 +20,7 @@ def demonstration(index=0, task="block_picking", success=True, steps=6, size=10)
     action[:, 0] = np.arange(steps) < steps / 2
     action[:, 1:] = np.clip(rng.normal(0, BOUND / 2, (steps, 4)), -BOUND, BOUND)
     action[0, 1] = BOUND[0]
-    done = {"actions/action": action, "actions/intended": action.copy()}
+    done = {"actions/action": action, "actions/expert_action": action.copy()}
     return Episode(replace(episode.meta, task=task, success=success), episode.arrays | done)
 
 

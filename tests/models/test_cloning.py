@@ -89,7 +89,7 @@ def test_a_run_leaves_what_it_found(run, config):
     assert float(rows[-1]["train_loss"]) < float(rows[0]["train_loss"])
     found = json.loads((out / run_folder.RESULT).read_text())
     assert found["config"] == config.plain()
-    assert found["workplace"]["task"] == "block_picking"
+    assert found["deployment"]["task"] == "block_picking"
     assert (result.episodes, result.steps, result.epochs) == ([4, 2], [24, 12], 3)
     assert result.valid_loss == pytest.approx(float(rows[-1]["valid_loss"]), rel=1e-5)
 
@@ -156,7 +156,7 @@ def test_a_training_that_diverges_says_so(config, tmp_path):
 def test_a_checkpoint_says_what_it_is(run, tmp_path):
     _, out = run
     module = load_policy(out / run_folder.CHECKPOINT)
-    assert (module.workplace.task, module.workplace.switch, module.training) == ("block_picking", True, False)
+    assert (module.deployment.task, module.deployment.switch, module.training) == ("block_picking", True, False)
     found = weights(out)
     other = tmp_path / "other.ckpt"
     for change, message in (

@@ -14,7 +14,7 @@ from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_models.cloning.acting import ActingPolicy
 from svfl_models.cloning.config import VIEWS, CloningConfig
 from svfl_models.cloning.data import CloningData
-from svfl_models.cloning.deployment_spec import workplace_of
+from svfl_models.cloning.deployment_spec import deployment_of
 from svfl_models.cloning.hand_view import JITTER
 from svfl_models.networks.policy import Policy
 from tests.builders import IMAGE_AXES
@@ -62,7 +62,7 @@ def test_acting_sees_what_was_learned_from(folder, view):
     data = data_of(folder, view=view)
     part, policy = data.valid_set, Policy("vfp", "none", "wide", 8).eval()
     batch, row = part.batch(list(range(len(part)))), 0
-    free = ActingPolicy(policy, replace(data.workplace, switch=False), view).eval()
+    free = ActingPolicy(policy, replace(data.deployment, switch=False), view).eval()
     with torch.no_grad():
         expected = act(IMAGE_AXES.T, policy(batch).mode.numpy(), ACTION_PARTS)
         for index in part.samples.episodes:
@@ -210,7 +210,7 @@ def test_uneven_control_periods_are_said_and_change_nothing(tmp_path, capsys):
     assert "steps last 50.0 to 65.0 ms in different episodes" in capsys.readouterr().err
     batches = [one.train_set.batch(range(len(one.train_set))) for one in data]
     assert all(torch.equal(values, batches[1][name]) for name, values in batches[0].items())
-    assert data[1].workplace.step_ms == pytest.approx(57.5)
+    assert data[1].deployment.step_ms == pytest.approx(57.5)
 
 
 def test_the_bounds_of_actions_are_those_of_the_configuration(tmp_path):
@@ -218,7 +218,7 @@ def test_the_bounds_of_actions_are_those_of_the_configuration(tmp_path):
     own = {"max_move": 0.1, "max_turn": 0.5}
     factor = np.array([1, 4, 4, 4, 0.5 / (np.pi / 16)], np.float32)
     episodes = [demonstration(index) for index in range(6)]
-    wide = [changed(one, action=one.action * factor, intended=one.action * factor) for one in episodes]
+    wide = [changed(one, action=one.action * factor, expert_action=one.action * factor) for one in episodes]
     wide = [Episode(replace(one.meta, config=own), one.arrays) for one in wide]
     data = [data_of(write(tmp_path / name, some)) for name, some in (("paper", episodes), ("own", wide))]
     batches = [one.valid_set.batch(range(len(one.valid_set))) for one in data]
@@ -226,7 +226,7 @@ def test_the_bounds_of_actions_are_those_of_the_configuration(tmp_path):
     policy = Policy("vfp", "none", "wide", 8).eval()
     inputs = torch.rand(3, 4, 10, 10), torch.randn(3, 64, 6), torch.rand(3, 5)
     with torch.no_grad():
-        said = [ActingPolicy(policy, replace(one.workplace, switch=False), "camera").eval()(*inputs) for one in data]
+        said = [ActingPolicy(policy, replace(one.deployment, switch=False), "camera").eval()(*inputs) for one in data]
     torch.testing.assert_close(said[0] * torch.from_numpy(factor), said[1])
     with pytest.raises(DatasetError, match=r"episode 5 has max_move 0\.1, episode 0 has 0\.025"):
         data_of(write(tmp_path / "mixed", [*episodes[:5], wide[5]]))
@@ -253,9 +253,9 @@ def test_too_few_episodes_and_too_small_images(folder, tmp_path):
 
 def test_a_gripper_that_is_half_open_is_no_switch(folder, tmp_path):
     dataset = Dataset.open(folder)
-    assert workplace_of(dataset, dataset.indices).switch
+    assert deployment_of(dataset, dataset.indices).switch
     half = demonstration(1)
     action = half.action * np.array([0.5, 1, 1, 1, 1], np.float32)
     episodes = [demonstration(0), changed(half, action=action), demonstration(2)]
     other = Dataset.open(write(tmp_path / "half", episodes))
-    assert not workplace_of(other, other.indices).switch
+    assert not deployment_of(other, other.indices).switch

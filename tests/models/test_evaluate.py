@@ -18,7 +18,7 @@ from svfl_models import cli
 from svfl_models.cloning import evaluate as module
 from svfl_models.cloning import train
 from svfl_models.cloning.config import CloningConfig
-from svfl_models.cloning.deployment_spec import Workplace
+from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.evaluate import Evaluation, environment_of, evaluate
 from svfl_models.training import run_folder
 from tests.builders import IMAGE_AXES
@@ -114,7 +114,7 @@ def test_the_command_writes_and_prints(checkpoint, countdown, capsys):
 def test_other_environments_are_one_clear_line(checkpoint):
     with pytest.raises(TrainingError, match="cannot be tried in test/Nothing-v0"):
         module.Trial(checkpoint, "test/Nothing-v0", 0)
-    seen = Workplace("picking", "front", IMAGE_AXES.tolist(), image_side=10)
+    seen = DeploymentSpec("picking", "front", IMAGE_AXES.tolist(), image_side=10)
     with pytest.raises(TrainingError, match=r"learned from camera front with image axes .*, the environment's are"):
         module._expect_same(gymnasium.make("test/Turned-v0"), seen, "policy")
 

@@ -8,7 +8,7 @@ from svfl_data.errors import TrainingError
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS
 from svfl_models.cloning.acting import ActingPolicy
 from svfl_models.cloning.config import ENCODERS, VIEWS
-from svfl_models.cloning.deployment_spec import Workplace
+from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.networks.policy import Policy
 from svfl_models.networks.presets import PRESETS
 from svfl_models.networks.squashed_gaussian import to_unit
@@ -89,8 +89,8 @@ def errors(network, axes, dtype=torch.float32):
     return [float((a - b).norm()) / size for a, b in zip(found, expected, strict=True)]
 
 
-def workplace(axes, switch=False):
-    return Workplace(
+def deployment(axes, switch=False):
+    return DeploymentSpec(
         "block_picking", "front", axes, from_above(axes), CENTRE[1:3].tolist(), -0.01, 10, 1e-4, 50.0, switch
     )
 
@@ -111,7 +111,7 @@ def test_a_turned_world_gets_the_turned_action_in_base_axes(axes, switch, view, 
         for network in (policy, plain(policy)):
             for dtype, tolerance in TOLERANCE.items():
                 for training in (True, False):
-                    acting = ActingPolicy(network, workplace(axes, switch), view).train(training)
+                    acting = ActingPolicy(network, deployment(axes, switch), view).train(training)
                     assert max(errors(acting, axes, dtype)) < tolerance
         policy.float().train()
         take_a_step(policy, mean(policy, scene))
@@ -119,7 +119,7 @@ def test_a_turned_world_gets_the_turned_action_in_base_axes(axes, switch, view, 
 
 def test_wrong_axes_are_caught():
     """A policy that believes another camera's axes is not symmetric in this one's."""
-    acting = ActingPolicy(build(), workplace(MIRRORED), "camera")
+    acting = ActingPolicy(build(), deployment(MIRRORED), "camera")
     assert max(errors(acting, FRONT)) > 1e-2
 
 
@@ -127,13 +127,13 @@ def test_a_plain_policy_is_caught(scene):
     policy = build(GROUPS["none"], preset="wide")
     with pytest.raises(AssertionError, match="not equivariant"):
         assert_equivariant(policy, scene, D4, act_on_action, function=mode)
-    assert min(errors(ActingPolicy(policy, workplace(FRONT), "camera"), FRONT)[1:]) > 1e-2
+    assert min(errors(ActingPolicy(policy, deployment(FRONT), "camera"), FRONT)[1:]) > 1e-2
 
 
 def test_a_switch_is_thrown_and_the_rest_is_what_the_policy_says():
     policy, inputs = build(), (torch.rand(9, 4, 10, 10), torch.randn(9, 64, 6), torch.randn(9, 5))
     with torch.no_grad():
-        free, thrown = (ActingPolicy(policy, workplace(FRONT, switch), "camera")(*inputs) for switch in (False, True))
+        free, thrown = (ActingPolicy(policy, deployment(FRONT, switch), "camera")(*inputs) for switch in (False, True))
     assert torch.equal(free[:, 1:], thrown[:, 1:])
     assert torch.equal(thrown[:, 0], (free[:, 0] > 0.5).float())
     assert ((free[:, 0] > 0) & (free[:, 0] < 1)).all()

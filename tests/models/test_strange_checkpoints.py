@@ -28,7 +28,7 @@ from tests.models.pretrained import write_latent
 from tests.models.synthetic import centering_samples
 from tests.models.trained import contents, untrained
 
-WORKPLACE = {
+DEPLOYMENT = {
     "task": "block_picking", "camera": "front", "image_axes": [[1.0, 0.0], [0.0, 1.0]],
     "projection": [[60.0, 0.0, 38.0, 0.0], [0.0, 60.0, 38.0, 0.0], [0.0, 0.0, 1.0, 1.0]], "centre": [0.5, 0.0],
     "table": 0.0, "image_side": 76, "depth_scale": 1e-4, "step_ms": 50.0, "switch": True,
@@ -49,7 +49,7 @@ class Payload:
 def policy_contents(group="none"):
     torch.manual_seed(0)
     config = CloningConfig("nowhere", encoder="fp", group=group, preset="tiny")
-    module = CloningModule(config.network(), dict(WORKPLACE), training=config.plain())
+    module = CloningModule(config.network(), dict(DEPLOYMENT), training=config.plain())
     return contents(module)
 
 
@@ -219,9 +219,9 @@ def test_settings_of_a_training_have_their_types(kind, good, tmp_path, training)
         {"image_side": 10**9}, {"image_side": 76.5}, {"table": None}, {"unknown": 1},
     ],
 )  # fmt: skip
-def test_a_workplace_that_is_none_is_one_line(kinds, tmp_path, change):
+def test_a_deployment_that_is_none_is_one_line(kinds, tmp_path, change):
     good = kinds["policy"]
-    described = good["hyper_parameters"] | {"workplace": WORKPLACE | change}
+    described = good["hyper_parameters"] | {"deployment": DEPLOYMENT | change}
     refusal("policy", saved(good | {"hyper_parameters": described}, tmp_path / "checkpoint.ckpt"))
 
 

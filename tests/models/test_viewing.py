@@ -11,7 +11,7 @@ from svfl_data.errors import DatasetError, FormatError
 from svfl_data.schema.episode import Episode
 from svfl_models.cloning import acting
 from svfl_models.cloning.config import VIEWS
-from svfl_models.cloning.deployment_spec import workplace_of
+from svfl_models.cloning.deployment_spec import deployment_of
 from svfl_models.cloning.module import CloningModule
 from svfl_models.deployment import predictions
 from svfl_models.networks.squashed_gaussian import SCALE
@@ -37,35 +37,35 @@ def episode():
 
 
 @pytest.fixture(scope="module")
-def workplace(episode, tmp_path_factory):
-    return workplace_of(Dataset.open(write(tmp_path_factory.mktemp("data") / "picking", [episode])), [0])
+def deployment(episode, tmp_path_factory):
+    return deployment_of(Dataset.open(write(tmp_path_factory.mktemp("data") / "picking", [episode])), [0])
 
 
-def policy(workplace, view="hand", encoder="vfp", size=SIZE):
+def policy(deployment, view="hand", encoder="vfp", size=SIZE):
     torch.manual_seed(0)
     network = {"encoder": encoder, "group": "none", "preset": "tiny", "image_size": size}
-    return CloningModule(network, workplace.plain(), view=view).eval()
+    return CloningModule(network, deployment.plain(), view=view).eval()
 
 
-def opinion(module, episode, tmp_path):
+def prediction(module, episode, tmp_path):
     torch.save(contents(module), tmp_path / "policy.ckpt")
     return predictions.load(tmp_path / "policy.ckpt")(episode)
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_what_is_shown_is_what_the_network_gets(workplace, episode, tmp_path, monkeypatch, view):
+def test_what_is_shown_is_what_the_network_gets(deployment, episode, tmp_path, monkeypatch, view):
     got = []
     forward = acting.Policy.forward
     monkeypatch.setattr(acting.Policy, "forward", lambda self, batch: got.append(batch) or forward(self, batch))
-    found = opinion(policy(workplace, view), episode, tmp_path)
+    found = prediction(policy(deployment, view), episode, tmp_path)
     seen = torch.cat([batch["image"] for batch in got])[:, :3].movedim(1, -1).numpy() * 255
     assert found.seen.shape == (7, SIZE, SIZE, 3)
     np.testing.assert_allclose(found.seen, seen, atol=0.51)
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_the_outline_is_around_what_is_seen(workplace, episode, tmp_path, view):
-    found = opinion(policy(workplace, view, size=16), episode, tmp_path)  # crops as they are, not scaled
+def test_the_outline_is_around_what_is_seen(deployment, episode, tmp_path, view):
+    found = prediction(policy(deployment, view, size=16), episode, tmp_path)  # crops as they are, not scaled
     for step, (left, top, right, bottom) in enumerate(found.crop):
         inside = [slice(max(0, low), min(high, SIDE)) for low, high in ((top, bottom), (left, right))]
         within = [slice(one.start - low, one.stop - low) for one, low in zip(inside, (top, left), strict=True)]
@@ -75,45 +75,45 @@ def test_the_outline_is_around_what_is_seen(workplace, episode, tmp_path, view):
         )
 
 
-def test_a_policy_around_the_hand_looks_at_the_table_below_it(workplace, episode, tmp_path):
+def test_a_policy_around_the_hand_looks_at_the_table_below_it(deployment, episode, tmp_path):
     """By the camera's own calibration."""
     proprio, camera = episode.proprio, episode.cameras["front"]
-    below = np.stack([proprio[:, 1], proprio[:, 2], np.full(7, workplace.table), np.ones(7)])
+    below = np.stack([proprio[:, 1], proprio[:, 2], np.full(7, deployment.table), np.ones(7)])
     column, row, scale = camera.intrinsics @ (np.linalg.inv(camera.T_base_camera) @ below)[:3]
-    left, top, right, bottom = opinion(policy(workplace), episode, tmp_path).crop.T
+    left, top, right, bottom = prediction(policy(deployment), episode, tmp_path).crop.T
     np.testing.assert_allclose((left + right) / 2, column / scale + 0.5, atol=0.51)  # pixel 0 spans 0 to 1
     np.testing.assert_allclose((top + bottom) / 2, row / scale + 0.5, atol=0.51)
 
 
-def test_checkpoint_and_exported_file_think_alike(workplace, episode, tmp_path):
-    module = policy(workplace)
+def test_checkpoint_and_exported_file_think_alike(deployment, episode, tmp_path):
+    module = policy(deployment)
     acting.export(module, tmp_path / "policy.pt2")
-    one, other = opinion(module, episode, tmp_path), predictions.load_exported(tmp_path / "policy.pt2")(episode)
+    one, other = prediction(module, episode, tmp_path), predictions.load_exported(tmp_path / "policy.pt2")(episode)
     assert np.ptp(one.actions[:, 1:], axis=0).min() > 0
     np.testing.assert_allclose(one.actions / SCALE, other.actions / SCALE, atol=1e-4)
     assert other.crop is None  # the file does not tell
 
 
-def test_a_long_episode_is_thought_of_in_pieces(workplace, episode, tmp_path, monkeypatch):
-    whole = opinion(policy(workplace), episode, tmp_path)
+def test_a_long_episode_is_thought_of_in_pieces(deployment, episode, tmp_path, monkeypatch):
+    whole = prediction(policy(deployment), episode, tmp_path)
     monkeypatch.setattr("svfl_models.deployment.policy_predictions.AT_ONCE", 3)
-    pieces = opinion(policy(workplace), episode, tmp_path)
+    pieces = prediction(policy(deployment), episode, tmp_path)
     np.testing.assert_allclose(whole.actions, pieces.actions, atol=1e-6)
     np.testing.assert_array_equal(whole.crop, pieces.crop)
 
 
-def test_a_blind_policy_shows_no_picture(workplace, episode, tmp_path):
-    found = opinion(policy(workplace, encoder="fp"), episode, tmp_path)
+def test_a_blind_policy_shows_no_picture(deployment, episode, tmp_path):
+    found = prediction(policy(deployment, encoder="fp"), episode, tmp_path)
     assert (found.camera, found.seen, found.crop) == ("", None, None)
     assert found.actions.shape == (7, 5)
 
 
-def test_an_episode_that_a_policy_cannot_look_at_is_one_line(workplace, episode, tmp_path):
+def test_an_episode_that_a_policy_cannot_look_at_is_one_line(deployment, episode, tmp_path):
     with pytest.raises(DatasetError, match=r"made for images of 19 x 19 px, front gave 24 x 24"):
-        opinion(policy(workplace), make_episode(size=24), tmp_path)
-    elsewhere = policy(replace(workplace, camera="top"))
+        prediction(policy(deployment), make_episode(size=24), tmp_path)
+    elsewhere = policy(replace(deployment, camera="top"))
     with pytest.raises(DatasetError, match="looks at camera top with depth; recorded with depth: front"):
-        opinion(elsewhere, episode, tmp_path)
+        prediction(elsewhere, episode, tmp_path)
 
 
 def test_a_classifier_gives_shares_of_the_directions(tmp_path):

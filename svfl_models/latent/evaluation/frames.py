@@ -12,7 +12,7 @@ from svfl_models.latent.config import MODALITIES
 from svfl_models.latent.evaluation.episodes import whole
 from svfl_models.latent.inputs import Batch
 from svfl_models.latent.networks.encoder import Parts
-from svfl_models.latent.networks.network import LatentNetwork, Understanding
+from svfl_models.latent.networks.network import LatentNetwork, LatentOutput
 from svfl_models.latent.recordings import Recording
 
 CHUNK = 64
@@ -31,7 +31,7 @@ class Followed:
     """
 
     batch: Batch
-    seen: Understanding
+    seen: LatentOutput
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ ENCODERS: dict[str, type[VTTEncoder] | type[PoEEncoder] | type[ConcatEncoder]] =
 
 
 @dataclass(frozen=True, eq=False)
-class Understanding:
+class LatentOutput:
     """What a model makes of sequences of T frames and S = T - 1 actions.
 
     Attributes:
@@ -72,7 +72,7 @@ class LatentNetwork(nn.Module):
         """Physical observations, one leading dimension -> what the encoder says; PoE takes any of the modalities."""
         return self.encoder(self.inputs(batch, [name for name in ("image", "wrench", "proprio") if name in batch]))
 
-    def forward(self, batch: Batch) -> Understanding:
+    def forward(self, batch: Batch) -> LatentOutput:
         """Understand sequences.
 
         Args:
@@ -86,7 +86,7 @@ class LatentNetwork(nn.Module):
         now, after = states.state[:, :-1], states.state[:, 1:]
         following = self.next_step(torch.cat([now, action], dim=-1))
         reward = self.reward(torch.cat([now, action, after], dim=-1))
-        return Understanding(parts, encoding, states, reward[..., 0], following[..., 0], following[..., 1:])
+        return LatentOutput(parts, encoding, states, reward[..., 0], following[..., 0], following[..., 1:])
 
     def picture(self, state: Tensor) -> Tensor:
         """States (..., Z) -> images (..., 4, 64, 64): colour 0..1 (about), depth in [m]."""

@@ -5,7 +5,7 @@ import pytest
 
 from svfl_data.replay import ReplayBuffer
 from svfl_data.replay.batches import PARTS
-from svfl_data.replay.symmetry_augmentation import Turns, between, seen
+from svfl_data.replay.symmetry_augmentation import SymmetryAugmentation, between, seen
 from svfl_data.sampling.samples import Samples
 from svfl_data.symmetry import act, act_on_image, dihedral, element
 from tests.data.replay_episodes import agent_buffer, live_through, make_demo, small, store
@@ -48,12 +48,12 @@ def test_stacks_are_those_of_samples(demos):
     np.testing.assert_array_equal(batch["image"][:, :, :3], color)
 
 
-@pytest.mark.parametrize("turns", [4, 8])
-def test_all_images_of_a_transition_have_one_crop_and_one_turn(turns):
+@pytest.mark.parametrize("augmentation", [4, 8])
+def test_all_images_of_a_transition_have_one_crop_and_one_turn(augmentation):
     """In an episode that always shows the same picture, the stacks of s and s' are one picture over and over."""
     arrays = make_demo(0, 5).arrays
     still = {path: np.repeat(arrays[path][:1], 6, axis=0) for path in ("cameras/front/color", "cameras/front/depth")}
-    buffer = agent_buffer(config=small(rotate=True, frames=K, turns=turns))
+    buffer = agent_buffer(config=small(rotate=True, frames=K, group_order=augmentation))
     live_through(buffer, make_demo(0, 5, arrays=still))
     batch = buffer.sample(40)
     both = np.concatenate([batch["image"], batch["next_image"]], axis=1)
@@ -70,7 +70,7 @@ def test_stacks_take_no_memory():
 def test_vectors_are_turned_exactly_whatever_the_angle(demos, order):
     """One element of D_N explains all numbers of s, a and s'; and all elements occur."""
     plain = ReplayBuffer.from_demos(demos, 4, config=small()).sample(300)
-    turned = ReplayBuffer.from_demos(demos, 4, config=small(rotate=True, turns=order)).sample(300)
+    turned = ReplayBuffer.from_demos(demos, 4, config=small(rotate=True, group_order=order)).sample(300)
     fits = {}  # by name, which element explains which sample, (300, 2 * order)
     for name in NAMES:
         wanted = [act(R, plain[name], PARTS[name.removeprefix("next_")]) for R in dihedral(order)]
@@ -88,12 +88,12 @@ def test_vectors_are_turned_exactly_whatever_the_angle(demos, order):
 def test_quarter_turns_only_reorder_pixels(size):
     """As views that copy nothing; and interpolation at these angles would give the same."""
     image = np.random.default_rng(0).integers(0, 256, (4, size + 3, size + 3)).astype(np.uint16)
-    turns, crop = Turns(4), np.s_[:, 1 : 1 + size, 2 : 2 + size]
-    for number, (matrix, view) in enumerate(zip(dihedral(4), turns._views, strict=True)):
+    augmentation, crop = SymmetryAugmentation(4), np.s_[:, 1 : 1 + size, 2 : 2 + size]
+    for number, (matrix, view) in enumerate(zip(dihedral(4), augmentation._views, strict=True)):
         exact = act_on_image(matrix, image[crop])
         assert np.shares_memory(seen(image, view), image)
         out = np.empty((4, size, size), np.float32)
-        turns.image(out, image[:3], image[3], [1, 2], number)
+        augmentation.image(out, image[:3], image[3], [1, 2], number)
         np.testing.assert_array_equal(out, exact)
         color, depth = between(image[:3], image[3], 1, 2, size, matrix)
         np.testing.assert_allclose(color, exact[:3], atol=1e-4)
@@ -137,7 +137,7 @@ def test_a_spot_goes_where_the_vector_to_it_goes():
 def test_no_depth_is_invented():
     """Every depth of a turned batch was measured somewhere in the episode."""
     demo = make_demo(0, 5)
-    buffer = agent_buffer(config=small(rotate=True, turns=12))
+    buffer = agent_buffer(config=small(rotate=True, group_order=12))
     live_through(buffer, demo)
     scale = float(demo.cameras["front"].depth_scale)
     units = np.rint(buffer.sample(60)["image"][:, 3] / scale)
