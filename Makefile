@@ -35,13 +35,13 @@ bench: env data/centering data/block_picking  ## every benchmark; figures for do
 	$(BIN)/python benchmarks/replay.py --data data/block_picking
 	$(BIN)/python benchmarks/latent.py
 
-sizes: env data/centering data/centering_fresh  ## accuracy and training time by width and group; takes hours
-	$(BIN)/python benchmarks/sizes.py --data data/centering --fresh data/centering_fresh --out out/sizes
+sizes: env data/centering data/centering_test  ## accuracy and training time by width and group; takes hours
+	$(BIN)/python benchmarks/sizes.py --data data/centering --separate-test data/centering_test --out out/sizes
 
 data/centering: | env
 	$(BIN)/svfl-collect centering --samples 200 --seed 0 --workers 2 --out $@
 
-data/centering_fresh: | env
+data/centering_test: | env
 	$(BIN)/svfl-collect centering --samples 1000 --seed 1 --workers 2 --out $@
 
 data/block_picking: | env

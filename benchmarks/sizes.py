@@ -1,6 +1,6 @@
 """Accuracy against training time, for several widths and groups: where the default network comes from.
 
-    python benchmarks/sizes.py --data data/centering --fresh data/centering_fresh --out out/sizes
+    python benchmarks/sizes.py --data data/centering --separate-test data/centering_test --out out/sizes
 
 Every network is trained for several numbers of epochs, with the whole learning-rate cycle each time, so that a short
 training is as good as a short training can be. Training seconds are those of one core; ratios count, not seconds. The
@@ -41,12 +41,12 @@ def configurations(data: Path, encoder: str, samples: int) -> list[TrainingConfi
 
 
 def draw(results: Results, path: Path) -> None:
-    """A line per network: fresh accuracy against training seconds."""
+    """A line per network: accuracy on the separate test set against training seconds."""
     figure = Figure(figsize=(8, 4.6), layout="constrained")
     axes = figure.subplots()
     for preset, group, _ in NETWORKS:
         cells = results.find(preset=preset, group=group)
-        known = [(cell.seconds.mean, cell.fresh) for cell in cells if cell.seconds and cell.fresh]
+        known = [(cell.seconds.mean, cell.separate) for cell in cells if cell.seconds and cell.separate]
         if known:
             seconds, accuracies = zip(*known, strict=True)
             axes.errorbar(
@@ -55,7 +55,8 @@ def draw(results: Results, path: Path) -> None:
             )  # fmt: skip
     config = results.cells[0].config
     title = f"{config.encoder.upper()}, {config.train_samples} training samples"
-    axes.set(xscale="log", xlabel="training time, s (one core)", ylabel="accuracy on fresh samples, %", title=title)
+    axes.set(xscale="log", xlabel="training time, s (one core)", ylabel="accuracy on the separate test set, %")
+    axes.set_title(title)
     axes.grid(alpha=0.3)
     axes.legend()
     save(figure, path)
@@ -67,7 +68,7 @@ def row(cell: Cell) -> list[object]:
     config = cell.config
     return [
         config.preset, config.group, f"{parameters.mean:,.0f}" if parameters else "-", config.epochs,
-        f"{seconds.mean:.0f}" if seconds else "-", cell.words(cell.test), cell.words(cell.fresh),
+        f"{seconds.mean:.0f}" if seconds else "-", cell.words(cell.test), cell.words(cell.separate),
     ]  # fmt: skip
 
 
@@ -75,7 +76,7 @@ def main() -> None:
     """Train, draw, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=Path("data/centering"))
-    parser.add_argument("--fresh", type=Path, default=Path("data/centering_fresh"))
+    parser.add_argument("--separate-test", type=Path, default=Path("data/centering_test"))
     parser.add_argument("--encoder", default="vf")
     parser.add_argument("--train-samples", type=int, default=25)
     parser.add_argument("--seeds", type=int, default=3)
@@ -89,13 +90,14 @@ def main() -> None:
         for config in (replace(cell, seed=seed) for seed in range(options.seeds))
     }
     base = replace(cells[0], group="D4", preset="default")
-    with claimed(options.out, describe("sizes", base, options.fresh)):
-        jobs = {name: Training(config, options.out / RUNS / name, options.fresh) for name, config in runs.items()}
+    with claimed(options.out, describe("sizes", base, options.separate_test)):
+        separate = options.separate_test
+        jobs = {name: Training(config, options.out / RUNS / name, separate) for name, config in runs.items()}
         Grid(options.out, jobs).run(options.workers, Console(stderr=True))
         results = Results(runs, options.out / RUNS)
         draw(results, options.out / "sizes.png")
     print(f"{platform.processor() or platform.machine()}; {' '.join(cell_words(options))}\n")
-    header = ["preset", "group", "parameters", "epochs", "training, s", "fixed, %", "fresh, %"]
+    header = ["preset", "group", "parameters", "epochs", "training, s", "test split, %", "separate test set, %"]
     print(markdown(header, [row(cell) for cell in results.cells]))
 
 

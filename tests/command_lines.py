@@ -18,7 +18,7 @@ def make_data(folder: Path, episodes: int = 3) -> Path:
 def data_commands(data: Path, out: Path) -> dict[str, list[str]]:
     """The words of every command of ``svfl-data``, in an order that works: ``stats`` asks for a split."""
     own = {
-        "split": ["--shares", "train=0.6", "test=0.4"],
+        "split": ["--ratios", "train=0.6", "test=0.4"],
         "stats": [],
         "info": [],
         "validate": [],

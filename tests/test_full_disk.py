@@ -158,7 +158,7 @@ def trainings(tmp_path_factory):
         str(folder / "centering"), encoder="f", group="none", preset="tiny", train_samples=8, test_samples=8, epochs=9
     )
     cloning = CloningConfig(str(shown), 6, encoder="fp", group="none", preset="tiny", image_size=8, valid=1 / 3)
-    latent = LatentConfig(str(picking), "poe", steps=40, every=2, batch_size=4, sequence=3)
+    latent = LatentConfig(str(picking), "poe", steps=40, checkpoint_every=2, batch_size=4, sequence=3)
     return {
         "centering": (lambda out: train_centering(centering, out, console=QUIET), load_centering),
         "bc": (lambda out: train_cloning(replace(cloning, epochs=9), out, QUIET), load_policy),

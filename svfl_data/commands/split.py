@@ -19,11 +19,11 @@ def add(commands: Commands) -> None:
         description="Draw a split by whole episodes with a seed, and store it beside them, so that everyone trains and "
         "tests on the same ones. A stored split of this name is replaced by another one only with --replace. Copies"
         " of one recording are refused, since one could be trained and the other tested on.",
-        example="svfl-data split data/centering --shares train=0.8 valid=0.1 test=0.1 --seed 0",
+        example="svfl-data split data/centering --ratios train=0.8 valid=0.1 test=0.1 --seed 0",
     )
     add_dataset(parser)
     parser.add_argument(
-        "--shares", nargs="+", type=share, default=SHARES, metavar="PART=SHARE",
+        "--ratios", nargs="+", type=share, default=SHARES, metavar="PART=RATIO",
         help="share of the episodes of each part (default train=0.8 valid=0.1 test=0.1)",
     )  # fmt: skip
     parser.add_argument("--seed", type=natural, default=0, metavar="S", help="seed (default 0)")
@@ -43,7 +43,7 @@ def share(text: str) -> tuple[str, float]:
     try:
         return part, float(number)
     except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is not PART=SHARE, e.g. train=0.8") from error
+        raise argparse.ArgumentTypeError(f"{text!r} is not PART=RATIO, e.g. train=0.8") from error
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> None:
     dataset = Dataset.open(arguments.path)
     dataset.clear()
     check_no_copies(dataset)
-    split = split_episodes(dataset.indices, dict(arguments.shares), arguments.seed, arguments.name)
+    split = split_episodes(dataset.indices, dict(arguments.ratios), arguments.seed, arguments.name)
     file = split.save(dataset, arguments.replace)
     if arguments.json:
         print_json({"file": str(file), "sha256": split.sha256, "seed": split.seed, "parts": split.parts})

@@ -7,7 +7,7 @@ from svfl_data.sampling.centering_samples import View
 
 MODELS = ("svfl", "cnn")
 TARGETS = ("direction", "offset")
-USES = ("frozen", "tuned", "scratch")
+USES = ("frozen", "fine-tuned", "from-scratch")
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,8 @@ class Latent:
         data: Dataset folder that it was pretrained on.
         preset: Of the pretraining.
         steps: Of the pretraining.
-        use: ``frozen``: only the head learns; ``tuned``: the encoder too; ``scratch``: likewise, from random weights,
-            which tells what the pretraining is worth.
+        use: ``frozen``: only the head learns; ``fine-tuned``: the encoder too; ``from-scratch``: likewise, from random
+            weights, which tells what the pretraining is worth.
         learning_rate: Of the encoder at the start, where it learns.
     """
 
@@ -32,7 +32,7 @@ class Latent:
     data: str
     preset: str
     steps: int
-    use: str = "tuned"
+    use: str = "fine-tuned"
     learning_rate: float = 1e-4
 
     def __str__(self) -> str:

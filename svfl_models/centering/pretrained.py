@@ -87,5 +87,5 @@ def module_of(config: TrainingConfig) -> CenteringModule:
     module = CenteringModule(network, config.learning_rate, config.epochs, config.plain(), rate)
     trunk = module.classifier.trunk
     assert isinstance(trunk, LatentTrunk)
-    trunk.take_over(pretrained, weights=latent.use != "scratch")
+    trunk.take_over(pretrained, weights=latent.use != "from-scratch")
     return module

@@ -18,7 +18,7 @@ from svfl_models.training.writing import write_figure, write_json, write_text
 NAMES = {
     "v": "V", "f": "F", "vf": "V+F", "vfp": "V+F+P", "svfl": "SVFL", "cnn": "CNN",
     "vtt": "VTT", "poe": "PoE", "concat": "concat",
-    "frozen": "frozen", "tuned": "fine-tuned", "scratch": "from scratch",
+    "frozen": "frozen", "fine-tuned": "fine-tuned", "from-scratch": "from scratch",
 }  # fmt: skip
 
 
@@ -29,7 +29,7 @@ class Result:
     Attributes:
         test_accuracy: Of the final weights, 0..1. Not chosen by its own value, hence the headline.
         best_test_accuracy: Highest of all epochs, 0..1: a maximum over noisy measurements, and so optimistic.
-        fresh_accuracy: On the samples of another dataset, 0..1, if there was one.
+        separate_test_accuracy: On the samples of another dataset, 0..1, if there was one.
         offset_error_mm: Mean distance of predicted and true offset on the test samples, [mm]; None if the network
             predicts directions.
         epochs: Epochs trained.
@@ -41,7 +41,7 @@ class Result:
 
     test_accuracy: float
     best_test_accuracy: float
-    fresh_accuracy: float | None
+    separate_test_accuracy: float | None
     offset_error_mm: float | None
     epochs: int
     seconds: float
@@ -87,7 +87,7 @@ def page(config: TrainingConfig, result: Result) -> str:
 | --- | --- |
 | **{config.test_samples} test samples, final weights** | **{result.test_accuracy:.1%}** |
 | the same, best epoch | {result.best_test_accuracy:.1%} |
-{_fresh(result)}| paper, same cell, simulation, 3 seeds | {paper} |
+{_separate(result)}| paper, same cell, simulation, 3 seeds | {paper} |
 
 {_stopping(config)} The best epoch is chosen on the test samples and is optimistic; the headline is the accuracy of
 the weights that the training ended with. The paper's data are not published: its figure is of the same task, not of
@@ -116,7 +116,7 @@ def _latent(config: TrainingConfig) -> str:
     if config.latent is None:
         return ""
     checkpoint = f"{markdown(config.latent.checkpoint)} (SHA-256 {config.latent.sha256[:12]})"
-    if config.latent.use == "scratch":
+    if config.latent.use == "from-scratch":
         return (
             f"The encoder has the architecture and input scales of {checkpoint}, but random weights to begin with.\n\n"
         )
@@ -124,8 +124,9 @@ def _latent(config: TrainingConfig) -> str:
     return f"The encoder is that of {checkpoint}, pretrained {pretraining(config.latent)}; it {kept}.\n\n"
 
 
-def _fresh(result: Result) -> str:
-    return "" if result.fresh_accuracy is None else f"| samples of another dataset | {result.fresh_accuracy:.1%} |\n"
+def _separate(result: Result) -> str:
+    accuracy = result.separate_test_accuracy
+    return "" if accuracy is None else f"| separate test set | {accuracy:.1%} |\n"
 
 
 def _offsets(result: Result) -> str:

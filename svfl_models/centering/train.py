@@ -30,7 +30,7 @@ TEST_EVERY = 10
 
 
 def train_centering(
-    config: TrainingConfig, out: Path, fresh: Path | str | None = None, console: Console | None = None
+    config: TrainingConfig, out: Path, separate_test: Path | str | None = None, console: Console | None = None
 ) -> Result:
     """Train and test one network; the same configuration gives the same result on the same machine.
 
@@ -40,7 +40,7 @@ def train_centering(
     Args:
         config: What to train, on what.
         out: Folder for checkpoint, metrics, predictions, pictures and report.
-        fresh: Dataset folder whose samples are all tested too; nothing is chosen by them.
+        separate_test: Dataset folder whose samples are all tested too; nothing is chosen by them.
         console: Where progress goes; standard output by default.
 
     Returns:
@@ -58,7 +58,7 @@ def train_centering(
     )
     train, test = samples.take(train_index), samples.take(test_index)
     data = CenteringData(train, test, config)
-    others = {"test": test} | ({} if fresh is None else {"fresh": samples_of(fresh, config)})
+    others = {"test": test} | ({} if separate_test is None else {"separate_test": samples_of(separate_test, config)})
 
     pl.seed_everything(config.seed, verbose=False)
     module = module_of(config)
@@ -78,7 +78,7 @@ def train_centering(
         result = Result(
             test_accuracy=judged["test"].accuracy,
             best_test_accuracy=max(row["test_accuracy"] for row in metrics.rows if "test_accuracy" in row),
-            fresh_accuracy=judged["fresh"].accuracy if "fresh" in judged else None,
+            separate_test_accuracy=judged["separate_test"].accuracy if "separate_test" in judged else None,
             offset_error_mm=judged["test"].offset_error_mm,
             epochs=len(metrics.rows),
             seconds=round(seconds, 1),

@@ -39,7 +39,7 @@ def add(commands: Commands) -> None:
         help="of the most demonstrations; fewer get more, for as many steps (default: %(default)s)")  # fmt: skip
     add("--workers", type=positive, default=1, metavar="N", help="policies at a time (default: %(default)s)")
     add("--out", type=Path, default=Path("out/bc_table"), metavar="FOLDER", help="default: %(default)s")
-    add("--docs", type=Path, metavar="FOLDER", help="copy page, figures and figures of the runs there too")
+    add("--copy-report-to", type=Path, metavar="FOLDER", help="copy page, figures and figures of the runs there too")
     parser.set_defaults(command=run)
 
 
@@ -76,11 +76,13 @@ def run(arguments: argparse.Namespace) -> None:
         finally:
             with storage_errors(out):
                 words, files = cloning_table_page.write(cloning_table_page.Table(runs), _command_line(arguments), out)
-        if arguments.docs:
-            with storage_errors(arguments.docs):
-                arguments.docs.mkdir(parents=True, exist_ok=True)
+        if arguments.copy_report_to:
+            with storage_errors(arguments.copy_report_to):
+                arguments.copy_report_to.mkdir(parents=True, exist_ok=True)
                 for file in files:
-                    copy_file(file, arguments.docs / (file.name if file.name != "runs.csv" else "bc_table.csv"))
+                    copy_file(
+                        file, arguments.copy_report_to / (file.name if file.name != "runs.csv" else "bc_table.csv")
+                    )
     say(*words.split("\n"), *files)
     grid.raise_failures()
 

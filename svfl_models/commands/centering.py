@@ -44,8 +44,8 @@ def add(commands: Commands) -> None:
     add("--image-size", type=int, choices=IMAGE_SIZES, default=DEFAULT.image_size, help="[px] (default: %(default)s)")
     add("--latent", type=Path, metavar="CHECKPOINT", help="build on an encoder that svfl-train latent has pretrained")
     add("--use", choices=USES,
-        help="what learns: the head alone (images keep their colours), the encoder too (tuned, default), or all of "
-        "it from random weights, for comparison")  # fmt: skip
+        help="what learns: the head alone (images keep their colours), the encoder too (fine-tuned, default), or all "
+        "of it from random weights, for comparison")  # fmt: skip
     add("--latent-rate", type=positive_number, default=Latent.learning_rate, metavar="R",
         help="learning rate of the pretrained encoder (default: %(default)s)")  # fmt: skip
     add("--rotate", action="store_true", help="turn and mirror the training samples at random")
@@ -57,7 +57,7 @@ def add(commands: Commands) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Train one network and print its result beside the paper's."""
     options = vars(arguments) | {"data": str(arguments.data)} | _network(arguments)
-    out, fresh = options.pop("out"), options.pop("fresh")
+    out, separate_test = options.pop("out"), options.pop("separate_test")
     for name in ("command", "model", "use", "latent_rate"):
         del options[name]
     config = TrainingConfig(**options)
@@ -72,11 +72,11 @@ def run(arguments: argparse.Namespace) -> None:
     )
     from svfl_models.training import run_folder  # torch, lightning and escnn take seconds to import
 
-    result = train.train_centering(config, out, fresh)
+    result = train.train_centering(config, out, separate_test)
     figure = paper_figures.centering_words(config.encoder, config.model, config.train_samples)
     say(f"{report.cell_name(config)}: test accuracy {result.test_accuracy:.1%} (paper: {figure})")
-    if result.fresh_accuracy is not None:
-        say(f"on the samples of {fresh}: {result.fresh_accuracy:.1%}")
+    if result.separate_test_accuracy is not None:
+        say(f"on the samples of {separate_test}: {result.separate_test_accuracy:.1%}")
     if result.offset_error_mm is not None:
         say(f"predicted offsets are {result.offset_error_mm:.1f} mm off on average")
     say(f"{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training")

@@ -25,7 +25,7 @@ class Experiment:
     example: str
 
 
-_DATA = "--data data/centering --fresh data/centering_fresh"
+_DATA = "--data data/centering --separate-test data/centering_test"
 COMMANDS = {
     "table": Experiment(
         "the paper's table: V, F, V+F with SVFL and CNN, against training samples", (10, 25, 50, 100),
@@ -47,7 +47,7 @@ COMMANDS = {
     "latents": Experiment(
         "SVFL and CNN beside pretrained VTT, PoE and concat: frozen, fine-tuned and from scratch", (10, 25, 50, 100),
         f"svfl-train centering-latents {_DATA} --latents out/latent_poe/checkpoint.ckpt out/latent_vtt/checkpoint.ckpt"
-        " --also out/centering_table",
+        " --reuse out/centering_table",
     ),
 }  # fmt: skip
 
@@ -73,9 +73,9 @@ def add(commands: Commands) -> None:
         add("--workers", type=positive, metavar="N", help="trainings at a time (default: one per core)")
         add_recipe(parser)
         add("--out", type=Path, metavar="FOLDER", help=f"default: out/centering_{name}")
-        add("--also", type=Path, metavar="FOLDER",
+        add("--reuse", type=Path, metavar="FOLDER",
             help="take over what another experiment has trained with the same settings")  # fmt: skip
-        add("--docs", type=Path, metavar="FOLDER", help="copy page, figures and summary there too")
+        add("--copy-report-to", type=Path, metavar="FOLDER", help="copy page, figures and summary there too")
         parser.set_defaults(command=functools.partial(run, one), experiment=name)
 
 

@@ -34,7 +34,7 @@ def add(commands: Commands) -> None:
     add("--split", default=DEFAULT.split, metavar="NAME",
         help="stored by svfl-data split (default: 4 of 5 episodes to train on)")  # fmt: skip
     add("--mixed", action="store_true", help="learn from episodes of different tasks or limits of actions together")
-    add("--every", type=positive, default=DEFAULT.every, metavar="N",
+    add("--checkpoint-every", type=positive, default=DEFAULT.checkpoint_every, metavar="N",
         help="steps between two checkpoints (default: %(default)s)")  # fmt: skip
     add("--learning-rate", type=positive_number, default=DEFAULT.learning_rate, metavar="R",
         help="default: %(default)s")  # fmt: skip

@@ -27,7 +27,7 @@ def add_data(parser: Parser) -> None:
     """Add the datasets."""
     parser.add_argument("--data", type=Path, required=True, help="dataset folder written by svfl-collect centering")
     parser.add_argument(
-        "--fresh", type=Path, help="another such dataset, all of it tested too, none of it learned from"
+        "--separate-test", type=Path, help="another such dataset, all of it tested too, none of it learned from"
     )
 
 

@@ -68,16 +68,17 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
         for cell in experiment.cells(base, samples, **_given(arguments))
         for config in (replace(cell, seed=seed) for seed in range(arguments.seeds))
     }
-    about = describe(f"centering-{name}", base, arguments.fresh)
+    about = describe(f"centering-{name}", base, arguments.separate_test)
     _check_enough(about["data"]["episodes"], max(samples), base)
-    for path in (base.data, arguments.fresh):
+    for path in (base.data, arguments.separate_test):
         if path is not None:
             _check_labelled(Dataset.open(path))
     with claimed(out, about):
-        if arguments.also:
+        if arguments.reuse:
             with storage_errors(out):
-                take_from(arguments.also, about, out, runs)
-        grid = Grid(out, {name: Training(config, out / RUNS / name, arguments.fresh) for name, config in runs.items()})
+                take_from(arguments.reuse, about, out, runs)
+        separate = arguments.separate_test
+        grid = Grid(out, {name: Training(config, out / RUNS / name, separate) for name, config in runs.items()})
         try:
             grid.run(arguments.workers or usable_cores(), Console(stderr=True))
         finally:
@@ -90,9 +91,9 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
             words += page.how(command_line(arguments, samples, usual_samples), results, about, arguments.seeds)
             write_text(out / f"{name}.md", words)
             pictures = experiment.draw(results, out)
-        if arguments.docs:
-            with storage_errors(arguments.docs):
-                publish(name, out, pictures, arguments.docs)
+        if arguments.copy_report_to:
+            with storage_errors(arguments.copy_report_to):
+                publish(name, out, pictures, arguments.copy_report_to)
     say(*words.split("\n"))
     for file in (out / f"{name}.md", *pictures, out / SUMMARY, out / "runs.csv"):
         say(file)
@@ -111,7 +112,7 @@ def command_line(arguments: argparse.Namespace, samples: Sequence[int], usual_sa
     """The command that gives the same numbers: only the options on which they depend."""
     words = ["svfl-train", f"centering-{arguments.experiment}", "--data", str(arguments.data)]
     usual = TrainingConfig("")
-    words += ["--fresh", str(arguments.fresh)] if arguments.fresh else []
+    words += ["--separate-test", str(arguments.separate_test)] if arguments.separate_test else []
     if "latents" in arguments:
         words += ["--latents", *map(str, arguments.latents)]
         words += [] if set(arguments.uses) == set(USES) else ["--uses", *arguments.uses]

@@ -31,7 +31,7 @@ class Predictions:
     """Predictions of all runs of a cell.
 
     Attributes:
-        samples: ``fresh`` where there are any, otherwise ``test``.
+        samples: ``separate_test`` where there are any, otherwise ``test``.
         direction: True classes, shape (S,).
         predicted: Predicted classes, shape (S,).
         border_deg: Angle between the true offset and the nearest border of two classes, shape (S,), [deg].
@@ -51,7 +51,7 @@ class Predictions:
         for run in cell.runs:
             if run.result:
                 rows += read_rows(run.folder / run_folder.PREDICTIONS)
-        samples = "fresh" if any(row["samples"] == "fresh" for row in rows) else "test"
+        samples = "separate_test" if any(row["samples"] == "separate_test" for row in rows) else "test"
         rows = [row for row in rows if row["samples"] == samples]
 
         def column(name: str) -> np.ndarray:

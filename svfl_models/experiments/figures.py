@@ -27,13 +27,13 @@ def panels(rows: int, columns: int, height_in: float) -> tuple[Figure, list[Axes
 
 
 def best_known(cell: Cell, results: Results) -> Mean | None:
-    """Accuracy on the fresh samples where there are any, since they are more; otherwise on the fixed ones, [%]."""
-    return cell.fresh if results.tested_fresh else cell.test
+    """Accuracy on the separate test set where there is one, since it is larger; otherwise on the test split, [%]."""
+    return cell.separate if results.tested_separately else cell.test
 
 
 def accuracy_label(results: Results) -> str:
     """Label of an axis of `best_known`."""
-    return f"accuracy on the {'fresh' if results.tested_fresh else 'fixed'} samples, %"
+    return f"accuracy on the {'separate test set' if results.tested_separately else 'test split'}, %"
 
 
 def line(axes: Axes, x: Sequence[float], means: Sequence[Mean | None], **style: object) -> None:

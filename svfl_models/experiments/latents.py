@@ -14,9 +14,9 @@ from svfl_models.experiments.results import Cell, Results
 from svfl_models.training.figures import save
 
 TITLE = "Block centering: pretrained latent models"
-SHARE_OF_EPOCHS = {"frozen": 1.0, "tuned": 0.3, "scratch": 0.3}
+SHARE_OF_EPOCHS = {"frozen": 1.0, "fine-tuned": 0.3, "from-scratch": 0.3}
 """How a latent encoder is used -> epochs, as a share of the other networks'."""
-STYLES = {"frozen": ("^:", "#cc79a7"), "tuned": ("o-", "#009e73"), "scratch": ("x--", "#555555")}
+STYLES = {"frozen": ("^:", "#cc79a7"), "fine-tuned": ("o-", "#009e73"), "from-scratch": ("x--", "#555555")}
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def cells(
     for place, latent in enumerate(latents):
         known = latent.model in [other.model for other in latents[:place]]
         for use, share in SHARE_OF_EPOCHS.items():
-            if use in uses and (use != "scratch" or not known):
+            if use in uses and (use != "from-scratch" or not known):
                 epochs = max(1, round(share * base.epochs))
                 networks.append(replace(base, epochs=epochs, **settings(replace(latent, use=use), base.augment)))
     return [replace(network, train_samples=count) for network in networks for count in train_samples]
@@ -65,7 +65,7 @@ def table_rows(results: Results) -> list[Row]:
             same = results.find(latent=latent, group=group)
             if same:
                 name = latent_name(latent) if latent else heading(same[0].config)
-                several = latent and latent.use != "scratch" and models.count(latent.model) > 1
+                several = latent and latent.use != "from-scratch" and models.count(latent.model) > 1
                 found.append(Row(f"{name} ({latent.sha256[:6]})" if several else name, latent, same))
     return found
 
@@ -123,8 +123,9 @@ def _uses(uses: Iterable[str], encoder_rate: float, head_rate: float) -> str:
         "frozen": f"""\
 - frozen: the encoder stays as its pretraining left it, and only the linear layer learns. {VIEWS} crops of every sample
   are encoded once; they are not recoloured, since the encoder has not learned that colours mean nothing.""",
-        "tuned": f"- fine-tuned: the encoder learns, too, at a rate of {encoder_rate:g}; the layer at {head_rate:g}.",
-        "scratch": "- from scratch: likewise with random weights, all else being equal: what pretraining is worth.",
+        "fine-tuned": f"- fine-tuned: the encoder learns, too, at a rate of {encoder_rate:g}; "
+        f"the layer at {head_rate:g}.",
+        "from-scratch": "- from scratch: likewise with random weights, all else being equal: the gain of pretraining.",
     }
     return "\n".join(words[use] for use in uses)
 

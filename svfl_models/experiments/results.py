@@ -11,9 +11,10 @@ from svfl_models.experiments.runs.folder import finished
 from svfl_models.training.writing import write_rows
 
 NOTHING = "-"
+TEST_SPLIT, SEPARATE_TEST_SET = "test split", "separate test set"
 VARIED = ("encoder", "group", "train_samples", "torque", "view", "image_size", "augment", "rotate", "noise")
 """What an experiment may vary; the rest of a configuration is the recipe."""
-RESULTS = ("test_accuracy", "best_test_accuracy", "fresh_accuracy", "epochs", "seconds", "parameters")
+RESULTS = ("test_accuracy", "best_test_accuracy", "separate_test_accuracy", "epochs", "seconds", "parameters")
 
 
 @dataclass(frozen=True)
@@ -82,13 +83,17 @@ class Cell:
 
     @property
     def test(self) -> Mean | None:
-        """Accuracy on the fixed test samples, [%]."""
+        """Accuracy on the test split, [%]."""
         return self.mean("test_accuracy", 100)
 
     @property
-    def fresh(self) -> Mean | None:
-        """Accuracy on the fresh dataset, [%]."""
-        return self.mean("fresh_accuracy", 100)
+    def separate(self) -> Mean | None:
+        """Accuracy on the separate test set, [%]."""
+        return self.mean("separate_test_accuracy", 100)
+
+    def on(self, test: str) -> Mean | None:
+        """Accuracy on one of the test sets, `TEST_SPLIT` or `SEPARATE_TEST_SET`, [%]."""
+        return self.test if test == TEST_SPLIT else self.separate
 
     @property
     def seconds(self) -> Mean | None:
@@ -136,9 +141,9 @@ class Results:
         return list(dict.fromkeys(getattr(cell.config, setting) for cell in self.cells))
 
     @property
-    def tested_fresh(self) -> bool:
-        """Whether any run was tested on a fresh dataset."""
-        return any(cell.fresh for cell in self.cells)
+    def tested_separately(self) -> bool:
+        """Whether any run was tested on a separate test set."""
+        return any(cell.separate for cell in self.cells)
 
     def seconds(self) -> float:
         """Training time of all finished runs together, [s]."""
@@ -154,10 +159,10 @@ class Results:
 
     def write_summary(self, path: Path) -> None:
         """One row per cell, as CSV; accuracies in per cent, mean and standard error over the seeds."""
-        names = ("test", "test_error", "fresh", "fresh_error", "seconds", "parameters")
+        names = ("test", "test_error", "separate_test", "separate_test_error", "seconds", "parameters")
         rows: list[list[object]] = [[*self._columns(), "seeds", *names]]
         for cell in self.cells:
-            numbers = [*_pair(cell.test), *_pair(cell.fresh), _pair(cell.seconds)[0]]
+            numbers = [*_pair(cell.test), *_pair(cell.separate), _pair(cell.seconds)[0]]
             parameters = cell.mean("parameters")
             seeds = cell.test.count if cell.test else 0
             rows.append([*self._settings(cell.config), seeds, *numbers, round(parameters.mean) if parameters else ""])

@@ -67,7 +67,7 @@ def draw(results: Results, folder: Path) -> list[Path]:
         panel.axhline(25, color="grey", linewidth=0.8, linestyle=":")
         panel.set(title=NAMES[encoder], xlabel="training samples", xscale="log", ylim=(20, 102))
         few_ticks(panel, counts)
-    axes[0].set_ylabel("accuracy on the fixed samples, %")
+    axes[0].set_ylabel("accuracy on the test split, %")
     axes[0].text(counts[-1], 26, "chance", color="grey", ha="right", fontsize=8)
     legend(axes[1], "lower right")
     return [save(figure, folder / "table.png"), error_analysis.draw(hardest(results), folder / "table_errors.png")]
@@ -95,7 +95,7 @@ def _paper(cell: Cell) -> str:
 
 def _ours(cell: Cell, test: str) -> str:
     words = accuracy_words(cell, test)
-    good = reaches(cell, cell.test if test == "fixed" else cell.fresh)
+    good = reaches(cell, cell.on(test))
     return f"**{words}**" if good and cell.config.model == "svfl" else words
 
 
@@ -104,13 +104,13 @@ def _verdict(results: Results) -> str:
     symmetric = results.find(group=MODELS["svfl"])
     sentences = []
     for test in tests(results):
-        judged = [(cell, reaches(cell, cell.test if test == "fixed" else cell.fresh)) for cell in symmetric]
-        known = [good for _, good in judged if good is not None]
+        reached = [(cell, reaches(cell, cell.on(test))) for cell in symmetric]
+        known = [good for _, good in reached if good is not None]
         if not known:
             return "The paper has no such cells."
-        below = [f"{NAMES[cell.config.encoder]} {cell.config.train_samples}" for cell, good in judged if good is False]
+        below = [f"{NAMES[cell.config.encoder]} {cell.config.train_samples}" for cell, good in reached if good is False]
         sentences.append(
-            f"On the {test} samples {sum(known)} of {len(known)} SVFL cells are at or above the paper's"
+            f"On the {test} {sum(known)} of {len(known)} SVFL cells are at or above the paper's"
             + (f" (below: {', '.join(below)})." if below else ".")
         )
     return f"Bold: SVFL at or above the paper's SVFL. {' '.join(sentences)}"

@@ -135,7 +135,7 @@ class LatentConfig:
         split: Name of a split stored with the dataset; by default one that is drawn, 4 of 5 episodes to train on.
         contact_n: Force above which a frame counts as contact, [N].
         mixed: Whether episodes may be of different tasks or action spaces.
-        every: Steps between two checkpoints.
+        checkpoint_every: Steps between two checkpoints.
         learning_rate: Of Adam.
     """
 
@@ -149,7 +149,7 @@ class LatentConfig:
     split: str = ""
     contact_n: float = PRESETS["svfl_2023"].contact_n
     mixed: bool = False
-    every: int = 250
+    checkpoint_every: int = 250
     learning_rate: float = 1e-4
 
     def network(self) -> dict[str, Any]:

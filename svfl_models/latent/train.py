@@ -103,7 +103,7 @@ class LatentData(pl.LightningDataModule):
     def train_dataloader(self) -> DataLoader[Batch]:
         """The batches of the next leg."""
         config, first = self.config, self.module.steps
-        steps = range(first, min(first + config.every, config.steps))
+        steps = range(first, min(first + config.checkpoint_every, config.steps))
         return DataLoader(
             self.train, sampler=Leg(len(self.train), config.batch_size, config.seed, steps), batch_size=None
         )

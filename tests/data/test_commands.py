@@ -120,7 +120,7 @@ def test_mistakes_are_one_line_with_their_exit_code(command, week, tmp_path):
         (2, "0 < release <= threshold", "relabel", week.path, "--contact", "--threshold", 1, "--release", 2),
         (2, "none of tare", "relabel", week.path, "--transforms", "kalman"),
         (2, "must be positive", "relabel", week.path, "--transforms", "low_pass=-3"),
-        (2, "is not PART=SHARE", "split", week.path, "--shares", "train"),
+        (2, "is not PART=RATIO", "split", week.path, "--ratios", "train"),
         (1, "no split", "stats", week.path, "--split", "other"),
     ):  # fmt: skip
         found, _, err = command(*words)
@@ -373,11 +373,11 @@ def test_a_failed_relabel_leaves_the_old_file(command, week, monkeypatch):
 
 
 def test_split_stats_pack_and_unpack(command, week, tmp_path):
-    code, out, _ = command("split", week.path, "--shares", "train=0.5", "test=0.5", "--seed", 3, "--json")
+    code, out, _ = command("split", week.path, "--ratios", "train=0.5", "test=0.5", "--seed", 3, "--json")
     split = json.loads(out)
     assert code == 0
     assert sorted(split["parts"]["train"] + split["parts"]["test"]) == week.indices
-    assert command("split", week.path, "--shares", "train=0.75", "test=0.25", "--seed", 3)[0] == 1  # one stays
+    assert command("split", week.path, "--ratios", "train=0.75", "test=0.25", "--seed", 3)[0] == 1  # one stays
     code, out, _ = command("stats", week.path)
     assert code == 0
     assert "fz       mean" in out

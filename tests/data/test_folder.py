@@ -156,7 +156,7 @@ def test_the_same_recording_twice_is_found_and_never_split(dataset, tmp_path, co
         assert "--once" in err
     assert "1 copy left out" in command("filter", dataset.path, tmp_path / "m", "--once")[1]
     assert len(Dataset.open(tmp_path / "m")) == 4
-    assert command("split", tmp_path / "m", "--shares", "train=0.5", "test=0.5")[0] == 0
+    assert command("split", tmp_path / "m", "--ratios", "train=0.5", "test=0.5")[0] == 0
 
 
 def test_a_relabelled_episode_in_front_of_its_shard_is_no_copy(dataset, tmp_path, command):
@@ -192,14 +192,14 @@ def test_shards_of_any_name_can_be_packed_again(dataset, tmp_path, command):
 def test_a_split_whose_episodes_are_gone_says_which_and_how_to_go_on(dataset, command):
     assert command("stats", dataset.path)[0] == 0
     dataset.episode_path(2).unlink()
-    for words in (("stats", dataset.path), ("split", dataset.path, "--shares", "train=0.5", "test=0.5")):
+    for words in (("stats", dataset.path), ("split", dataset.path, "--ratios", "train=0.5", "test=0.5")):
         code, _, err = command(*words)
         assert (code, err.count("\n")) == (1, 1)
         assert "lacks 1 of its 4 episodes (2)" in err
         assert "--replace" in err
-    assert command("split", dataset.path, "--shares", "train=0.5", "test=0.5", "--replace")[0] == 0
+    assert command("split", dataset.path, "--ratios", "train=0.5", "test=0.5", "--replace")[0] == 0
     assert command("stats", dataset.path)[0] == 0
-    assert command("split", dataset.path, "--name", "other", "--shares", "train=0.5", "test=0.5")[0] == 0
+    assert command("split", dataset.path, "--name", "other", "--ratios", "train=0.5", "test=0.5")[0] == 0
 
 
 def test_a_split_of_all_episodes_gone_names_only_some(dataset, command):

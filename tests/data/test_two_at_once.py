@@ -148,7 +148,7 @@ def fails(*_args, **_kwargs):
         ("merge", "SRC", "NEW"),
         ("filter", "SRC", "NEW", "--success", "yes"),
         ("pack", "SRC", "NEW"),
-        ("split", "SRC", "--shares", "train=0.5", "test=0.5"),
+        ("split", "SRC", "--ratios", "train=0.5", "test=0.5"),
     ],
 )
 def test_a_command_that_failed_can_be_given_again(dataset, tmp_path, command, monkeypatch, words):

@@ -48,9 +48,9 @@ def make_dataset(folder, seed, count=24):
 
 @pytest.fixture(scope="module")
 def datasets(tmp_path_factory):
-    """Where from: training and fresh samples, as options."""
+    """Where from: training and samples of the separate test set, as options."""
     folder = tmp_path_factory.mktemp("data")
-    return "--data", make_dataset(folder / "a", 0), "--fresh", make_dataset(folder / "b", 1)
+    return "--data", make_dataset(folder / "a", 0), "--separate-test", make_dataset(folder / "b", 1)
 
 
 @pytest.fixture
@@ -96,11 +96,11 @@ def test_a_real_table_from_start_to_end(datasets, tmp_path, capsys):
     assert "6/6 " in printed.err
     assert (tmp_path / "o" / "table.md").read_text() in printed.out
     numbers = json.loads((tmp_path / "o" / "runs" / "f_D4_8_seed0" / "result.json").read_text())["result"]
-    words = f"| F | SVFL | ours, fixed | {100 * numbers['test_accuracy']:.1f} |"
+    words = f"| F | SVFL | ours, test split | {100 * numbers['test_accuracy']:.1f} |"
     assert words in printed.out
     rows = list(csv.DictReader((tmp_path / "o" / "runs.csv").open()))
     assert {row["run"] for row in rows} == set(first)
-    assert all(float(row["fresh_accuracy"]) <= 1 for row in rows)
+    assert all(float(row["separate_test_accuracy"]) <= 1 for row in rows)
     assert is_drawn(tmp_path / "o" / "table.png")
     assert run("table", *options) == 0
     assert written(tmp_path / "o") == first
@@ -110,14 +110,14 @@ def test_a_real_table_from_start_to_end(datasets, tmp_path, capsys):
 def test_every_experiment_makes_its_page(name, datasets, latents, quick, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(command, "_check_enough", lambda *arguments: None)
     more = latents.get(name, ())
-    assert run(name, *datasets, *more, "--out", tmp_path / "out", "--docs", tmp_path / "docs") == 0
+    assert run(name, *datasets, *more, "--out", tmp_path / "out", "--copy-report-to", tmp_path / "docs") == 0
     assert len(written(tmp_path / "out")) == RUNS[name]
     text = (tmp_path / "docs" / f"{name}.md").read_text()
     assert text in capsys.readouterr().out
     assert f"- {RUNS[name]} runs, {RUNS[name]} of them finished: seeds 0 to 2." in text
     assert f"svfl-train centering-{name} --data" in text
-    assert "fixed: 8 of the 24 samples" in text
-    assert "fresh: all 24 samples" in text
+    assert "test split: 8 of the 24 samples" in text
+    assert "separate test set: all 24 samples" in text
     assert "epochs 500" in text or "500 epochs" in text
     assert "Training time of all runs together:" in text
     for picture in PICTURES[name]:
@@ -134,11 +134,11 @@ def test_every_experiment_makes_its_page(name, datasets, latents, quick, monkeyp
     assert all(line.count("|") == lines[0].count("|") for line in lines[: lines.index(lines[0]) + 5])
 
 
-def test_without_fresh_samples_there_is_one_accuracy(datasets, quick, tmp_path):
+def test_without_separate_test_samples_there_is_one_accuracy(datasets, quick, tmp_path):
     assert run("table", *datasets[:2], "--seeds", 1, "--train-samples", 10, "--out", tmp_path / "out") == 0
     text = (tmp_path / "out" / "table.md").read_text()
-    assert "ours, fresh" not in text
-    assert "+-" not in text.split("ours, fixed")[1].split("\n")[0]  # of one seed there is no standard error
+    assert "ours, separate test set" not in text
+    assert "+-" not in text.split("ours, test split")[1].split("\n")[0]  # of one seed there is no standard error
 
 
 def test_a_changed_dataset_or_recipe_is_refused(quick, tmp_path, capsys):
@@ -148,7 +148,7 @@ def test_a_changed_dataset_or_recipe_is_refused(quick, tmp_path, capsys):
     first = written(tmp_path / "out")
     for changed, words in [
         (("--epochs", 7), "epochs = 500, now 7"),
-        (("--fresh", data), f"fresh = None, now '{data}'"),
+        (("--separate-test", data), f"separate_test = None, now '{data}'"),
     ]:
         capsys.readouterr()
         assert run("table", *options, *changed) == 1
@@ -193,15 +193,15 @@ def test_runs_of_another_experiment_are_taken_over(datasets, latents, quick, tmp
     few = (*datasets, "--seeds", 1, "--train-samples", 8)
     assert run("table", *few, "--out", tmp_path / "table") == 0
     quick(pretend.train_in_vain)
-    more = (*latents["latents"], "--also", tmp_path / "table")
+    more = (*latents["latents"], "--reuse", tmp_path / "table")
     assert run("latents", *few, *more, "--out", tmp_path / "out") == 1
     assert set(written(tmp_path / "out")) == {"vf_D4_8_seed0", "vf_none_8_seed0"}
     capsys.readouterr()
     assert run("latents", *few, "--epochs", 7, *more, "--out", tmp_path / "others") == 1
     assert written(tmp_path / "others") == {}
     assert run("latents", *datasets[:2], *few[4:], *more, "--out", tmp_path / "unlike") == 1
-    assert "holds runs with another --fresh than this experiment" in capsys.readouterr().err
-    assert run("latents", *few, *latents["latents"], "--also", tmp_path, "--out", tmp_path / "none") == 1
+    assert "holds runs with another --separate-test than this experiment" in capsys.readouterr().err
+    assert run("latents", *few, *latents["latents"], "--reuse", tmp_path, "--out", tmp_path / "none") == 1
     assert "holds no experiment to take runs from" in capsys.readouterr().err
 
 
@@ -218,7 +218,7 @@ def test_ctrl_c_keeps_finished_runs(datasets, quick, monkeypatch, tmp_path, caps
 
 
 @pytest.mark.parametrize("kind", ["nothing", "empty", "unlabelled"])
-def test_wrong_fresh_samples_are_told_before_a_folder_is_claimed(kind, datasets, quick, tmp_path, capsys):
+def test_wrong_separate_test_samples_are_told_before_a_folder_is_claimed(kind, datasets, quick, tmp_path, capsys):
     wrong = tmp_path / "wrong"
     if kind != "nothing":
         Dataset.create_or_resume(wrong, "picking", 0, {})
@@ -228,7 +228,7 @@ def test_wrong_fresh_samples_are_told_before_a_folder_is_claimed(kind, datasets,
         arrays = {name: values for name, values in episode.arrays.items() if name not in labels}
         write_episode(replace(episode, arrays=arrays), wrong / Dataset.file_name(0))
     few = (*datasets[:2], "--seeds", 1, "--train-samples", 8, "--out", tmp_path / "out")
-    assert run("table", *few, "--fresh", wrong) == 1
+    assert run("table", *few, "--separate-test", wrong) == 1
     said = capsys.readouterr().err
     assert str(wrong) in said
     assert said.count("\n") == 1
@@ -273,8 +273,8 @@ def cell_of(*accuracies, **changes):
 
 
 def test_a_cell_without_runs_is_a_dash():
-    assert page.accuracy_words(cell_of(None, None), "fixed") == "-"
-    assert page.accuracy_words(cell_of(0.5, None), "fixed") == "50.0 (1 of 2 seeds)"
+    assert page.accuracy_words(cell_of(None, None), "test split") == "-"
+    assert page.accuracy_words(cell_of(0.5, None), "test split") == "50.0 (1 of 2 seeds)"
 
 
 @pytest.mark.parametrize(("accuracy", "good"), [(0.993, True), (0.9926, True), (0.9924, False), (None, None)])
@@ -289,7 +289,7 @@ def test_accuracy_by_distance_counts_every_prediction_once():
     rng = np.random.default_rng(0)
     border = np.concatenate([rng.uniform(0, 45, 998), [0.0, 45.0]])
     right = rng.random(1000) < 0.7
-    one = Predictions("fresh", np.zeros(1000, int), np.where(right, 0, 2), border, border)
+    one = Predictions("separate_test", np.zeros(1000, int), np.where(right, 0, 2), border, border)
     bins = one.accuracy_by(border, np.arange(0, 50, 5))
     assert sum(count for _, _, count, _ in bins) == 1000
     assert sum(count * share for _, _, count, share in bins) / 1000 == pytest.approx(100 * right.mean())
@@ -301,7 +301,7 @@ def test_errors_tell_how_well_the_direction_was_read(sigma):
     rng = np.random.default_rng(0)
     border = rng.uniform(0, 45, 20000)
     crossed = rng.normal(0, sigma, len(border)) > border
-    one = Predictions("fresh", np.zeros(len(border), int), crossed.astype(int), border, border)
+    one = Predictions("separate_test", np.zeros(len(border), int), crossed.astype(int), border, border)
     assert one.reading_error_deg == pytest.approx(sigma, rel=0.1)
 
 
@@ -314,7 +314,7 @@ def test_cells_gather_their_seeds(tmp_path):
         json.loads((tmp_path / name / "result.json").read_text())["result"]["test_accuracy"] for name in configs
     ]
     assert cell.test.mean == pytest.approx(100 * np.mean(expected))
-    assert cell.fresh is None
+    assert cell.separate is None
 
 
 def test_examples_of_the_help_parse():

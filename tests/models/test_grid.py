@@ -199,7 +199,7 @@ def test_a_worker_sees_its_own_gpu_only(tmp_path, monkeypatch):
 
 
 def test_a_folder_belongs_to_one_experiment_and_one_process(tmp_path):
-    about = {"experiment": "centering-table", "recipe": {"epochs": 2}, "data": None, "fresh": None}
+    about = {"experiment": "centering-table", "recipe": {"epochs": 2}, "data": None, "separate_test": None}
     out = tmp_path / "out"
     busy = pytest.raises(TrainingError, match="another process is working in this folder")
     with claimed(out, about), busy, claimed(out, about):
@@ -207,7 +207,7 @@ def test_a_folder_belongs_to_one_experiment_and_one_process(tmp_path):
     with claimed(out, about):
         assert json.loads((out / "experiment.json").read_text()) == about
     (out / "runs" / "one").mkdir()
-    with claimed(out, about | {"fresh": {"path": "right"}}):  # nobody has finished a run with the wrong one
+    with claimed(out, about | {"separate_test": {"path": "right"}}):  # nobody has finished a run with the wrong one
         pass
     with claimed(out, about):
         (out / "runs" / "one" / "result.json").write_text('{"config": {}, "result": {}}')

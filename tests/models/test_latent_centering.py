@@ -47,7 +47,7 @@ def drawn(monkeypatch, samples):
         monkeypatch.setattr(report, name, lambda *arguments: None)
 
 
-def config(checkpoint, use="tuned", **changes):
+def config(checkpoint, use="fine-tuned", **changes):
     latent = pretrained.describe(checkpoint, use)
     few = {"train_samples": 8, "test_samples": 12, "epochs": 2}
     return TrainingConfig("drawn", **few | pretrained.settings(latent) | changes)
@@ -83,7 +83,7 @@ def test_a_frozen_encoder_stays_bit_for_bit_and_a_tuned_one_does_not(model, chec
 
 def test_without_pretraining_the_weights_are_others(checkpoints):
     tuned, scratch = (
-        pretrained.module_of(config(checkpoints["poe"], use)).classifier.trunk for use in ("tuned", "scratch")
+        pretrained.module_of(config(checkpoints["poe"], use)).classifier.trunk for use in ("fine-tuned", "from-scratch")
     )
     for name, value in tuned.inputs.state_dict().items():
         assert torch.equal(value, scratch.inputs.state_dict()[name])
@@ -135,7 +135,7 @@ def test_a_frozen_encoder_looks_at_every_sample_a_few_times_and_never_again(chec
         )
 
 
-@pytest.mark.parametrize("use", ["frozen", "tuned"])
+@pytest.mark.parametrize("use", ["frozen", "fine-tuned"])
 def test_the_same_configuration_gives_the_same_run(use, checkpoints, tmp_path):
     first, second = (
         train_centering(config(checkpoints["poe"], use), tmp_path / name, console=QUIET) for name in ("a", "b")
@@ -148,7 +148,7 @@ def test_the_same_configuration_gives_the_same_run(use, checkpoints, tmp_path):
 def test_training_and_test_samples_are_those_of_the_other_networks(checkpoints, tmp_path):
     latent = config(checkpoints["poe"], "frozen")
     own = TrainingConfig("drawn", "f", train_samples=8, test_samples=12, epochs=1, preset="tiny")
-    results = [train_centering(one, tmp_path / one.encoder, "fresh", QUIET) for one in (latent, own)]
+    results = [train_centering(one, tmp_path / one.encoder, "separate_test", QUIET) for one in (latent, own)]
     assert results[0].train_samples == results[1].train_samples
     columns = [
         [line.split(",")[:3] for line in (tmp_path / name / "predictions.csv").read_text().splitlines()]

@@ -239,7 +239,7 @@ def test_every_command_says_it_in_one_line(tmp_path, marker, capsys):
         assert str(path) in said
         assert not marker.exists()
     assert sorted(os.listdir(tmp_path)) == ["checkpoint.ckpt"]
-    for load in (predictions.load, acting.load, lambda file: describe(file, "tuned")):
+    for load in (predictions.load, acting.load, lambda file: describe(file, "fine-tuned")):
         with pytest.raises(FormatError):
             load(path)
         assert not marker.exists()

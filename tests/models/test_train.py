@@ -79,13 +79,13 @@ def test_vision_and_force_learn_together(monkeypatch, tmp_path):
     samples = centering_samples(80, seed=1)
     monkeypatch.setattr(train, "_load", lambda *_: samples)
     config = TrainingConfig("drawn", train_samples=40, test_samples=40, epochs=20)
-    result = train_centering(config, tmp_path / "run", fresh="drawn too")
+    result = train_centering(config, tmp_path / "run", separate_test="drawn too")
     assert result.test_accuracy > 0.8
-    assert result.fresh_accuracy > 0.8
+    assert result.separate_test_accuracy > 0.8
     again = judge(load_centering(tmp_path / "run" / "checkpoint.ckpt"), samples, config)
-    assert again.accuracy == result.fresh_accuracy
+    assert again.accuracy == result.separate_test_accuracy
     rows = list(csv.DictReader((tmp_path / "run" / "predictions.csv").open()))
-    assert [row["samples"] for row in rows] == ["test"] * 40 + ["fresh"] * 80
+    assert [row["samples"] for row in rows] == ["test"] * 40 + ["separate_test"] * 80
     assert [int(row["predicted"]) for row in rows[40:]] == again.predicted.tolist()
 
 

@@ -30,18 +30,19 @@ def content(path: Path | str | None) -> dict[str, Any] | None:
     return {"path": str(path), "episodes": len(indices), "sha256": fingerprint(dataset, indices)}
 
 
-def describe(name: str, base: TrainingConfig, fresh: Path | None) -> dict[str, Any]:
+def describe(name: str, base: TrainingConfig, separate_test: Path | None) -> dict[str, Any]:
     """What all runs of an experiment have in common: name, recipe and the datasets' content, plain values.
 
     Args:
         name: Of the experiment.
         base: Configuration from which the runs deviate.
-        fresh: Dataset that every network is tested on besides.
+        separate_test: Dataset that every network is tested on besides.
 
     Raises:
         SvflError: If a dataset cannot be read.
     """
-    return {"experiment": name, "recipe": base.plain(), "data": content(base.data), "fresh": content(fresh)}
+    datasets = {"data": content(base.data), "separate_test": content(separate_test)}
+    return {"experiment": name, "recipe": base.plain(), **datasets}
 
 
 @contextmanager
@@ -106,7 +107,7 @@ def _changes(found: dict[str, Any], now: dict[str, Any]) -> list[str]:
     names = [*new, *(name for name in old if name not in new)]
     differ = [name for name in names if old.get(name) != new.get(name)]
     changes = [f"{name} = {old.get(name)!r}, now {new.get(name)!r}" for name in differ]
-    for option in ("data", "fresh"):
+    for option in ("data", "separate_test"):
         before, after = found.get(option) or {}, now[option] or {}
         if before.get("path") != after.get("path"):
             if option not in differ:

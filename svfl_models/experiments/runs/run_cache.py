@@ -29,13 +29,12 @@ def take_from(other: Path, about: dict[str, Any], out: Path, runs: Mapping[str, 
     """
     try:
         found = read_json(other / ABOUT)
-        differ = [option for option in ("data", "fresh") if found[option] != about[option]]
+        differ = [option for option in ("data", "separate_test") if found[option] != about[option]]
     except (OSError, FormatError, KeyError, TypeError) as error:
         raise TrainingError(f"{other} holds no experiment to take runs from ({error!r})") from error
     if differ:
-        raise TrainingError(
-            f"{other} holds runs with another --{differ[0]} than this experiment; none can be taken over"
-        )
+        option = differ[0].replace("_", "-")
+        raise TrainingError(f"{other} holds runs with another --{option} than this experiment; none can be taken over")
     done = {_key(one["config"]): run for run in sorted((other / RUNS).iterdir()) if (one := finished(run))}
     copied = []
     for name, config in runs.items():

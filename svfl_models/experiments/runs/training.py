@@ -11,10 +11,10 @@ from svfl_models.experiments.runs.cost import cost
 from svfl_models.experiments.runs.folder import finished
 
 Train = Callable[[TrainingConfig, Path, Path | None], object]
-"""Trains one network into a folder: configuration, folder, fresh dataset."""
+"""Trains one network into a folder: configuration, folder, separate test set."""
 
 
-def train(config: TrainingConfig, out: Path, fresh: Path | None) -> None:
+def train(config: TrainingConfig, out: Path, separate_test: Path | None) -> None:
     """Train one network in silence."""
     import torch
     from rich.console import Console
@@ -22,7 +22,7 @@ def train(config: TrainingConfig, out: Path, fresh: Path | None) -> None:
     from svfl_models.centering.train import train_centering
 
     torch.set_num_threads(1)
-    train_centering(config, out, fresh, Console(quiet=True))
+    train_centering(config, out, separate_test, Console(quiet=True))
 
 
 def run_name(config: TrainingConfig, base: TrainingConfig) -> str:
@@ -42,13 +42,13 @@ class Training:
     Attributes:
         config: What is trained, on what.
         folder: Of the run.
-        fresh: Dataset that the network is tested on besides.
+        separate_test: Dataset that the network is tested on besides.
         train: Trains it; another one in tests.
     """
 
     config: TrainingConfig
     folder: Path
-    fresh: Path | None = None
+    separate_test: Path | None = None
     train: Train = train
 
     @property
@@ -73,4 +73,4 @@ class Training:
         """Train from the beginning."""
         if self.folder.exists():
             shutil.rmtree(self.folder)  # of a run that was stopped or failed
-        self.train(self.config, self.folder, self.fresh)
+        self.train(self.config, self.folder, self.separate_test)

@@ -21,7 +21,7 @@ def trained(data, out, model="poe", preset="svfl_2023"):
     whole = presets.PRESETS[preset]
     presets.PRESETS[preset] = dataclasses.replace(whole, sizes=SIZES)
     try:
-        config = LatentConfig(str(data), model, preset, steps=2, every=2, batch_size=4, sequence=3)
+        config = LatentConfig(str(data), model, preset, steps=2, checkpoint_every=2, batch_size=4, sequence=3)
         train_latent(config, out, console=Console(quiet=True))
     finally:
         presets.PRESETS[preset] = whole

@@ -33,7 +33,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def config(folder):
-    return LatentConfig(str(folder), "poe", steps=5, every=2, batch_size=4, sequence=3)
+    return LatentConfig(str(folder), "poe", steps=5, checkpoint_every=2, batch_size=4, sequence=3)
 
 
 def weights(out):
