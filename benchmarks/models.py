@@ -5,9 +5,10 @@
     .venv/bin/python benchmarks/models.py --part steps --group D8 --preset default
 
 One thread, CPU time. A step is forward, backward and Adam on 64 random samples. Ratios come from steps that alternate,
-so that other load on the machine meets both; times are medians. The ordinary twin has the layers of the symmetric
-network with their expanded kernels as weights: what is left is what symmetry itself costs. `memory` and `first`, which
-builds on an empty cache, run in new processes and are not among the parts that run unless they are asked for.
+so that other load on the machine meets both; times are medians. The network of ordinary layers has the layers of the
+symmetric network with their expanded kernels as weights: what is left is what symmetry itself costs. `memory` and
+`first`, which builds on an empty cache, run in new processes and are not among the parts that run unless they are asked
+for.
 """
 
 import argparse

@@ -52,6 +52,13 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
 
     It works in the process that made it only, and can be neither pickled nor copied: give vectorised environments a
     function that makes one, as `gymnasium.make_vec` does.
+
+    Example:
+        >>> with contextlib.closing(Environment("block_picking")) as env:
+        ...     observation, info = env.reset(seed=0)
+        ...     _, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        >>> sorted(observation)
+        ['image', 'proprio', 'wrench']
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012 - as gymnasium wants it
@@ -178,6 +185,26 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         image[:3] = color.transpose(2, 0, 1) / np.float32(255)
         image[3] = depth * np.float32(calibration.depth_scale)
         return image
+
+
+def make(task: str, world: WorldConfig | None = None, **options: Any) -> Environment:  # noqa: ANN401 - see `Environment`
+    """A task as a gymnasium environment.
+
+    Args:
+        task: Its name, one of `collectors.TASKS`.
+        world: All numbers of the world: physics, arm, sensors and cameras; the paper's by default.
+        options: Further arguments of `Environment`.
+
+    Raises:
+        UsageError: If there is no such task or view.
+
+    Example:
+        >>> with contextlib.closing(make("block_picking")) as env:
+        ...     observation, info = env.reset(seed=0)
+        ...     observation["wrench"].shape, info["success"]
+        ((64, 6), False)
+    """
+    return Environment(task, world, **options)
 
 
 def normalised(env: gymnasium.Env) -> gymnasium.Env:

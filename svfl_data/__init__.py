@@ -1,5 +1,80 @@
-"""The episode file: what an episode is, and how to write, read and look at it."""
+"""Episodes of manipulation with vision and force: record, check, read, split, sample, replay and look at them.
+
+The names below are the public interface, documented and kept stable; all else in this package is private. They are
+loaded when they are first used.
+
+    >>> import svfl_data
+    >>> "Dataset" in dir(svfl_data)
+    True
+"""
+
+from typing import TYPE_CHECKING
 
 from svfl_data.system.extras import explain_missing
+from svfl_data.system.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from svfl_data.checks import check_dataset as check_dataset
+    from svfl_data.checks import check_episode as check_episode
+    from svfl_data.checks import check_file as check_file
+    from svfl_data.datasets.dataset import Dataset as Dataset
+    from svfl_data.datasets.dataset import open_dataset as open_dataset
+    from svfl_data.errors import SvflError as SvflError
+    from svfl_data.maintenance.merge import merge as merge
+    from svfl_data.maintenance.pack import pack as pack
+    from svfl_data.maintenance.pack import unpack as unpack
+    from svfl_data.maintenance.repair import repair_dataset as repair_dataset
+    from svfl_data.recording.recording_clocks import Gap as Gap
+    from svfl_data.recording.writer import EpisodeWriter as EpisodeWriter
+    from svfl_data.replay.buffer import ReplayBuffer as ReplayBuffer
+    from svfl_data.replay.config import ReplayConfig as ReplayConfig
+    from svfl_data.sampling.samples import Samples as Samples
+    from svfl_data.sampling.split import Split as Split
+    from svfl_data.sampling.split import load_split as load_split
+    from svfl_data.sampling.split import split_episodes as split_episodes
+    from svfl_data.sampling.statistics import compute_statistics as compute_statistics
+    from svfl_data.sampling.torch_samples import TorchSamples as TorchSamples
+    from svfl_data.sampling.windows import wrench_window as wrench_window
+    from svfl_data.schema.episode import Camera as Camera
+    from svfl_data.schema.episode import Episode as Episode
+    from svfl_data.schema.episode import Meta as Meta
+    from svfl_data.schema.fields import FIELDS as FIELDS
+    from svfl_data.schema.fields import Field as Field
+    from svfl_data.schema.robot import Calibration as Calibration
+    from svfl_data.schema.robot import Frame as Frame
+    from svfl_data.schema.robot import Observation as Observation
+    from svfl_data.schema.robot import Robot as Robot
+    from svfl_data.signals.contact import ContactRule as ContactRule
+    from svfl_data.signals.contact import contact_intervals as contact_intervals
+    from svfl_data.signals.topdown import topdown as topdown
+    from svfl_data.signals.transforms import Gravity as Gravity
+    from svfl_data.signals.transforms import LowPass as LowPass
+    from svfl_data.signals.transforms import Tare as Tare
+    from svfl_data.signals.transforms import processed_wrench as processed_wrench
+    from svfl_data.storage.reader import EpisodeReader as EpisodeReader
+    from svfl_data.storage.reader import read_episode as read_episode
+    from svfl_data.storage.store import write_episode as write_episode
+    from svfl_data.symmetry import Part as Part
+    from svfl_data.symmetry import act as act
+
+    __version__: str
+
+HOMES = {
+    "Calibration": "schema.robot", "Camera": "schema.episode", "ContactRule": "signals.contact",
+    "Dataset": "datasets.dataset", "Episode": "schema.episode", "EpisodeReader": "storage.reader",
+    "EpisodeWriter": "recording.writer", "FIELDS": "schema.fields", "Field": "schema.fields", "Frame": "schema.robot",
+    "Gap": "recording.recording_clocks", "Gravity": "signals.transforms", "LowPass": "signals.transforms",
+    "Meta": "schema.episode", "Observation": "schema.robot", "Part": "symmetry", "ReplayBuffer": "replay.buffer",
+    "ReplayConfig": "replay.config", "Robot": "schema.robot", "Samples": "sampling.samples", "Split": "sampling.split",
+    "SvflError": "errors", "Tare": "signals.transforms", "TorchSamples": "sampling.torch_samples", "act": "symmetry",
+    "check_dataset": "checks", "check_episode": "checks", "check_file": "checks",
+    "compute_statistics": "sampling.statistics", "contact_intervals": "signals.contact",
+    "load_split": "sampling.split", "merge": "maintenance.merge", "open_dataset": "datasets.dataset",
+    "pack": "maintenance.pack", "processed_wrench": "signals.transforms", "read_episode": "storage.reader",
+    "repair_dataset": "maintenance.repair", "split_episodes": "sampling.split", "topdown": "signals.topdown",
+    "unpack": "maintenance.pack", "wrench_window": "sampling.windows", "write_episode": "storage.store",
+}  # fmt: skip
+"""The module of every public name."""
 
 explain_missing()
+__getattr__, __dir__ = lazy_names(__name__, HOMES)

@@ -2,7 +2,15 @@
 
 
 class SvflError(Exception):
-    """Root of every error that is the user's to mend; a command prints it in one line and exits with 1."""
+    """Root of every error that is the user's to mend; a command prints it in one line and exits with 1.
+
+    Example:
+        >>> try:
+        ...     Dataset.open("data/none")
+        ... except SvflError as error:
+        ...     print(error)
+        data/none: no such folder
+    """
 
     exit_code = 1
 

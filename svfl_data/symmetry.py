@@ -29,6 +29,10 @@ class Part:
     Attributes:
         kind: How they transform.
         index: Which components; two for vector and axial, any number for the others.
+
+    Example:
+        >>> Part("vector", (0, 1)).kind
+        'vector'
     """
 
     kind: Kind
@@ -81,6 +85,11 @@ def act(matrix: np.ndarray, values: np.ndarray, parts: Sequence[Part]) -> np.nda
 
     Returns:
         The transformed array, same shape and dtype.
+
+    Example:
+        >>> quarter = np.array([[0.0, -1.0], [1.0, 0.0]])
+        >>> act(quarter, np.array([1.0, 0.0]), [Part("vector", (0, 1))]).round(6).tolist()
+        [0.0, 1.0]
     """
     sign = np.linalg.det(matrix)
     turn = np.arctan2(matrix[1, 0], matrix[0, 0])  # the image of the x axis

@@ -27,7 +27,7 @@ from svfl_data.storage.store import write_episode
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.viewer import show
 from svfl_data.viewer.episode_source import EpisodeSource
-from svfl_models.centering.checkpoint import load_centering
+from svfl_models.centering.checkpoint import load_classifier
 from svfl_models.centering.classifier import CenteringClassifier
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.train import train_centering
@@ -160,7 +160,7 @@ def trainings(tmp_path_factory):
     cloning = CloningConfig(str(shown), 6, encoder="fp", group="none", preset="tiny", image_size=8, valid=1 / 3)
     latent = LatentConfig(str(picking), "poe", steps=40, checkpoint_every=2, batch_size=4, sequence=3)
     return {
-        "centering": (lambda out: train_centering(centering, out, console=QUIET), load_centering),
+        "centering": (lambda out: train_centering(centering, out, console=QUIET), load_classifier),
         "bc": (lambda out: train_cloning(replace(cloning, epochs=9), out, QUIET), load_policy),
         "latent": (lambda out: train_latent(latent, out, console=QUIET), load_latent),
     }

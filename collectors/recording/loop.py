@@ -52,6 +52,12 @@ def record(
 
     Returns:
         The arrays of the episode without labels, by dataset path.
+
+    Example:
+        >>> from collectors.simulation.world import World
+        >>> with contextlib.closing(World()) as robot:
+        ...     robot.reset(np.random.SeedSequence(0))  # doctest: +SKIP
+        ...     arrays = record(robot, lambda observation: np.array([1, 0, 0, -0.01, 0]), max_steps=5)  # doctest: +SKIP
     """
     watch = _watch.get()
     observations = [robot.observe()]

@@ -23,7 +23,12 @@ __all__ = ["Finding", "Severity", "check_dataset", "check_episode", "check_file"
 
 
 def check_file(path: Path) -> list[Finding]:
-    """Everything that is wrong with one episode file, from its seal to its content."""
+    """Everything that is wrong with one episode file, from its seal to its content.
+
+    Example:
+        >>> [one.words for one in check_file(dataset.episode_path(0)) if one.severity == "error"]
+        []
+    """
     try:
         return check_episode(read_episode(path, images=False))
     except SvflError as problem:
@@ -31,7 +36,12 @@ def check_file(path: Path) -> list[Finding]:
 
 
 def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
-    """Everything that is wrong with a dataset, one list per episode, then one for what is wrong between them."""
+    """Everything that is wrong with a dataset, one list per episode, then one for what is wrong between them.
+
+    Example:
+        >>> [one.words for found in check_dataset(dataset) for one in found if one.severity == "error"]
+        []
+    """
     between = Between(dataset)
     for index in dataset.indices:
         name = str(dataset.episode_path(index))

@@ -18,7 +18,12 @@ IMAGE_CHECKS: tuple[Callable[[Episode, Camera], Iterator[Finding]], ...] = (chec
 
 
 def check_episode(episode: Episode) -> list[Finding]:
-    """Everything the checks find in one episode."""
+    """Everything the checks find in one episode.
+
+    Example:
+        >>> [one.words for one in check_episode(dataset[0]) if one.severity == "error"]
+        []
+    """
     of_images = [finding for camera in episode.cameras for finding in check_images(episode, camera)]
     return check_streams(episode) + of_images
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import msgspec
 
@@ -52,6 +52,11 @@ class Dataset:
         path: The folder.
         info: Content of ``dataset.json``, checked: ``task``, ``seed`` and ``config``, beside format and version, and in
             ``varies`` (if it is there) the paths and groups in which the episodes may differ on purpose.
+
+    Example:
+        >>> dataset = Dataset.open("data/week")
+        >>> len(dataset), [episode.meta.success for episode in dataset], len(dataset[:1])
+        (2, [True, True], 1)
     """
 
     path: Path
@@ -192,6 +197,28 @@ class Dataset:
     def __len__(self) -> int:
         return len(self.indices)
 
+    @overload
+    def __getitem__(self, place: int) -> Episode: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> list[Episode]: ...
+
+    def __getitem__(self, place: int | slice) -> Episode | list[Episode]:
+        """Read the episode at a place in the order of their numbers, or those of a slice, as from a list.
+
+        The numbers of episodes may have gaps; `read` takes a number. `episode` gives a lazy reader instead.
+
+        Raises:
+            IndexError: If there is no such place.
+            FormatError: If a file is damaged.
+        """
+        if isinstance(place, slice):
+            return [self.read(index) for index in self.indices[place]]
+        indices = self.indices
+        if not -len(indices) <= place < len(indices):
+            raise IndexError(f"{self.path}: no place {place}; it has {len(indices)} episodes")
+        return self.read(indices[place])
+
     def __iter__(self) -> Iterator[Episode]:
         return (self.read(index) for index in self.indices)
 
@@ -235,6 +262,23 @@ class Dataset:
         clear_files(self.path)
         if not (self.path / SPLITS).is_symlink():
             clear_files(self.path / SPLITS)
+
+
+def open_dataset(path: Path | str) -> Dataset:
+    """Open a folder of episodes; the same as `Dataset.open`.
+
+    Args:
+        path: The folder.
+
+    Raises:
+        FormatError: If it is not a dataset, or of another version.
+
+    Example:
+        >>> dataset = open_dataset("data/week")
+        >>> len(dataset), dataset[0].meta.task
+        (2, 'centering')
+    """
+    return Dataset.open(path)
 
 
 def inner_folder(folder: Path, name: str) -> Path:

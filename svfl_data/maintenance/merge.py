@@ -57,6 +57,11 @@ def merge(
         DatasetError: If the destination is taken, an episode is damaged, two differ in their setup or are copies, or
             streams or rates of datasets differ.
         StorageError: If the disk refuses; no part of the destination remains.
+
+    Example:
+        >>> from pathlib import Path
+        >>> merge([dataset], Path("data/merged"))
+        (2, 0)
     """
     check_free(destination)
     chosen = [Chosen(source, entry) for source in sources for entry in readable(source)]

@@ -40,6 +40,10 @@ def pack(dataset: Dataset, out: Path | str, shard_bytes: int = SHARD_BYTES) -> D
         DatasetError: If the folder holds another dataset.
         FormatError: If an episode is damaged; shards that were finished before are kept.
         StorageError: If the disk refuses; shards that were finished before are kept.
+
+    Example:
+        >>> len(pack(dataset, "data/packed"))
+        2
     """
     if shard_bytes < 1:
         raise UsageError(f"shard_bytes is {shard_bytes}; it must be at least 1")
@@ -78,6 +82,10 @@ def unpack(dataset: Dataset, out: Path | str) -> Dataset:
         DatasetError: If the folder holds another dataset.
         FormatError: If an episode is damaged; those written before are kept.
         StorageError: If the disk refuses; episodes written before are kept.
+
+    Example:
+        >>> len(unpack(dataset, "data/unpacked"))
+        2
     """
     target = _copy_of(dataset, out)
     with target.writing():

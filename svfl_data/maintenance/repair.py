@@ -60,6 +60,10 @@ def repair_dataset(path: Path | str, reseal: bool = False) -> list[RepairAction]
     Raises:
         FormatError: If the folder is not a dataset.
         StorageError: If the disk refuses; what was done before stays done, and repairing again goes on.
+
+    Example:
+        >>> repair_dataset("data/week")
+        []
     """
     dataset = Dataset.open(path)
     actions: list[RepairAction] = []

@@ -110,6 +110,10 @@ class Gap:
         start_ns: From when, [ns].
         end_ns: Until when, [ns]; None while nobody knows.
         reason: In words.
+
+    Example:
+        >>> Gap("streams/wrench", start_ns=1_000_000_000, end_ns=1_200_000_000, reason="loose cable").reason
+        'loose cable'
     """
 
     stream: str

@@ -72,6 +72,18 @@ class EpisodeWriter(OwnProcess):
         FieldError: If a constant is missing or does not fit its declaration.
         FormatError: If the folder is not a dataset.
         StorageError: If the disk refuses.
+
+    Example:
+        >>> week = Dataset.create_or_resume("data/mine", "wiping", seed=0, config={})
+        >>> tared = {"workspace": np.array([[0.3, 0.7], [-0.2, 0.2], [0, 0.3]]), "streams/wrench/tare": np.zeros(6)}
+        >>> with EpisodeWriter(week, Meta("wiping", 0, 0, "teleop", success=True), tared) as writer:
+        ...     at = np.arange(1, 101) * 2_000_000
+        ...     writer.append("streams/wrench", t_ns=at, wrench=np.zeros((100, 6), np.float32))
+        ...     writer.append("observations", t_ns=at[49::50], proprio=np.zeros((2, 5), np.float32))
+        ...     writer.append("actions", action=np.zeros((1, 5), np.float32))
+        ...     path = writer.seal(success=True)
+        >>> len(week)
+        1
     """
 
     instead = "send readings to the process that records (multiprocessing.Queue), or record another episode there"

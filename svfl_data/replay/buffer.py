@@ -39,6 +39,11 @@ class ReplayBuffer:
 
     Raises:
         UsageError: If the capacity is not positive, or crops are larger than the images.
+
+    Example:
+        >>> buffer = ReplayBuffer.from_demos(dataset, episodes=2, capacity=100, config=ReplayConfig(crop=12))
+        >>> len(buffer), buffer.sample(8)["action"].shape
+        (40, (8, 5))
     """
 
     def __init__(self, capacity: int, spec: ReplaySpec, config: ReplayConfig | None = None) -> None:

@@ -32,6 +32,10 @@ class ReplayConfig:
         seed: Of everything that is drawn.
 
     Source of alpha, beta and the bonus: Kohler et al., CoRL 2023, section 5 and published code.
+
+    Example:
+        >>> ReplayConfig(crop=12, rotate=True, group_order=8).group_order
+        8
     """
 
     crop: int = 64

@@ -48,6 +48,12 @@ class Samples:
     - any fields named as `labels`; ``episode`` and ``step`` (B,) int64: where the sample comes from.
 
     Pickling (for worker processes that are not forked) takes the description only; the copy reads the files again.
+
+    Example:
+        >>> samples = Samples(dataset, frames=2, action_chunk=4)
+        >>> batch = samples.batch([0, 1, 2])
+        >>> batch["streams/wrench/wrench"].shape, batch["actions/action"].shape
+        ((3, 64, 6), (3, 4, 5))
     """
 
     def __init__(

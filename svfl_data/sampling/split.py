@@ -49,6 +49,11 @@ class Split:
         seed: With which it was drawn.
         rule: How it was drawn: the shares asked for, and from how many episodes.
         parts: Indices of the episodes of each part, ascending; disjoint.
+
+    Example:
+        >>> split = split_episodes(range(10), {"train": 0.8, "test": 0.2}, seed=0)
+        >>> len(split["train"]), len(split["test"])
+        (8, 2)
     """
 
     name: str
@@ -120,6 +125,10 @@ def split_episodes(indices: Sequence[int], shares: Mapping[str, float], seed: in
     Raises:
         UsageError: If the shares are not shares, or the name cannot be one.
         DatasetError: If there are too few episodes to give one to each part.
+
+    Example:
+        >>> split_episodes(range(10), {"train": 0.8, "valid": 0.1, "test": 0.1}, seed=0)["valid"]
+        [...]
     """
     total = sum(shares.values())
     if not shares or min(shares.values()) <= 0 or total > 1 + 1e-9:
@@ -158,6 +167,11 @@ def load_split(dataset: Dataset, name: str) -> Split:
     Raises:
         FormatError: If it is not a split, was edited, or is of another version.
         DatasetError: If it is not stored, or names episodes that the dataset lacks.
+
+    Example:
+        >>> _ = split_episodes(dataset.indices, {"train": 0.5, "test": 0.5}, seed=0).save(dataset)
+        >>> sorted(load_split(dataset, "default").parts)
+        ['test', 'train']
     """
     file = split_file(dataset, name)
     refuse_link(file.parent)

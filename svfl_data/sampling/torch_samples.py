@@ -20,6 +20,12 @@ class TorchSamples(TorchDataset[TensorBatch]):
 
     Its keys run beyond the number of samples: key k is sample k % len in epoch k // len. The epoch of a random crop
     travels with the key in this way, also to worker processes that live as long as the loader.
+
+    Example:
+        >>> samples = TorchSamples(Samples(dataset))
+        >>> loader = torch.utils.data.DataLoader(samples, batch_size=8)
+        >>> next(iter(loader))["actions/action"].shape
+        torch.Size([8, 1, 5])
     """  # noqa: D205
 
     def __init__(self, samples: Samples) -> None:

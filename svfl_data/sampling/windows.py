@@ -31,6 +31,11 @@ def wrench_window(episode: Episode, step: int = -1, length: int = WINDOW) -> tup
         The window, shape (T, 6), float32, [N] and [N m], base axes, about the sensor origin, latest reading last;
         and a mask of shape (T,), true where there was no reading yet and the first one is repeated (zeros if the
         stream is still empty), and where a reading is left over from before a break (`svfl_data.schema.clocks.Clock`).
+
+    Example:
+        >>> window, padding = wrench_window(dataset[0], step=20)
+        >>> window.shape, bool(padding.any())
+        ((64, 6), False)
     """
     now = episode.t_ns[step]
     end = latest(episode.wrench_t_ns, now) + 1

@@ -27,6 +27,10 @@ class Meta:
         transforms: How raw streams become usable ones (tare, filter, compensation), with parameters, in order.
         annotations: Named intervals of the episode clock, e.g. contacts, with who found them and how.
         history: What tools have done to the episode since it was recorded, oldest first.
+
+    Example:
+        >>> Meta("wiping", index=0, seed=0, source="teleop", success=True).task
+        'wiping'
     """
 
     task: str
@@ -48,6 +52,11 @@ class Camera:
     Attributes:
         name: Its name.
         arrays: Field name to array. Also available as attributes: ``camera.color``.
+
+    Example:
+        >>> camera = dataset[0].cameras["front"]
+        >>> camera.color.shape, camera.has("depth")
+        ((21, 16, 16, 3), True)
     """
 
     name: str
@@ -75,6 +84,11 @@ class Episode:
         arrays: Dataset path to array, checked and read-only. Those that do not belong to a camera are also available
             by name as attributes: ``episode.wrench``.
         name: Where it came from, for messages.
+
+    Example:
+        >>> episode = dataset[0]
+        >>> episode.action.shape, episode.wrench.shape, list(episode.cameras)
+        ((20, 5), (600, 6), ['front'])
     """
 
     meta: Meta

@@ -43,6 +43,11 @@ class Field:
         image: Whether rows and columns are pixels, which move under rotations.
         optional: Whether an episode (or camera) may lack it.
         bounds: Smallest and largest number that is possible at all; what a robot can do is far within.
+
+    Example:
+        >>> field = next(one for one in FIELDS if one.path == "streams/wrench/wrench")
+        >>> field.axes, field.shape
+        ('base', ('M', 6))
     """
 
     path: str

@@ -15,6 +15,10 @@ class Frame:
     Attributes:
         color: (H, W, 3) uint8 RGB.
         depth: (H, W) uint16, in units of the camera's depth scale, 0 = nothing seen.
+
+    Example:
+        >>> Frame(np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4), np.uint16)).depth.shape
+        (4, 4)
     """
 
     color: NDArray[np.uint8]
@@ -32,6 +36,11 @@ class Observation:
             origin.
         proprio: (5,) float32: gripper opening 0..1, TCP x, y, z [m], yaw theta [rad], in base.
         joints: (J,) float32: arm joints [rad], then fingers [m].
+
+    Example:
+        >>> seen = Observation(0, {}, np.zeros((64, 6)), proprio=np.zeros(5), joints=np.zeros(9))
+        >>> seen.wrench.shape
+        (64, 6)
     """
 
     t_ns: int
@@ -50,6 +59,10 @@ class Calibration:
         T_base_camera: Pose of the camera in base, (4, 4), [m].
         image_axes: Base xy to image (right, up), (2, 2), orthogonal: a vector seen from above in the picture's axes.
         depth_scale: Metres per unit of depth, [m].
+
+    Example:
+        >>> Calibration(np.eye(3), np.eye(4), np.eye(2), depth_scale=1e-4).depth_scale
+        0.0001
     """
 
     intrinsics: NDArray[np.float64]
@@ -83,6 +96,12 @@ class Robot(Protocol):
 
     One step is `observe`, then `step` with the action commanded after it. The wrench stream runs by itself at the
     sensor's own rate.
+
+    Example:
+        >>> def moves(robot: Robot) -> bool:
+        ...     before = robot.observe()
+        ...     robot.step(np.array([1.0, 0.01, 0.0, 0.0, 0.0], np.float32))
+        ...     return not np.array_equal(before.proprio, robot.observe().proprio)
     """
 
     tare_offset: NDArray[np.float32]

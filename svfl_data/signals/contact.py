@@ -27,6 +27,11 @@ class ContactRule:
         release_n: It ends when the force falls below this, [N]; at most the threshold.
         min_duration_s: What is shorter than this is no contact, [s].
         cutoff_hz: Corner of the low-pass on the force before its norm is taken, [Hz]; 0 means none.
+
+    Example:
+        >>> rule = ContactRule(threshold_n=5.0)
+        >>> len(contact_intervals(dataset[0].wrench_t_ns, np.full(600, 9.0), rule))
+        1
     """
 
     threshold_n: float = 5.0
@@ -90,6 +95,11 @@ def contact_intervals(t_ns: np.ndarray, force: np.ndarray, rule: ContactRule) ->
     Returns:
         Disjoint intervals, ascending: time of the first reading above the threshold, time of the first reading below
         the release force after it (or of the last reading, if there is none).
+
+    Example:
+        >>> at, force = np.arange(100) * 2_000_000, np.where(np.arange(100) < 50, 0.0, 9.0)
+        >>> contact_intervals(at, force, ContactRule())
+        [(100000000, 198000000)]
     """
     shortest_ns = round(rule.min_duration_s * 1e9)
     rows = [(first, min(after, len(t_ns) - 1)) for first, after in _above(force, rule)]

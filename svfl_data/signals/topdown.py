@@ -80,6 +80,10 @@ def topdown(
     Raises:
         UsageError: If there is no such camera or step, or size or extent are not positive.
         FieldError: If a camera has no depth.
+
+    Example:
+        >>> topdown(dataset[0], steps=-1 % 21, size=32).color.shape
+        (32, 32, 3)
     """
     sources = _with_depth(episode, cameras)
     single = isinstance(steps, int | np.integer)

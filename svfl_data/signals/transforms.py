@@ -30,6 +30,10 @@ class Tare:
 
     Attributes:
         offset: Force and torque, (6,), [N] and [N m], base axes, about the sensor origin; None is the episode's tare.
+
+    Example:
+        >>> processed_wrench(dataset[0], [Tare((0.0, 0.0, 1.0, 0.0, 0.0, 0.0))]).shape
+        (600, 6)
     """
 
     offset: tuple[float, ...] | None = None
@@ -57,6 +61,10 @@ class LowPass:
 
     Attributes:
         cutoff_hz: Corner frequency, [Hz]; readings fall to 1/sqrt(2) there.
+
+    Example:
+        >>> processed_wrench(dataset[0], [LowPass(cutoff_hz=20.0)]).shape
+        (600, 6)
     """
 
     cutoff_hz: float
@@ -90,6 +98,11 @@ class Gravity:
     Attributes:
         mass_kg: Mass below the sensor, [kg].
         centre_m: Its centre of mass from the sensor origin, (x, y, z), [m], hand axes (base axes turned by the yaw).
+
+    Example:
+        >>> weight = Gravity(mass_kg=0.4, centre_m=(0.0, 0.0, 0.05))
+        >>> processed_wrench(dataset[0], [weight]).shape
+        (600, 6)
     """
 
     mass_kg: float
@@ -180,6 +193,10 @@ def processed_wrench(episode: Episode, then: Iterable[Transform] = ()) -> np.nda
 
     Raises:
         FormatError: If a recorded transform is unknown.
+
+    Example:
+        >>> processed_wrench(dataset[0]).shape
+        (600, 6)
     """
     wrench = np.asarray(episode.wrench, dtype=np.float64)
     for transform in [*recorded_transforms(episode), *then]:

@@ -30,6 +30,11 @@ class EpisodeReader:
 
     Attributes:
         extent: Where it lies.
+
+    Example:
+        >>> reader = dataset.episode(0)
+        >>> reader["streams/wrench/wrench"][-64:].shape
+        (64, 6)
     """
 
     extent: Extent
@@ -156,6 +161,10 @@ def read_episode(path: Path | str, images: bool = True) -> Episode:
     Raises:
         FormatError: If the file is missing, truncated, damaged, not an episode, or of an unknown version.
         FieldError: If a field is missing or does not fit its declaration.
+
+    Example:
+        >>> read_episode("data/week/episode_000000.hdf5").meta.task
+        'centering'
     """
     return EpisodeReader.of_file(path).load(images)
 

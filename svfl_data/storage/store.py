@@ -186,6 +186,12 @@ def write_episode(episode: Episode, path: Path) -> None:
 
     Raises:
         StorageError: If the disk is full, read-only or otherwise refuses; nothing is left behind.
+
+    Example:
+        >>> from pathlib import Path
+        >>> write_episode(dataset[0], Path("copy.hdf5"))
+        >>> read_episode("copy.hdf5").meta.index
+        0
     """
     write_atomically(path, episode_bytes(episode))
 

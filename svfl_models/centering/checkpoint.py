@@ -8,7 +8,7 @@ from svfl_models.centering.module import FORMAT, FORMAT_VERSION, CenteringModule
 from svfl_models.training.checkpoint_io import read_marked, rebuilt
 
 
-def load_centering(path: Path | str) -> CenteringModule:
+def load_classifier(path: Path | str) -> CenteringModule:
     """Load a trained block-centering network, in eval mode, on the CPU.
 
     Args:
@@ -20,6 +20,10 @@ def load_centering(path: Path | str) -> CenteringModule:
     Raises:
         FormatError: If the file is missing, damaged, of another program or of another version, or if its weights do
             not fit its own description.
+
+    Example:
+        >>> module = load_classifier("out/centering/checkpoint.ckpt")  # doctest: +SKIP
+        >>> module.classifier(batch)  # doctest: +SKIP
     """
     path = Path(path)
     found = read_marked(path, FORMAT, FORMAT_VERSION, "block-centering checkpoint")

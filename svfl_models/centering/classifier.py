@@ -12,7 +12,7 @@ from svfl_models.centering.data import Crops
 from svfl_models.centering.latent_trunk import LatentTrunk
 from svfl_models.networks.heads import OffsetHead
 from svfl_models.networks.inputs import ENCODERS, IMAGE_SIZES, INPUTS
-from svfl_models.networks.layer_factory import Layers, kit
+from svfl_models.networks.layer_factory import Layers, layer_factory
 from svfl_models.networks.presets import PRESETS
 from svfl_models.networks.visual_force import Batch, VisualForceEncoder
 from svfl_models.symmetry.groups import GROUPS, group_named
@@ -25,7 +25,7 @@ class CenteringClassifier(nn.Module):
 
     Args:
         encoder: ``v`` (image), ``f`` (wrench window) or ``vf`` (both).
-        group: Symmetry group, one of `groups.GROUPS`; ``none`` builds the plain twin.
+        group: Symmetry group, one of `groups.GROUPS`; ``none`` builds the parameter-matched CNN baseline.
         preset: Sizes, one of `presets.PRESETS`.
         target: ``direction`` (scores of four classes) or ``offset`` (where the block's centre is, in metres).
         image_size: Height and width of the images, one of `config.IMAGE_SIZES`, [px].
@@ -36,6 +36,11 @@ class CenteringClassifier(nn.Module):
 
     Raises:
         TrainingError: If an argument is not one of its possible values.
+
+    Example:
+        >>> network = CenteringClassifier("f", preset="tiny")
+        >>> network({"wrench": torch.randn(3, 64, 6)}).shape
+        torch.Size([3, 4])
     """
 
     def __init__(
@@ -55,7 +60,7 @@ class CenteringClassifier(nn.Module):
         _check("target", target, TARGETS)
         _check("image size", image_size, IMAGE_SIZES)
         self.group, self.target = group_named(group), target
-        layers: Layers = kit(self.group)
+        layers: Layers = layer_factory(self.group)
         self.trunk: VisualForceEncoder | LatentTrunk
         if latent_network:
             _check("group of a latent encoder", group, ("none",))

@@ -47,7 +47,7 @@ class TrainingConfig:
         data: Dataset folder.
         encoder: What the network looks at: ``v`` image, ``f`` wrench window, ``vf`` both; ``vfp`` proprioception
             besides, as latent encoders do.
-        group: Symmetry group, see `groups.GROUPS`; ``none`` is the plain twin (the paper's CNN).
+        group: Symmetry group, see `groups.GROUPS`; ``none`` is the parameter-matched CNN baseline (the paper's CNN).
         train_samples: Size of the training set, balanced over the classes.
         seed: Of the training set, the initial weights, the batches and the crops.
         preset: Sizes of the network, see `presets.PRESETS`.
@@ -66,6 +66,10 @@ class TrainingConfig:
         batch_size: Samples per step.
         learning_rate: Of Adam, at the start.
         latent: Pretrained encoder that takes the place of the package's own ones; `group` is ``none`` then.
+
+    Example:
+        >>> TrainingConfig(data="data/week", encoder="vf", group="D4", train_samples=25).train_samples
+        25
     """
 
     data: str

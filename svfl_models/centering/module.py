@@ -21,7 +21,7 @@ class CenteringModule(pl.LightningModule):
     """Loss and Adam around a `CenteringClassifier` (Kohler et al., CoRL 2023, appendix: cross-entropy, rate 1e-3).
 
     For offsets the loss is the squared error in units of the training offsets' root mean square. A checkpoint holds the
-    configuration and the normalisation with the weights; `checkpoint.load_centering` opens it.
+    configuration and the normalisation with the weights; `checkpoint.load_classifier` opens it.
 
     Args:
         network: Arguments of `CenteringClassifier`.

@@ -50,6 +50,12 @@ def train_centering(
         SvflError: If the data, the configuration or the folder cannot serve, or the training diverges; then
             ``checkpoint.ckpt`` holds the last epoch with a finite loss.
         KeyboardInterrupt: If the user stopped the training; the last whole epoch is in ``checkpoint.ckpt``.
+
+    Example:
+        >>> from pathlib import Path
+        >>> config = TrainingConfig("data/centering", encoder="vf", train_samples=25)
+        >>> result = train_centering(config, Path("out/centering"))  # doctest: +SKIP
+        >>> result.test_accuracy  # doctest: +SKIP
     """
     torch.set_num_threads(min(torch.get_num_threads(), THREADS.get(config.preset, 1)))
     samples = samples_of(config.data, config)

@@ -20,6 +20,10 @@ def load_policy(path: Path | str) -> CloningModule:
     Raises:
         FormatError: If the file is missing, damaged, of another program or of another version, or if its weights do
             not fit its own description.
+
+    Example:
+        >>> module = load_policy("out/bc/checkpoint.ckpt")  # doctest: +SKIP
+        >>> module.policy(batch).mode  # doctest: +SKIP
     """
     path = Path(path)
     found = read_marked(path, FORMAT, FORMAT_VERSION, "checkpoint of a policy")

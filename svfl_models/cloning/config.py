@@ -16,7 +16,7 @@ class CloningConfig:
         data: Dataset folder with demonstrations.
         episodes: Demonstrations to use: the first so many that succeeded.
         encoder: What the policy looks at: ``v`` image, ``f`` wrench window, ``p`` proprioception, or several.
-        group: Symmetry group, see `groups.GROUPS`; ``none`` is the plain twin (the paper's CNN).
+        group: Symmetry group, see `groups.GROUPS`; ``none`` is the parameter-matched CNN baseline (the paper's CNN).
         seed: Of the held-out episodes, the initial weights, the batches, the crops.
         preset: Sizes of the network, see `presets.PRESETS`.
         loss: How far the policy is from a demonstrated action, see `cloning.loss`.
@@ -29,6 +29,10 @@ class CloningConfig:
         epochs: Epochs to train; over them the learning rate falls to zero along a cosine.
         batch_size: Steps of demonstrations per step of the optimiser.
         learning_rate: Of Adam, at the start.
+
+    Example:
+        >>> CloningConfig(data="data/week", group="C4", epochs=5).group
+        'C4'
     """
 
     data: str

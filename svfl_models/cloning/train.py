@@ -70,6 +70,11 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
     Raises:
         SvflError: If the data, the configuration or the folder cannot serve, or the training diverges.
         KeyboardInterrupt: If the user stopped the training; the last whole epoch is in ``checkpoint.ckpt``.
+
+    Example:
+        >>> from pathlib import Path
+        >>> config = CloningConfig("data/block_picking", episodes=50)
+        >>> train_cloning(config, Path("out/bc"))  # doctest: +SKIP
     """
     torch.set_num_threads(min(torch.get_num_threads(), THREADS.get(config.preset, 1)))
     data = CloningData(config)

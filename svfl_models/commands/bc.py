@@ -32,7 +32,11 @@ def add(commands: Commands) -> None:
         help="successful episodes to use; a tenth is held out (default: %(default)s)")  # fmt: skip
     add("--encoder", choices=ENCODERS, default=DEFAULT.encoder,
         help="image, force, proprioception, or several (default: %(default)s)")  # fmt: skip
-    add("--model", choices=MODELS, help="svfl: symmetric (default); cnn: its plain twin, the same as --group none")
+    add(
+        "--model",
+        choices=MODELS,
+        help="svfl: symmetric (default); cnn: the baseline with as many parameters, as --group none",
+    )
     add("--group", choices=tuple(GROUPS), help=f"symmetry of the network (default: {DEFAULT.group})")
     add("--seed", type=natural, default=DEFAULT.seed, metavar="S", help="default: %(default)s")
     add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset, help="size of the network (default: %(default)s)")

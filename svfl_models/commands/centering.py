@@ -34,7 +34,11 @@ def add(commands: Commands) -> None:
     add_data(parser)
     add = parser.add_argument
     add("--encoder", choices=ENCODERS, help=f"image, force, or both (default: {DEFAULT.encoder})")
-    add("--model", choices=MODELS, help="svfl: symmetric (default); cnn: its plain twin, the same as --group none")
+    add(
+        "--model",
+        choices=MODELS,
+        help="svfl: symmetric (default); cnn: the baseline with as many parameters, as --group none",
+    )
     add("--group", choices=tuple(GROUPS), help=f"symmetry of the network (default: {DEFAULT.group})")
     add("--train-samples", type=positive, default=DEFAULT.train_samples, metavar="N", help="default: %(default)s")
     add("--seed", type=natural, default=DEFAULT.seed, metavar="S", help="default: %(default)s")

@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> None:
         train,  # torch, lightning and escnn take seconds to import
     )
 
-    module = checkpoint.load_centering(arguments.checkpoint)
+    module = checkpoint.load_classifier(arguments.checkpoint)
     config = checkpoint.configuration(module, arguments.data)
     samples = train.samples_of(arguments.data, config)
     samples = samples.take(np.arange(min(arguments.samples, len(samples))))

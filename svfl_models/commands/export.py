@@ -38,6 +38,6 @@ def run(arguments: argparse.Namespace) -> None:
         say(f"{arguments.out}: actions differ from the network's by {difference:.1g} of their bounds, at most")
         return
     save = export.saver(arguments.out)
-    module = checkpoint.load_centering(arguments.checkpoint)
+    module = checkpoint.load_classifier(arguments.checkpoint)
     difference = save(module.classifier, arguments.out, checkpoint.configuration(module).view)
     say(f"{arguments.out}: outputs differ from the network's by {difference:.1g} of the largest output, at most")

@@ -13,7 +13,7 @@ from svfl_data.schema.episode import Camera, Episode
 from svfl_data.signals.topdown import topdown
 from svfl_data.symmetry import PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.viewer.predictions import Network, Prediction
-from svfl_models.centering.checkpoint import configuration, load_centering
+from svfl_models.centering.checkpoint import configuration, load_classifier
 from svfl_models.centering.module import CenteringModule, directions
 from svfl_models.cloning.checkpoint import is_policy, load_policy
 from svfl_models.deployment import policy_predictions as cloning
@@ -30,7 +30,7 @@ def load(file: Path) -> Network:
     """
     if is_policy(file):
         return cloning.of_module(load_policy(file), _name(file))
-    module = load_centering(file)
+    module = load_classifier(file)
     return lambda episode: _directions(module, episode, _name(file))
 
 

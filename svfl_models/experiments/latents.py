@@ -87,10 +87,10 @@ def body(results: Results) -> str:
     rate = max(latent.learning_rate for latent in _latents(results))
     epochs = {latent.use: results.find(latent=latent)[0].config.epochs for latent in _latents(results)}
     return f"""\
-Accuracy, %, by number of training samples. SVFL is symmetric under D4, CNN is its plain twin; both see image and wrench
-window and learn from nothing but the training samples. The latent encoders see image, wrench window and proprioception
-(the hand's pose and opening) and make one vector of them, from which a linear layer scores the four directions. It
-reads each number in units of its deviation over the training samples.
+Accuracy, %, by number of training samples. SVFL is symmetric under D4, CNN is its parameter-matched CNN baseline;
+both see image and wrench window and learn from nothing but the training samples. The latent encoders see image,
+wrench window and proprioception (the hand's pose and opening) and make one vector of them, from which a linear layer
+scores the four directions. It reads each number in units of its deviation over the training samples.
 
 {_uses(epochs, rate, first.learning_rate)}
 

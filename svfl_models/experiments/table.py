@@ -41,8 +41,9 @@ def body(results: Results) -> str:
             rows.append(["", "", "paper", *(_paper(cell) for cell in found)])
     return f"""\
 V is the image, F the last {results.cells[0].config.window} wrench readings. SVFL is symmetric under D4, CNN is its
-plain twin with as many parameters. The paper is Kohler et al., CoRL 2023, block centering in simulation, 3 seeds, 100
-test samples; its data are not published, so its figures are of the same task, not of the same samples.
+parameter-matched CNN baseline with as many parameters. The paper is Kohler et al., CoRL 2023, block centering in
+simulation, 3 seeds, 100 test samples; its data are not published, so its figures are of the same task, not of the
+same samples.
 
 {markdown(["input", "network", "accuracy, %", *(f"{count} samples" for count in counts)], rows)}
 

@@ -22,6 +22,9 @@ def load_latent(path: Path | str) -> LatentModule:
     Raises:
         FormatError: If the file is missing, damaged, of another program or of another version, or if its weights do
             not fit its own description.
+
+    Example:
+        >>> module = load_latent("out/latent_poe/checkpoint.ckpt")  # doctest: +SKIP
     """
     path = Path(path)
     return rebuilt(LatentModule, read_latent(path), path, LatentConfig)

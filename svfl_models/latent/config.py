@@ -137,6 +137,10 @@ class LatentConfig:
         mixed: Whether episodes may be of different tasks or action spaces.
         checkpoint_every: Steps between two checkpoints.
         learning_rate: Of Adam.
+
+    Example:
+        >>> LatentConfig("data/week", "poe", steps=100).model
+        'poe'
     """
 
     data: str

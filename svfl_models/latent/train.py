@@ -54,6 +54,11 @@ def train_latent(config: LatentConfig, out: Path, resume: bool = False, console:
     Raises:
         SvflError: If the data, the configuration or the folder cannot serve, or the training diverges.
         KeyboardInterrupt: If the user stopped the training; the last whole leg is in ``checkpoint.ckpt``.
+
+    Example:
+        >>> from pathlib import Path
+        >>> config = LatentConfig("data/block_picking", "poe", steps=10_000)
+        >>> train_latent(config, Path("out/latent_poe"))  # doctest: +SKIP
     """
     console = console or Console()
     earlier = _earlier(config, out) if resume else None

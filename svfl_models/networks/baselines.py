@@ -1,4 +1,4 @@
-"""The non-symmetric twin of `kits.SymmetricLayers`: the same networks, built from ordinary layers."""
+"""The non-symmetric counterpart of `layer_factory.SymmetricLayers`: the same networks, built from ordinary layers."""
 
 from collections.abc import Sequence
 

@@ -28,10 +28,16 @@ class VisionEncoder(nn.Module):
     more. All sizes before a pooling are even, which a pooling needs to commute with quarter turns.
 
     Args:
-        layers: Kit to build from.
+        layers: The layer factory to build from.
         widths: Units after the first six convolutions.
         latent: Units of the output.
         size: Height and width of the images, one of `config.IMAGE_SIZES`, [px].
+
+    Example:
+        >>> from svfl_models.networks.layer_factory import layer_factory
+        >>> encoder = VisionEncoder(layer_factory(GROUPS["D4"]), widths=(1, 1, 2, 2, 2, 2), latent=4, size=16)
+        >>> encoder(torch.randn(2, 4, 16, 16)).shape
+        torch.Size([2, 32])
     """
 
     def __init__(self, layers: Layers[T], widths: Sequence[int], latent: int, size: int = 64) -> None:
@@ -60,7 +66,7 @@ class SelfAttention(nn.Module):
     invariant, and its values keep their field structure.
 
     Args:
-        layers: Kit to build from.
+        layers: The layer factory to build from.
         width: Units per reading.
         heads: Number of heads; must divide the width.
     """
@@ -88,12 +94,19 @@ class ForceEncoder(nn.Module):
     """Self-attention over a window of wrench readings, then one linear map of the whole window.
 
     Args:
-        layers: Kit to build from.
+        layers: The layer factory to build from.
         parts: How the six components of a reading transform.
         window: Readings T.
         width: Units per reading.
         heads: Attention heads.
         latent: Units of the output.
+
+    Example:
+        >>> from svfl_models.networks.layer_factory import layer_factory
+        >>> from svfl_models.symmetry.representations import wrench_parts
+        >>> encoder = ForceEncoder(layer_factory(GROUPS["D4"]), wrench_parts(), window=64, width=4, heads=2, latent=8)
+        >>> encoder(torch.randn(2, 64, 6)).shape
+        torch.Size([2, 64])
     """
 
     position: Tensor
@@ -139,9 +152,14 @@ class ProprioEncoder(nn.Module):
     """Four-layer perceptron of gripper opening, position and yaw of the hand.
 
     Args:
-        layers: Kit to build from.
+        layers: The layer factory to build from.
         widths: Units after the first three layers.
         latent: Units of the output.
+
+    Example:
+        >>> from svfl_models.networks.layer_factory import layer_factory
+        >>> ProprioEncoder(layer_factory(GROUPS["D4"]), widths=(4, 4, 4), latent=8)(torch.randn(2, 5)).shape
+        torch.Size([2, 64])
     """
 
     def __init__(self, layers: Layers[T], widths: Sequence[int], latent: int) -> None:
@@ -166,9 +184,14 @@ class Fusion(nn.Module):
     """Two 1 x 1 maps over the concatenated features of all encoders.
 
     Args:
-        layers: Kit to build from.
+        layers: The layer factory to build from.
         encoders: Number of encoders.
         latent: Units of each encoder, and of the output.
+
+    Example:
+        >>> from svfl_models.networks.layer_factory import layer_factory
+        >>> Fusion(layer_factory(GROUPS["D4"]), encoders=2, latent=8)([torch.randn(2, 64), torch.randn(2, 64)]).shape
+        torch.Size([2, 64])
     """
 
     def __init__(self, layers: Layers[T], encoders: int, latent: int) -> None:

@@ -27,7 +27,7 @@ class OffsetHead(nn.Module):
     """A vector in the plane, in metres.
 
     Args:
-        layers: Kit to build from.
+        layers: The layer factory to build from.
         hidden: Type of the features.
     """
 
@@ -54,8 +54,14 @@ class Actor(nn.Module):
     of their own would change places in a turned world, which invariants cannot (`squashed_gaussian`).
 
     Args:
-        layers: Kit to build from.
+        layers: The layer factory to build from.
         latent: Units of the features.
+
+    Example:
+        >>> from svfl_models.networks.layer_factory import layer_factory
+        >>> actor = Actor(layer_factory(GROUPS["D4"]), latent=8)
+        >>> actor(torch.randn(2, 64)).mode.shape
+        torch.Size([2, 5])
     """
 
     def __init__(self, layers: Layers[T], latent: int) -> None:
@@ -75,11 +81,17 @@ class Actor(nn.Module):
 
 
 class Critic(nn.Module):
-    """Twin values of an action, which do not change when the world and the action are turned together.
+    """Two values of an action, which do not change when the world and the action are rotated together.
 
     Args:
-        layers: Kit to build from.
+        layers: The layer factory to build from.
         latent: Units of the features.
+
+    Example:
+        >>> from svfl_models.networks.layer_factory import layer_factory
+        >>> critic = Critic(layer_factory(GROUPS["D4"]), latent=8)
+        >>> critic(torch.randn(2, 64), torch.randn(2, 5)).shape
+        torch.Size([2, 2])
     """
 
     def __init__(self, layers: Layers[T], latent: int) -> None:
@@ -91,7 +103,7 @@ class Critic(nn.Module):
         self.copies = layers.copies
 
     def forward(self, features: Tensor, action: Tensor) -> Tensor:
-        """Values of both twins.
+        """Both values.
 
         Args:
             features: Shape (B, C).

@@ -1,6 +1,6 @@
-"""The kits that networks are built from: one of symmetric layers for each group, one of ordinary layers.
+"""The layer factories that networks are built from: one of symmetric layers for each group, one of ordinary layers.
 
-An encoder or a head is written once, against `Layers`, and is symmetric or not by the kit that it is given.
+An encoder or a head is written once, against `Layers`, and is symmetric or not by the layer factory that it is given.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 class Layers(Protocol[T]):
-    """A kit of layers between features of types T.
+    """A factory of layers between features of types T.
 
     Attributes:
         group: What its layers commute with.
@@ -93,6 +93,6 @@ class SymmetricLayers:
         return SymmetricLinear(source, representations.direction_type(source.gspace))
 
 
-def kit(group: Group) -> Layers:
+def layer_factory(group: Group) -> Layers:
     """The layers for a group; ordinary ones for the trivial group."""
     return SymmetricLayers(group) if len(group) > 1 else PlainLayers()

@@ -5,7 +5,7 @@ from torch import nn
 from svfl_data.errors import TrainingError
 from svfl_data.sampling.windows import WINDOW
 from svfl_models.networks.heads import Actor
-from svfl_models.networks.layer_factory import Layers, kit
+from svfl_models.networks.layer_factory import Layers, layer_factory
 from svfl_models.networks.presets import PRESETS
 from svfl_models.networks.squashed_gaussian import SquashedGaussian
 from svfl_models.networks.visual_force import Batch, VisualForceEncoder
@@ -17,13 +17,18 @@ class Policy(nn.Module):
 
     Args:
         encoder: What it looks at: ``v`` image, ``f`` wrench window, ``p`` proprioception, or several, e.g. ``vfp``.
-        group: Symmetry group, one of `groups.GROUPS`; ``none`` builds the plain twin.
+        group: Symmetry group, one of `groups.GROUPS`; ``none`` builds the parameter-matched CNN baseline.
         preset: Sizes, one of `presets.PRESETS`.
         image_size: Height and width of the images, one of `config.IMAGE_SIZES`, [px].
         window: Readings T per wrench window.
 
     Raises:
         TrainingError: If there is no such group or preset.
+
+    Example:
+        >>> policy = Policy("fp", preset="tiny")
+        >>> policy({"wrench": torch.randn(2, 64, 6), "proprio": torch.randn(2, 5)}).mode.shape
+        torch.Size([2, 5])
     """
 
     def __init__(
@@ -38,7 +43,7 @@ class Policy(nn.Module):
         if preset not in PRESETS:
             raise TrainingError(f"unknown preset {preset!r}; possible: {', '.join(PRESETS)}")
         self.group = group_named(group)
-        layers: Layers = kit(self.group)
+        layers: Layers = layer_factory(self.group)
         widths = PRESETS[preset]["cnn" if self.group == GROUPS["none"] else "svfl"]
         self.trunk = VisualForceEncoder(layers, widths, encoder, image_size, window)
         self.actor = Actor(layers, widths.latent)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Widths:
-    """Units of each part; a unit is a regular field (8 channels for D4) or, in the twin, one channel.
+    """Units of each part; a unit is a regular field (8 channels for D4) or, in the CNN baseline, one channel.
 
     Attributes:
         vision: After the first six convolutions.
@@ -41,7 +41,7 @@ PRESETS = {
         "cnn": Widths((18, 37, 74, 148, 294, 146), force=90, heads=9, proprio=(45, 90, 180), latent=174),
     },
 }
-"""The twins have as many parameters as the D4 networks, within 10 % (tests)."""
+"""The CNN baselines have as many parameters as the D4 networks, within 10 % (tests)."""
 
 THREADS = {"default": 1, "paper": 8}
 """Most threads by preset. Networks as narrow as the default gain little from a second one, and lose much where the

@@ -18,12 +18,19 @@ class VisualForceEncoder(nn.Module):
     """An encoder for each input, and their fusion.
 
     Args:
-        layers: Kit to build from; it decides on the symmetry.
+        layers: The layer factory to build from; it decides on the symmetry.
         widths: Sizes.
         inputs: Which: ``v`` image, ``f`` wrench window, ``p`` proprioception, or several, e.g. ``vfp``.
         image_size: Height and width of the images, [px].
         window: Readings T per wrench window.
         torque: ``axial``, or the paper's ``polar`` (see `representations.wrench_parts`).
+
+    Example:
+        >>> from svfl_models.networks.layer_factory import layer_factory
+        >>> from svfl_models.networks.presets import PRESETS
+        >>> encoder = VisualForceEncoder(layer_factory(GROUPS["D4"]), PRESETS["tiny"]["svfl"], inputs="f")
+        >>> encoder({"wrench": torch.randn(2, 64, 6)}).dim()
+        2
     """
 
     def __init__(
@@ -49,7 +56,7 @@ class VisualForceEncoder(nn.Module):
         self.fusion = Fusion(layers, len(inputs), latent)
 
     def forward(self, batch: Batch) -> Tensor:
-        """Features (B, C), hidden units of the kit.
+        """Features (B, C), hidden units of the layer factory.
 
         Raises:
             TrainingError: If an input is missing or has a shape that the network was not built for.

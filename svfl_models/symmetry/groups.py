@@ -20,6 +20,10 @@ class Group:
         name: ``C`` rotations only, ``D`` with reflections, and the number of rotations.
         rotations: How many; neighbours are 360 / `rotations` degrees apart.
         mirrors: Whether reflections belong to it.
+
+    Example:
+        >>> len(GROUPS["D4"]), GROUPS["D4"].name
+        (8, 'D4')
     """
 
     name: str

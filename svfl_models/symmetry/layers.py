@@ -57,6 +57,12 @@ class SymmetricConv(nn.Module):
     Attributes:
         weights: One number per (block, output field, input field, kernel); blocks row by row.
         bias: One number per trivial irreducible part of the output: only those may have a constant added.
+
+    Example:
+        >>> from svfl_models.networks.layer_factory import layer_factory
+        >>> layers = layer_factory(GROUPS["D4"])
+        >>> SymmetricConv(layers.image(4), layers.hidden(2), kernel_size=3, padding=1)(torch.randn(1, 4, 8, 8)).shape
+        torch.Size([1, 16, 8, 8])
     """
 
     bias_expansion: Tensor
@@ -104,6 +110,12 @@ class SymmetricLinear(SymmetricConv):
     Args:
         source: Type of the input.
         target: Type of the output.
+
+    Example:
+        >>> from svfl_models.networks.layer_factory import layer_factory
+        >>> layers = layer_factory(GROUPS["D4"])
+        >>> SymmetricLinear(layers.hidden(2), layers.hidden(3))(torch.randn(5, 16)).shape
+        torch.Size([5, 24])
     """
 
     first: Tensor | None

@@ -28,7 +28,7 @@ class Quick(Run):
 
 
 class Diverging(Quick):
-    """Done at once, but for the plain twin of seed 0."""
+    """Done at once, but for the parameter-matched CNN baseline of seed 0."""
 
     def __call__(self) -> None:
         """Fail, or leave what a finished run leaves."""

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from svfl_data.errors import FormatError, TrainingError
-from svfl_models.centering.checkpoint import configuration, load_centering
+from svfl_models.centering.checkpoint import configuration, load_classifier
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.data import CenteringData
 from svfl_models.centering.module import CenteringModule
@@ -26,7 +26,7 @@ def file(trained, tmp_path_factory):
 
 def refusal(path):
     with pytest.raises(FormatError) as refused:
-        load_centering(path)
+        load_classifier(path)
     assert str(path) in str(refused.value)
     assert "\n" not in str(refused.value)
     return str(refused.value)
@@ -34,7 +34,7 @@ def refusal(path):
 
 def test_the_same_network_comes_back(trained, file, batch):
     module, config = trained
-    loaded = load_centering(file)
+    loaded = load_classifier(file)
     assert torch.equal(loaded(batch), module(batch))
     assert not loaded.training
     assert configuration(loaded) == config

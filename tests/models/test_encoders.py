@@ -12,7 +12,7 @@ from svfl_models.networks.encoders import (
     position_encoding,
 )
 from svfl_models.networks.inputs import IMAGE_SIZES
-from svfl_models.networks.layer_factory import kit
+from svfl_models.networks.layer_factory import layer_factory
 from svfl_models.symmetry.actions import act_on_batch, act_on_feature_map, act_on_hidden, act_on_image
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.symmetry.representations import stored, wrench_parts
@@ -25,15 +25,15 @@ twins = pytest.mark.parametrize("group", [D4, GROUPS["none"]], ids=named)
 
 
 def vision_encoder(group=D4, size=64):
-    return VisionEncoder(kit(group), widths=(2, 2, 3, 4, 4, 4), latent=4, size=size)
+    return VisionEncoder(layer_factory(group), widths=(2, 2, 3, 4, 4, 4), latent=4, size=size)
 
 
 def force_encoder(group=D4, torque="axial", window=8):
-    return ForceEncoder(kit(group), wrench_parts(torque), window, width=4, heads=2, latent=3)
+    return ForceEncoder(layer_factory(group), wrench_parts(torque), window, width=4, heads=2, latent=3)
 
 
 def proprio_encoder(group=D4):
-    return ProprioEncoder(kit(group), widths=(2, 3, 4), latent=3)
+    return ProprioEncoder(layer_factory(group), widths=(2, 3, 4), latent=3)
 
 
 def wrenches(window=8, count=4):
@@ -77,8 +77,8 @@ def test_vision_features_are_equivariant_at_every_image_size(size):
 @pytest.mark.parametrize("size", IMAGE_SIZES)
 def test_vision_gives_one_vector_that_sees_every_part_of_the_image(group, size):
     image = torch.randn(4, 4, size, size, requires_grad=True)
-    features = VisionEncoder(kit(group), (4,) * 6, latent=4, size=size)(image)
-    assert features.shape == (4, 4 * kit(group).copies)
+    features = VisionEncoder(layer_factory(group), (4,) * 6, latent=4, size=size)(image)
+    assert features.shape == (4, 4 * layer_factory(group).copies)
     features.sum().backward()
     assert image.grad is not None
     reached = image.grad.abs().sum((0, 1)).unflatten(0, (4, -1)).unflatten(2, (4, -1)).sum((1, 3))  # of sixteen patches
@@ -151,7 +151,7 @@ def test_the_published_reshape_slip_is_caught(group):
 @twins
 @pytest.mark.parametrize("window", [1, 7, 64, 128])
 def test_every_reading_reaches_the_output(group, window):
-    encoder = ForceEncoder(kit(group), WRENCH_PARTS, window, width=8, heads=2, latent=6)
+    encoder = ForceEncoder(layer_factory(group), WRENCH_PARTS, window, width=8, heads=2, latent=6)
     wrench = torch.randn(8, window, 6, requires_grad=True)
     encoder(wrench).square().sum().backward()
     assert wrench.grad is not None
@@ -204,7 +204,7 @@ def test_a_turned_scene_is_not_a_turned_hand(hands):
 @twins
 def test_every_component_of_the_hand_reaches_the_output(group, hands):
     proprio = hands["proprio"].clone().requires_grad_()
-    ProprioEncoder(kit(group), (8, 8, 8), latent=8)(proprio).square().sum().backward()
+    ProprioEncoder(layer_factory(group), (8, 8, 8), latent=8)(proprio).square().sum().backward()
     assert proprio.grad is not None
     assert (proprio.grad.abs().sum(dim=0) > 0).all()
     assert proprio.shape[-1] == sum(len(part.index) for part in PROPRIO_PARTS)
@@ -214,7 +214,7 @@ class Fused(nn.Module):
     def __init__(self, group):
         super().__init__()
         self.force, self.proprio = force_encoder(group), proprio_encoder(group)
-        self.fusion = Fusion(kit(group), encoders=2, latent=3)
+        self.fusion = Fusion(layer_factory(group), encoders=2, latent=3)
 
     def forward(self, batch):
         return self.fusion([self.force(batch["wrench"]), self.proprio(batch["proprio"])])

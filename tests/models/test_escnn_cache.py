@@ -20,9 +20,9 @@ warnings.simplefilter("error", UserWarning)
 import torch
 from svfl_models.symmetry import planar_escnn
 from svfl_models.symmetry.groups import GROUPS
-from svfl_models.networks.layer_factory import kit
+from svfl_models.networks.layer_factory import layer_factory
 from svfl_data.symmetry import OFFSET_PARTS
-layers = kit(GROUPS["D4"])
+layers = layer_factory(GROUPS["D4"])
 print(layers.linear(layers.hidden(1), layers.vector(OFFSET_PARTS))(torch.ones(1, 8)).shape[1])
 """
 

@@ -25,7 +25,7 @@ from svfl_models.centering.evaluate import judge
 from svfl_models.deployment import export
 from svfl_models.networks.heads import Actor, Critic
 from svfl_models.networks.inputs import ENCODERS
-from svfl_models.networks.layer_factory import kit
+from svfl_models.networks.layer_factory import layer_factory
 from svfl_models.networks.presets import PRESETS
 from svfl_models.networks.visual_force import VisualForceEncoder
 from svfl_models.programs import program
@@ -73,7 +73,7 @@ def test_the_plain_copy_says_the_same(samples, batch, group, encoder):
 
 
 def test_so_it_does_for_a_policy(batch, hands):
-    layers, widths = kit(GROUPS["D4"]), PRESETS["tiny"]["svfl"]
+    layers, widths = layer_factory(GROUPS["D4"]), PRESETS["tiny"]["svfl"]
     trunk = VisualForceEncoder(layers, widths, "vfp").eval()
     actor, critic = Actor(layers, widths.latent).eval(), Critic(layers, widths.latent).eval()
     features = trunk(batch | hands)

@@ -4,7 +4,7 @@ from torch import nn
 
 from svfl_data.symmetry import ACTION_PARTS, OFFSET_PARTS
 from svfl_models.networks.heads import Actor, Critic, OffsetHead
-from svfl_models.networks.layer_factory import kit
+from svfl_models.networks.layer_factory import layer_factory
 from svfl_models.networks.presets import PRESETS, Widths
 from svfl_models.networks.squashed_gaussian import SquashedGaussian
 from svfl_models.networks.visual_force import VisualForceEncoder
@@ -25,7 +25,7 @@ class Policy(nn.Module):
 
     def __init__(self, group, inputs="fp", actor=Actor, size=8):
         super().__init__()
-        layers = kit(group)
+        layers = layer_factory(group)
         self.trunk = VisualForceEncoder(layers, SMALL, inputs, size, window=4)
         self.actor, self.critic = actor(layers, SMALL.latent), Critic(layers, SMALL.latent)
 
@@ -122,7 +122,7 @@ def test_shapes_bounds_and_shared_deviations(group, scene):
     assert of.mean.shape == of.log_sigma.shape == (8, 5)
     assert torch.equal(of.log_sigma[:, 1], of.log_sigma[:, 2])
     assert len(torch.unique(of.log_sigma[0])) == 4
-    wild = Actor(kit(group), 8)(1e4 * torch.randn(8, 8 * kit(group).copies)).log_sigma
+    wild = Actor(layer_factory(group), 8)(1e4 * torch.randn(8, 8 * layer_factory(group).copies)).log_sigma
     assert (wild.min(), wild.max()) == (-20, 2)
     assert values(policy, scene).shape == (8, 2)
 
@@ -143,8 +143,8 @@ def test_an_offset_is_a_vector_for_life(group, scene):
     class Offset(nn.Module):
         def __init__(self):
             super().__init__()
-            self.trunk = VisualForceEncoder(kit(group), SMALL, "f", window=4)
-            self.head = OffsetHead(kit(group), kit(group).hidden(SMALL.latent))
+            self.trunk = VisualForceEncoder(layer_factory(group), SMALL, "f", window=4)
+            self.head = OffsetHead(layer_factory(group), layer_factory(group).hidden(SMALL.latent))
 
         def forward(self, batch):
             return self.head(self.trunk(batch))
@@ -153,7 +153,7 @@ def test_an_offset_is_a_vector_for_life(group, scene):
 
 
 def test_an_offset_has_the_scale_of_the_training_offsets():
-    head, features = OffsetHead(kit(D4), kit(D4).hidden(4)), torch.randn(3, 32)
+    head, features = OffsetHead(layer_factory(D4), layer_factory(D4).hidden(4)), torch.randn(3, 32)
     before = head(features)
     head.fit(torch.tensor([[0.03, 0.04], [0.0, 0.0]]))
     torch.testing.assert_close(head(features), before * (0.05**2 / 4) ** 0.5)
@@ -164,13 +164,13 @@ def test_an_offset_has_the_scale_of_the_training_offsets():
 def test_twins_of_a_whole_policy_have_comparable_parameter_counts(preset, head):
     def count(name, group):
         widths = PRESETS[preset][name]
-        trunk = VisualForceEncoder(kit(group), widths, "vfp")
-        return parameter_count(trunk) + parameter_count(head(kit(group), widths.latent))
+        trunk = VisualForceEncoder(layer_factory(group), widths, "vfp")
+        return parameter_count(trunk) + parameter_count(head(layer_factory(group), widths.latent))
 
     assert count("cnn", GROUPS["none"]) == pytest.approx(count("svfl", D4), rel=0.1)
 
 
 def test_the_actor_has_the_size_of_the_reference():
     """20,696 there: without the sign of dtheta and with five deviations."""
-    assert parameter_count(Actor(kit(D4), 64)) == pytest.approx(20_696, rel=0.001)
-    assert parameter_count(Critic(kit(D4), 64)) == pytest.approx(2 * 33_217, rel=0.001)
+    assert parameter_count(Actor(layer_factory(D4), 64)) == pytest.approx(20_696, rel=0.001)
+    assert parameter_count(Critic(layer_factory(D4), 64)) == pytest.approx(2 * 33_217, rel=0.001)

@@ -14,7 +14,7 @@ from svfl_data.sampling.centering_samples import load_centering
 from svfl_models import cli
 from svfl_models.centering import pretrained, report, train
 from svfl_models.centering.checkpoint import configuration
-from svfl_models.centering.checkpoint import load_centering as load_trained
+from svfl_models.centering.checkpoint import load_classifier as load_trained
 from svfl_models.centering.classifier import CenteringClassifier
 from svfl_models.centering.config import USES, TrainingConfig
 from svfl_models.centering.data import VIEWS, CenteringData, Crops

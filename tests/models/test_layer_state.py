@@ -9,24 +9,24 @@ import torch
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from svfl_data.symmetry import WRENCH_PARTS
-from svfl_models.networks.layer_factory import kit
+from svfl_models.networks.layer_factory import layer_factory
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.symmetry.layers import SymmetricConv
 from svfl_models.symmetry.planar_escnn import R2Conv
 
-KIT = kit(GROUPS["D4"])
+FACTORY = layer_factory(GROUPS["D4"])
 
 
 def conv():
-    return KIT.conv(KIT.hidden(2), KIT.hidden(3), 3, 1), torch.randn(2, 16, 5, 5)
+    return FACTORY.conv(FACTORY.hidden(2), FACTORY.hidden(3), 3, 1), torch.randn(2, 16, 5, 5)
 
 
 def linear():
-    return KIT.linear(KIT.hidden(2), KIT.hidden(3)), torch.randn(2, 16)
+    return FACTORY.linear(FACTORY.hidden(2), FACTORY.hidden(3)), torch.randn(2, 16)
 
 
 def mixed():
-    return KIT.linear(KIT.vector(WRENCH_PARTS), KIT.hidden(2)), torch.randn(2, 6)
+    return FACTORY.linear(FACTORY.vector(WRENCH_PARTS), FACTORY.hidden(2)), torch.randn(2, 6)
 
 
 each_layer = pytest.mark.parametrize("make", [conv, linear, mixed])
@@ -127,7 +127,7 @@ def test_an_exponential_average_follows_in_eval_mode(make, buffers):
 def test_the_same_questions_find_escnn_out():
     """A layer of escnn's own keeps its filter in eval mode: the tests above can fail."""
     _, x = conv()
-    kept = R2Conv(KIT.hidden(2), KIT.hidden(3), 3, initialize=False, recompute=True).train()
+    kept = R2Conv(FACTORY.hidden(2), FACTORY.hidden(3), 3, initialize=False, recompute=True).train()
     torch.nn.init.normal_(kept.weights)
     fresh = list(kept.state_dict())
     assert list(kept.eval().state_dict()) != fresh
@@ -139,4 +139,4 @@ def test_the_same_questions_find_escnn_out():
         copy.deepcopy(kept)
     with pytest.raises((AttributeError, pickle.PicklingError, RuntimeError)):
         pickle.dumps(kept)
-    assert SymmetricConv(KIT.hidden(2), KIT.hidden(3), 3, 1)(x).shape == (2, 24, 5, 5)
+    assert SymmetricConv(FACTORY.hidden(2), FACTORY.hidden(3), 3, 1)(x).shape == (2, 24, 5, 5)

@@ -3,7 +3,7 @@ import torch
 from escnn.nn.init import _generalized_he_init_variances
 
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS
-from svfl_models.networks.layer_factory import SymmetricLayers, kit
+from svfl_models.networks.layer_factory import SymmetricLayers, layer_factory
 from svfl_models.symmetry.actions import act_on_feature_map, act_on_hidden
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.symmetry.layers import SymmetricConv, SymmetricLinear
@@ -12,22 +12,22 @@ from svfl_models.symmetry.representations import stored
 from svfl_models.symmetry.testing import assert_equivariant, equivariance_error
 from tests.models.lifetime import SYMMETRIC, assert_equivariant_for_life, named, part_of
 
-KIT = SymmetricLayers(GROUPS["D4"])
+FACTORY = SymmetricLayers(GROUPS["D4"])
 every_group = pytest.mark.parametrize("group", SYMMETRIC, ids=named)
 
 
 def conv():
-    return SymmetricConv(KIT.hidden(2), KIT.hidden(3), 3, padding=1)
+    return SymmetricConv(FACTORY.hidden(2), FACTORY.hidden(3), 3, padding=1)
 
 
 def linear():
-    return SymmetricLinear(KIT.hidden(2), KIT.hidden(3))
+    return SymmetricLinear(FACTORY.hidden(2), FACTORY.hidden(3))
 
 
 @every_group
 @pytest.mark.parametrize("padding", [0, 1])
 def test_a_convolution_is_equivariant_before_any_pooling(group, padding):
-    layers = kit(group)
+    layers = layer_factory(group)
     layer = torch.nn.Sequential(
         layers.conv(layers.image(4), layers.hidden(2), 3, 1),
         layers.conv(layers.hidden(2), layers.hidden(1), 3, padding),
@@ -41,7 +41,7 @@ def test_a_convolution_is_equivariant_before_any_pooling(group, padding):
     ("name", "parts"), [("wrench", WRENCH_PARTS), ("proprio", PROPRIO_PARTS), ("action", ACTION_PARTS)]
 )
 def test_a_linear_map_of_physical_numbers_is_equivariant_for_life(group, name, parts):
-    layers = kit(group)
+    layers = layer_factory(group)
 
     def compute(network, batch):
         return network(stored(parts, batch[name]))
@@ -81,13 +81,13 @@ def test_initial_weights_have_the_deviations_of_escnn(group, monkeypatch):
 
 @pytest.mark.parametrize("group", GROUPS.values(), ids=named)
 def test_initial_weights_keep_the_variance(group):
-    layers = kit(group)
+    layers = layer_factory(group)
     layer = layers.linear(layers.hidden(32), layers.hidden(32))
     assert layer(torch.randn(1000, 32 * layers.copies)).var().item() == pytest.approx(1, rel=0.2)
 
 
 def test_a_plain_convolution_is_not_equivariant():
-    plain = kit(GROUPS["none"]).conv(16, 24, 3, 1)
+    plain = layer_factory(GROUPS["none"]).conv(16, 24, 3, 1)
     errors = equivariance_error(
         lambda batch: plain(batch["image"]), {"image": torch.randn(2, 16, 8, 8)}, act_on_output=act_on_feature_map()
     )

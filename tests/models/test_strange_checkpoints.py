@@ -15,7 +15,7 @@ import torch
 
 from svfl_data.errors import FormatError, TrainingError
 from svfl_models import cli
-from svfl_models.centering.checkpoint import load_centering
+from svfl_models.centering.checkpoint import load_classifier
 from svfl_models.centering.pretrained import describe
 from svfl_models.cloning import acting
 from svfl_models.cloning.checkpoint import load_policy
@@ -33,7 +33,7 @@ DEPLOYMENT = {
     "projection": [[60.0, 0.0, 38.0, 0.0], [0.0, 60.0, 38.0, 0.0], [0.0, 0.0, 1.0, 1.0]], "centre": [0.5, 0.0],
     "table": 0.0, "image_side": 76, "depth_scale": 1e-4, "step_ms": 50.0, "switch": True,
 }  # fmt: skip
-LOADERS = {"centering": load_centering, "policy": load_policy, "latent": load_latent}
+LOADERS = {"centering": load_classifier, "policy": load_policy, "latent": load_latent}
 
 
 class Payload:

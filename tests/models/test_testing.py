@@ -3,7 +3,7 @@ import torch
 from torch import nn
 
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, Part
-from svfl_models.networks.layer_factory import kit
+from svfl_models.networks.layer_factory import layer_factory
 from svfl_models.symmetry.actions import act_on_hidden, act_on_invariant, act_on_parts
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.symmetry.representations import stored
@@ -17,7 +17,7 @@ class Linear(nn.Module):
 
     def __init__(self, parts, group=D4):
         super().__init__()
-        layers = kit(group)
+        layers = layer_factory(group)
         self.parts = parts
         self.map = layers.linear(layers.vector(parts), layers.hidden(3))
 
@@ -108,8 +108,8 @@ def test_an_output_of_zero_proves_nothing(hands):
 
 def test_directions_are_asked_for_quarter_turns_and_flips_only(batch):
     """Scores of four directions cannot turn by 45 degrees, whatever the input."""
-    network = kit(D8).scores(kit(D8).hidden(2))
-    force = kit(D8).linear(kit(D8).vector((Part("vector", (0, 1)),)), kit(D8).hidden(2))
+    network = layer_factory(D8).scores(layer_factory(D8).hidden(2))
+    force = layer_factory(D8).linear(layer_factory(D8).vector((Part("vector", (0, 1)),)), layer_factory(D8).hidden(2))
     assert_equivariant(
         nn.Sequential(force, nn.ReLU(), network),
         {"wrench": batch["wrench"]},

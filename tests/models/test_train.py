@@ -14,7 +14,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, StorageError, TrainingError
 from svfl_data.storage.store import write_episode
 from svfl_models.centering import train
-from svfl_models.centering.checkpoint import load_centering
+from svfl_models.centering.checkpoint import load_classifier
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.evaluate import judge
 from svfl_models.centering.train import train_centering
@@ -61,7 +61,7 @@ def test_a_run_leaves_everything_that_it_promises(config, tmp_path, batch):
     assert f"**{result.test_accuracy:.1%}**" in (tmp_path / "run" / "report.md").read_text()
     assert sum(result.train_samples) == 8
 
-    module = load_centering(tmp_path / "run" / "checkpoint.ckpt")
+    module = load_classifier(tmp_path / "run" / "checkpoint.ckpt")
     assert module.hparams["training"] == config.plain()
     assert module.classifier.trunk.normalization.wrench_scale[2] > 1  # fitted, not the identity
     assert_equivariant(module.classifier, {"wrench": batch["wrench"]})
@@ -82,7 +82,7 @@ def test_vision_and_force_learn_together(monkeypatch, tmp_path):
     result = train_centering(config, tmp_path / "run", separate_test="drawn too")
     assert result.test_accuracy > 0.8
     assert result.separate_test_accuracy > 0.8
-    again = judge(load_centering(tmp_path / "run" / "checkpoint.ckpt"), samples, config)
+    again = judge(load_classifier(tmp_path / "run" / "checkpoint.ckpt"), samples, config)
     assert again.accuracy == result.separate_test_accuracy
     rows = list(csv.DictReader((tmp_path / "run" / "predictions.csv").open()))
     assert [row["samples"] for row in rows] == ["test"] * 40 + ["separate_test"] * 80

@@ -8,7 +8,7 @@ IMAGE = 4.0
 SMALLEST_IMAGE = 0.5
 """Share of it that is left when there are hardly any pixels."""
 PLAIN_ELEMENTS = 3.0
-"""Size of the group whose network would be as slow as the plain twin."""
+"""Size of the group whose network would be as slow as the parameter-matched CNN baseline."""
 LATENT = {"vtt": 200.0, "poe": 50.0, "concat": 50.0}
 """Time of a sample in training a whole latent encoder, with its smaller share of epochs (`latents`)."""
 HEAD = 500.0
