@@ -25,10 +25,11 @@ from svfl_models.cloning import acting, train
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.evaluate import environment_of, evaluate
-from svfl_models.deployment import export, predictions
+from svfl_models.deployment import predictions
 from svfl_models.experiments import cloning_table
 from svfl_models.networks.squashed_gaussian import SCALE
 from svfl_models.programs import exported_policy
+from svfl_models.symmetry.layers import SymmetricConv
 from svfl_models.training import run_folder
 from tests.models.synthetic import centering_samples
 from tests.models.trained import untrained, write
@@ -90,7 +91,7 @@ def test_a_loaded_policy_says_what_its_network_says(checkpoint, file):
     """In base axes, from what a collector sees; the network is the one with symmetric layers."""
     module = load_policy(checkpoint)
     network = acting.ActingPolicy(module.policy, module.deployment, module.view).eval()
-    assert any(isinstance(part, export.SymmetricConv) for part in network.modules())
+    assert any(isinstance(part, SymmetricConv) for part in network.modules())
     for policy in (acting.load(checkpoint), exported_policy.load(file)):
         for observation, action in seen_and_said(network):
             np.testing.assert_allclose(policy(observation) / SCALE, action / SCALE, atol=1e-5)

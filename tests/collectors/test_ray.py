@@ -102,13 +102,13 @@ def test_a_cluster_of_its_own_is_heard_by_this_machine_only_and_ends_with_sigter
     family = [psutil.Process(running.pid), *psutil.Process(running.pid).children(recursive=True)]
     heard = listening(family)
     running.send_signal(signal.SIGTERM)
-    output, _ = running.communicate(timeout=120)
+    output, _ = running.communicate(timeout=PATIENCE)
     assert {"raylet", "gcs_server"} <= heard.keys()
     assert {ip.removeprefix("::ffff:") for ips in heard.values() for ip in ips} == {"127.0.0.1"}
     assert running.returncode == 128 + signal.SIGTERM
     said = [line for line in output.splitlines() if line and not line.startswith("centering: ")]
     assert said == ["svfl-collect: interrupted; everything finished so far is on disk"]
-    _, alive = psutil.wait_procs(family, timeout=60)
+    _, alive = psutil.wait_procs(family, timeout=PATIENCE)
     assert not [process for process in alive if process.status() != psutil.STATUS_ZOMBIE]
 
 

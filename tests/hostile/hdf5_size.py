@@ -111,7 +111,7 @@ def bomb_in_one_chunk(folder):
         bomb(file, "extra/x", (3 * GIB,), (3 * GIB,), "u1", zeros_deflated(3 * GIB))
 
 
-@hostile("episode")
+@hostile("episode", legal="only who reads an extra array finds what its chunks are")
 def chunk_larger_than_declared(folder):
     """Says 16 bytes and decompresses to a gigabyte."""
     with reopened(folder) as file:
