@@ -20,9 +20,9 @@ from types import FrameType
 from typing import Any
 
 from collectors.recording.worker import Collected, Deaths, Worker
+from svfl_data.datasets.held_folder import identity
 from svfl_data.errors import CollectError, SvflError
 from svfl_data.system.atomic_io import write_atomically
-from svfl_data.system.held_folder import identity
 
 LOOPBACK = "127.0.0.1"
 

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Protocol
 
 from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.held_folder import Identity, check_same
 from svfl_data.errors import CollectError
 from svfl_data.schema.episode import Episode
 from svfl_data.storage.store import write_episode
-from svfl_data.system.held_folder import Identity, check_same
 
 Collector = Callable[..., Episode]
 """Produces the episode of an index; depends on nothing but the index and what it was made with.

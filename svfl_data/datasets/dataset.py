@@ -11,13 +11,13 @@ from typing import Any, overload
 
 import msgspec
 
+from svfl_data.datasets.held_folder import HeldFolder
 from svfl_data.datasets.shards import MEMBER, member_extent, members, shard_files
 from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
 from svfl_data.schema.episode import Episode
 from svfl_data.storage.chunks import Extent
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.atomic_io import write_atomically
-from svfl_data.system.held_folder import HeldFolder
 from svfl_data.system.leftovers import clear_files
 from svfl_data.system.printable import printable
 from svfl_data.system.regular_file import refuse_link

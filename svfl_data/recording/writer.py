@@ -12,6 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.held_folder import HeldFolder
 from svfl_data.errors import DatasetError, FieldError, StorageError, UsageError
 from svfl_data.recording.consistency import Agreement
 from svfl_data.recording.growth import Growth, check_constants
@@ -24,7 +25,6 @@ from svfl_data.schema.episode import Meta, canonical_json
 from svfl_data.schema.fields import EXTRA, field_at
 from svfl_data.storage.metadata import checked_meta
 from svfl_data.storage.store import Rows
-from svfl_data.system.held_folder import HeldFolder
 from svfl_data.system.own_process import OwnProcess
 
 META_BYTES = LABEL_BYTES // 2
