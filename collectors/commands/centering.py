@@ -3,7 +3,7 @@
 import argparse
 import time
 
-from collectors.commands.options import add_collection, add_world, between, engine, world
+from collectors.commands.options import add_collection, add_world, between, executor, world
 from svfl_data.system.command_line import Commands, positive
 from svfl_data.system.printable import say
 
@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> None:
     from collectors.sources.centering import TASK, CenteringCollector, summary
     from svfl_data.datasets.dataset import Dataset
 
-    where = engine(arguments)
+    where = executor(arguments)
     collector = CenteringCollector(arguments.seed, CenteringConfig(border_deg=arguments.border), world(arguments))
     dataset = Dataset.create_or_resume(arguments.out, TASK, arguments.seed, collector.config())
     start = time.perf_counter()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from collectors.commands.options import add_collection, add_world, between, engine, world
+from collectors.commands.options import add_collection, add_world, between, executor, world
 from collectors.tasks import PAPER, TASKS
 from svfl_data.system.command_line import Commands, positive
 from svfl_data.system.printable import say
@@ -29,7 +29,7 @@ def add(commands: Commands) -> None:
         "svfl-collect expert --task block_picking --perturb 0.15 --out data/perturbed   # to clone a policy\n"
         "svfl-collect expert --task block_picking --tags --out data/tagged   # AprilTags tell success\n"
         "svfl-collect expert --task block_picking --out data/seen --rerun   # watch it, after starting: rerun\n"
-        "svfl-collect expert --task block_picking --engine ray --address head:6379 --workers 64 --out data/large",
+        "svfl-collect expert --task block_picking --executor ray --address head:6379 --workers 64 --out data/large",
     )
     parser.add_argument(
         "--task",
@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.task == ALL and (arguments.out / INFO).exists():
         raise DatasetError(f"{arguments.out} holds a dataset; --task all needs a folder for one dataset of each task")
     tasks = {name: arguments.out / name for name in PAPER} if arguments.task == ALL else {arguments.task: arguments.out}
-    where, config, workers = engine(arguments), world(arguments), arguments.workers
+    where, config, workers = executor(arguments), world(arguments), arguments.workers
     kind = _kind(arguments.tags)
     collectors = {name: kind(arguments.seed, name, arguments.noise, arguments.perturb, config) for name in tasks}
     datasets = {

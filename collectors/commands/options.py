@@ -1,4 +1,4 @@
-"""What the commands share: where to write, with how many workers of which engine, and the options of the world."""
+"""What the commands share: where to write, with how many workers of which executor, and the options of the world."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from svfl_data.errors import UsageError
 from svfl_data.system.command_line import Parser, natural, positive
 
 if TYPE_CHECKING:  # at run time only when collecting: the command line itself loads no simulation
-    from collectors.recording.worker import Engine
+    from collectors.recording.worker import Executor
     from collectors.simulation.config import WorldConfig
 
 
@@ -21,7 +21,7 @@ def add_collection(parser: Parser) -> None:
     parser.add_argument("--seed", type=natural, default=0, metavar="S", help="seed of the dataset (default 0)")
     parser.add_argument("--workers", type=positive, default=1, metavar="W", help="episodes at a time (default 1)")
     parser.add_argument(
-        "--engine", choices=["processes", "ray"], default="processes",
+        "--executor", choices=["processes", "ray"], default="processes",
         help="where workers run: processes of this machine (default), or a Ray cluster",
     )  # fmt: skip
     parser.add_argument("--address", metavar="HOST:PORT", help="of the Ray cluster (default: one on this machine)")
@@ -37,18 +37,18 @@ def add_rerun(parser: Parser) -> None:
     )  # fmt: skip
 
 
-def engine(arguments: argparse.Namespace) -> Engine:
-    """The engine that is asked for.
+def executor(arguments: argparse.Namespace) -> Executor:
+    """The executor that is asked for.
 
     Raises:
-        UsageError: If an address is given for another engine than Ray.
+        UsageError: If an address is given for another executor than Ray.
     """
-    if arguments.engine == "ray":
+    if arguments.executor == "ray":
         from collectors.recording.ray import Ray
 
         return Ray(arguments.address)
     if arguments.address:
-        raise UsageError(f"--address {arguments.address} is for --engine ray")
+        raise UsageError(f"--address {arguments.address} is for --executor ray")
     from collectors.recording.processes import run
 
     return run

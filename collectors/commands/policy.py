@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from collectors.commands.options import add_collection, add_world, engine, world
+from collectors.commands.options import add_collection, add_world, executor, world
 from collectors.tasks import TASKS
 from svfl_data.system.command_line import Commands, positive
 from svfl_data.system.printable import say
@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> None:
     from collectors.sources.policy import PolicyCollector, summary
     from svfl_data.datasets.dataset import Dataset
 
-    where = engine(arguments)
+    where = executor(arguments)
     collector = PolicyCollector(arguments.seed, arguments.task, arguments.checkpoint, world(arguments))
     _ = collector.policy  # what is wrong with it is said before a folder is begun
     dataset = Dataset.create_or_resume(arguments.out, arguments.task, arguments.seed, collector.config())

@@ -1,4 +1,4 @@
-"""From an index to a dataset: what is missing is collected, whichever engine runs the workers."""
+"""From an index to a dataset: what is missing is collected, whichever executor runs the workers."""
 
 from contextlib import ExitStack
 from functools import cache
@@ -6,7 +6,7 @@ from importlib.metadata import version
 
 from collectors.recording import processes
 from collectors.recording.progress import CollectionProgress
-from collectors.recording.worker import FAILURES, Collected, Collector, Engine, Worker
+from collectors.recording.worker import FAILURES, Collected, Collector, Executor, Worker
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import SvflError
 
@@ -24,7 +24,7 @@ def collect_dataset(
     episodes: int,
     workers: int,
     collector: Collector,
-    engine: Engine = processes.run,
+    executor: Executor = processes.run,
     keep_failures: bool = False,
     progress: CollectionProgress | None = None,
 ) -> list[Collected]:
@@ -35,7 +35,7 @@ def collect_dataset(
         episodes: How many episodes it shall have.
         workers: How many work at a time; what is collected does not depend on it.
         collector: Makes the episodes; sent to each worker.
-        engine: Runs the workers.
+        executor: Runs the workers.
         keep_failures: Whether to write failed attempts into a dataset of their own, in the folder `FAILURES` inside.
         progress: Where to show how it goes; by itself if not given.
 
@@ -61,7 +61,7 @@ def collect_dataset(
         done: list[Collected] = []
         shown.begin(info["task"], episodes, len(missing))
         try:
-            for finished in engine(missing, workers, worker) if missing else ():
+            for finished in executor(missing, workers, worker) if missing else ():
                 held.check()
                 done.append(finished)
                 shown.advance(finished)

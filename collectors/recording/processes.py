@@ -15,7 +15,7 @@ _worker: Worker  # of this worker process
 
 
 def run(indices: Sequence[int], workers: int, worker: Worker) -> Iterator[Collected]:
-    """Collect with processes; see `collectors.recording.worker.Engine`."""
+    """Collect with processes; see `collectors.recording.worker.Executor`."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # workers inherit it: one core each, and sums in one order
     waiting = deque(indices)
     deaths = Deaths()

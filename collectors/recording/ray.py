@@ -29,7 +29,7 @@ LOOPBACK = "127.0.0.1"
 
 @dataclass(frozen=True)
 class Ray:
-    """The engine; see `collectors.recording.worker.Engine`.
+    """The executor; see `collectors.recording.worker.Executor`.
 
     Attributes:
         address: Of the cluster; without one, that of ``RAY_ADDRESS``, or a new one of this machine that listens on the

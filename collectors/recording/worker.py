@@ -93,7 +93,7 @@ class Worker:
         return Collected(index, len(episode), episode.meta.success, attempts, tuple(files))
 
 
-class Engine(Protocol):
+class Executor(Protocol):
     """Has workers collect."""
 
     def __call__(self, indices: Sequence[int], workers: int, worker: Worker) -> Iterator[Collected]:

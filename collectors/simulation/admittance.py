@@ -68,7 +68,7 @@ class Admittance:
         (M + dt D + dt^2 K) e'_next = M e' + dt (F - K e).
 
         Args:
-            force: What the surroundings push the hand with, (x, y, z), [N], base axes; no weight, no inertia of the
+            force: What the environment push the hand with, (x, y, z), [N], base axes; no weight, no inertia of the
                 hand.
         """
         c, dt = self._config, self._dt

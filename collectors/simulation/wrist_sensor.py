@@ -13,7 +13,7 @@ def wrench_from_reaction(reaction: Sequence[float]) -> tuple[float, ...]:
     """Turn the joint reaction into what a sensor in that joint reads: the load on the hand.
 
     PyBullet gives the force of the parent (flange) on the child (hand). The sensor feels the opposite: everything that
-    the surroundings, gravity and the hand's own inertia put on it, F_external + m g - m a.
+    the environment, gravity and the hand's own inertia put on it, F_external + m g - m a.
 
     Args:
         reaction: Force and torque of the flange on the hand, six numbers, [N] and [N m].

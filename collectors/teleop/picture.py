@@ -1,4 +1,4 @@
-"""The camera's picture, with what helps to judge depth drawn into it."""
+"""The camera's picture, with what helps to estimate depth drawn into it."""
 
 import math
 

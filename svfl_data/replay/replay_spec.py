@@ -31,7 +31,7 @@ class World(Protocol):
         """Largest dx, dy, dz [m] and dtheta [rad] of an action, (4,)."""
 
 
-class Surroundings(Protocol):
+class EnvironmentView(Protocol):
     """What a `collectors.environment.Environment` tells about its pictures."""
 
     observation_space: Any
@@ -97,7 +97,7 @@ class ReplaySpec:
         )  # fmt: skip
 
     @classmethod
-    def of_environment(cls, env: Surroundings, task: str) -> "ReplaySpec":
+    def of_environment(cls, env: EnvironmentView, task: str) -> "ReplaySpec":
         """The spec of what one of the environments of `collectors.environment` shows.
 
         Args:

@@ -103,7 +103,7 @@ FIELDS = (
     ),
     Field(
         "streams/wrench/wrench", "wrench", "float32", ("M", 6), "N, N, N, N m, N m, N m",
-        "Raw load that the surroundings put on the hand (gravity of the hand included), native rate.",
+        "Raw load that the environment put on the hand (gravity of the hand included), native rate.",
         axes="base", about="sensor origin", components=("fx", "fy", "fz", "mx", "my", "mz"), parts=WRENCH_PARTS,
     ),
     Field(

@@ -125,7 +125,7 @@ class Live(OwnProcess):
         # Not as a default, which the last window's would outlast.
         recording.send_blueprint(arrange(list(robot.cameras)))
         recording.send_recording_name("live")
-        scene.log_surroundings(recording, "", robot.workspace)
+        scene.log_environment(recording, "", robot.workspace)
         plots.log_styles(recording, "")
         self._robot = robot_for(len(seen.joints)) if len(seen.joints) else None
         if self._robot:

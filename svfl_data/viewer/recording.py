@@ -59,7 +59,7 @@ def log_episode(
         FieldError: If a field does not fit its declaration.
     """
     root, t_ns, proprio = shown.root, shown[TIMES], shown[PROPRIO]
-    scene.log_surroundings(recording, root, shown["workspace"])
+    scene.log_environment(recording, root, shown["workspace"])
     plots.log_styles(recording, root)
     joints = shown["streams/joints/position"] if "streams/joints/position" in shown else np.empty((0, 0))
     robot = robot_for(joints.shape[1], urdf) if len(joints) else None

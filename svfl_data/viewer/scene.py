@@ -20,7 +20,7 @@ PATH_COLORS = np.array([(70, 80, 110), FORCE, (255, 255, 210)], dtype=np.float64
 """Of the TCP's path, from no force to the largest."""
 
 
-def log_surroundings(recording: rr.RecordingStream, root: str, workspace: np.ndarray) -> None:
+def log_environment(recording: rr.RecordingStream, root: str, workspace: np.ndarray) -> None:
     """Log workspace box, table, base axes, and how everything that moves looks.
 
     Args:

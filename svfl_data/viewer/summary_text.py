@@ -36,7 +36,7 @@ def summary_text(shown: EpisodeSource, peak: float, prediction: Prediction | Non
     lines += [
         f"**Arrows at the wrist:** force orange, {METRES_PER_NEWTON * 1e3:.0f} mm per N; torque pink, "
         f"{METRES_PER_NEWTON_METRE * 1e3:.0f} mm per N m. Path of the TCP: dark without force, bright at {peak:.1f} N.",
-        f"**Wrench:** load of the surroundings on the hand, base axes, torque about the sensor origin; {_rate(shown)} "
+        f"**Wrench:** load of the environment on the hand, base axes, torque about the sensor origin; {_rate(shown)} "
         f"Thick: the last {WINDOW} before the cursor, what a network gets when it is at an observation.",
         f"**Tare:** {_vector(tare[:3])} N, {_vector(tare[3:])} N m. "
         f"**Recorded with** {versions or 'unknown software'}.",

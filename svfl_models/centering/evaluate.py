@@ -19,11 +19,11 @@ COLUMNS = ("samples", "episode", "direction", "predicted", "border_deg", "offset
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
+class Evaluation:
     """Predictions beside the truth.
 
     Attributes:
-        samples: What was judged.
+        samples: What was evaluated.
         predicted: Direction classes, shape (S,).
         guess: Predicted offsets, shape (S, 2), [m]; None if the network scores directions.
     """
@@ -58,20 +58,20 @@ class Judgement:
 
 
 @torch.no_grad()
-def judge(module: CenteringModule, samples: CenteringSamples, config: TrainingConfig) -> Judgement:
+def evaluate(module: CenteringModule, samples: CenteringSamples, config: TrainingConfig) -> Evaluation:
     """Let a network predict, in eval mode, from centre crops."""
     module.eval()
     crops = Crops(samples, INPUTS[config.encoder], config.image_size)
     on_device = (module.transfer_batch_to_device(batch, module.device, 0) for batch in in_order(crops))
     output = torch.cat([module(batch).cpu() for batch in on_device])
     guess = output.numpy() if output.shape[-1] == 2 else None
-    return Judgement(samples, directions(output).numpy(), guess)
+    return Evaluation(samples, directions(output).numpy(), guess)
 
 
-def write_predictions(judged: dict[str, Judgement], path: Path) -> None:
+def write_predictions(evaluated: dict[str, Evaluation], path: Path) -> None:
     """One row per sample, as CSV; lengths in [m]."""
     rows: list[Iterable[object]] = [COLUMNS]
-    for name, one in judged.items():
+    for name, one in evaluated.items():
         guesses = [("", "")] * len(one.predicted) if one.guess is None else [_metres(guess) for guess in one.guess]
         for row in range(len(one.predicted)):
             truth = one.samples

@@ -14,7 +14,7 @@ from svfl_data.sampling.centering_samples import CenteringSamples, View, load_ce
 from svfl_data.sampling.split import train_test_split
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.data import CenteringData, check_samples
-from svfl_models.centering.evaluate import judge, write_predictions
+from svfl_models.centering.evaluate import evaluate, write_predictions
 from svfl_models.centering.module import CenteringModule
 from svfl_models.centering.pretrained import module_of
 from svfl_models.centering.report import Result, write_report
@@ -80,20 +80,20 @@ def train_centering(
             fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console())])
         seconds = time.monotonic() - start
 
-        judged = {name: judge(module, some, config) for name, some in others.items()}
+        evaluated = {name: evaluate(module, some, config) for name, some in others.items()}
         result = Result(
-            test_accuracy=judged["test"].accuracy,
+            test_accuracy=evaluated["test"].accuracy,
             best_test_accuracy=max(row["test_accuracy"] for row in metrics.rows if "test_accuracy" in row),
-            separate_test_accuracy=judged["separate_test"].accuracy if "separate_test" in judged else None,
-            offset_error_mm=judged["test"].offset_error_mm,
+            separate_test_accuracy=evaluated["separate_test"].accuracy if "separate_test" in evaluated else None,
+            offset_error_mm=evaluated["test"].offset_error_mm,
             epochs=len(metrics.rows),
             seconds=round(seconds, 1),
             parameters=parameter_count(module),
             train_samples=np.bincount(train.direction, minlength=4).tolist(),
-            confusion=judged["test"].confusion.tolist(),
+            confusion=evaluated["test"].confusion.tolist(),
         )
         with storage_errors(out):
-            write_predictions(judged, out / run_folder.PREDICTIONS)
+            write_predictions(evaluated, out / run_folder.PREDICTIONS)
             write_report(out, config, result, metrics.rows)
     return result
 

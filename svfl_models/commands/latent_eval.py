@@ -16,14 +16,14 @@ EPISODES = 40
 def add(commands: Commands) -> None:
     """Put the command on the command line."""
     parser = commands.add_parser(
-        "latent-eval", help="what a pretrained latent model is worth, on held-out episodes", example=EXAMPLE,
-        description="Judge reconstruction, contact, alignment, prediction, linear probes, missing modalities, who is "
-        "heard, and symmetry, on episodes that the model has not learned from.",
+        "latent-eval", help="evaluate a pretrained latent model on held-out episodes", example=EXAMPLE,
+        description="Evaluate reconstruction, contact, alignment, prediction, linear probes, missing modalities, the "
+        "weight of each expert, and symmetry, on episodes that the model has not learned from.",
     )  # fmt: skip
     add = parser.add_argument
     add("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train latent")
     add("--data", type=Path, metavar="FOLDER",
-        help="another dataset to judge on, or where the model's own is now (default: the checkpoint's)")  # fmt: skip
+        help="another dataset to evaluate on, or where the model's own is now (default: the checkpoint's)")  # fmt: skip
     add("--episodes", type=positive, default=EPISODES, metavar="N", help="at most, drawn (default: %(default)s)")
     add("--seed", type=natural, default=0, metavar="S", help="of all that is drawn (default: %(default)s)")
     add("--out", type=Path, metavar="FOLDER", help=f"default: {FOLDER} beside the checkpoint")
@@ -31,7 +31,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Judge, write and print."""
+    """Evaluate, write and print."""
     from rich.console import Console
 
     from svfl_models.latent.checkpoint import read_latent
@@ -53,5 +53,5 @@ def run(arguments: argparse.Namespace) -> None:
     for name, words in rows:
         say(f"{name:<{width}}{words}")
     for line in found.left_out:
-        say(f"not judged: {line}")
+        say(f"not evaluated: {line}")
     say(f"report  {files[0]}")

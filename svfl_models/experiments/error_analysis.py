@@ -46,7 +46,7 @@ class Predictions:
 
     @classmethod
     def of(cls, cell: Cell) -> "Predictions":
-        """Read those of the finished runs, see `judge.write_predictions`."""
+        """Read those of the finished runs, see `evaluate.write_predictions`."""
         rows = []
         for run in cell.runs:
             if run.result:

@@ -3,8 +3,8 @@
 `vtt_2022` is Chen et al. ("Visuo-Tactile Transformers for Manipulation", CoRL 2022) with the sizes and weights of its
 published code, `lee_2020` Lee et al. ("Making Sense of Vision and Touch", T-RO 2020), `svfl_2023` the baselines of
 Kohler et al. (CoRL 2023), which name VTT's architectures and train 10,000 steps of batches of 32 on expert episodes.
-`balanced` is ours: the same with weights at which what is no picture is heard beside the pictures (docs/latent.md).
-What had to change for this package's observations is written in `svfl_models.latent`.
+`balanced` is ours: the same with weights at which contact and alignment rise above chance beside the pictures
+(docs/latent.md). What had to change for this package's observations is written in `svfl_models.latent`.
 """
 
 from dataclasses import asdict, dataclass, field
@@ -92,7 +92,7 @@ class Preset:
     sizes: Sizes = field(default_factory=Sizes)
 
 
-_HEARD = 1000.0
+_RAISED = 1000.0
 """Weight of a mean beside sums over the 150,000 pixels and channels of a sequence, of which pretraining saves about a
 twentieth of a nat each."""
 _VTT_SUMMED = ("image", "depth", "kl", "expert_kl", "reward")
@@ -113,8 +113,8 @@ PRESETS = {
         _VTT_SUMMED, contact_n=0.5,
     ),
     "balanced": Preset(
-        {"image": 1.0, "depth": 1.0, "kl": 1.0, "expert_kl": 1e-3, "reward": 1.0, "contact": _HEARD,
-         "next_contact": _HEARD, "alignment": _HEARD, "mismatch": _HEARD, "next_proprio": _HEARD},
+        {"image": 1.0, "depth": 1.0, "kl": 1.0, "expert_kl": 1e-3, "reward": 1.0, "contact": _RAISED,
+         "next_contact": _RAISED, "alignment": _RAISED, "mismatch": _RAISED, "next_proprio": _RAISED},
         _VTT_SUMMED, contact_n=0.5,
     ),
 }  # fmt: skip

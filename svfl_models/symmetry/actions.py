@@ -1,7 +1,7 @@
 """How a rotation or reflection of the world acts on batches and on what networks say about them, in PyTorch.
 
 The same laws as `svfl_data.symmetry` (tests hold the two together), for tensors on any device: to augment data, to test
-networks, to judge trained ones. Nothing here knows escnn: a network that agrees with escnn's own idea of a
+networks, to evaluate trained ones. Nothing here knows escnn: a network that agrees with escnn's own idea of a
 transformation can still disagree with physics (a mirrored torque, a flip about the other axis).
 
 All matrices are orthogonal, of shape (2, 2), in image-aligned axes (x right, y up).

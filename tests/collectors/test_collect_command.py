@@ -117,7 +117,7 @@ def test_another_dataset_is_refused(collected):
             ["centering", "--cameras", "front,back", "--out", "x"],
             "no camera 'back'; the cameras are front, top, side_left",
         ),
-        (["centering", "--address", "here:1", "--out", "x"], "--address here:1 is for --engine ray"),
+        (["centering", "--address", "here:1", "--out", "x"], "--address here:1 is for --executor ray"),
         (["centering"], "--out"),
         ([], "COMMAND"),
     ],

@@ -128,7 +128,7 @@ def test_every_camera_sees_the_workspace(name):
         (["--episodes", "0"], "'0' is not an integer of at least 1"),
         (["--workers", "-2"], "'-2' is not an integer of at least 1"),
         (["--cameras", "front,"], "no camera ''; the cameras are front, top"),
-        (["--engine", "slurm"], "invalid choice: 'slurm'"),
+        (["--executor", "slurm"], "invalid choice: 'slurm'"),
     ],
 )
 def test_wrong_arguments_are_one_line_and_code_2(arguments, message, tmp_path):

@@ -88,7 +88,7 @@ def test_a_cluster_of_its_own_is_heard_by_this_machine_only_and_ends_with_sigter
     """While a command collects: sockets on the loopback interface alone. At SIGTERM: one line, 143, nobody left."""
     command = (
         "from collectors.cli import main; import sys; sys.argv[1:] = ['centering', '--samples', '1000', '--image-size',"
-        f" '64', '--engine', 'ray', '--out', {str(tmp_path / 'x')!r}]; sys.exit(main())"
+        f" '64', '--executor', 'ray', '--out', {str(tmp_path / 'x')!r}]; sys.exit(main())"
     )
     environment = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
     running = subprocess.Popen(
@@ -115,7 +115,7 @@ def test_a_cluster_of_its_own_is_heard_by_this_machine_only_and_ends_with_sigter
 def test_without_ray_it_says_what_to_install(tmp_path):
     code = (
         "import sys; sys.modules['ray'] = None; sys.argv[1:] = ['expert', '--task', 'block_picking', '--episodes', '1',"
-        f" '--engine', 'ray', '--out', {str(tmp_path / 'x')!r}]; from collectors.cli import main; sys.exit(main())"
+        f" '--executor', 'ray', '--out', {str(tmp_path / 'x')!r}]; from collectors.cli import main; sys.exit(main())"
     )
     root = Path(__file__).parents[2]
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, timeout=PATIENCE)

@@ -44,17 +44,17 @@ class Interfering:
 
 
 def here(indices, workers, worker):
-    """An engine without processes."""
+    """An executor without processes."""
     return map(worker.collect, indices)
 
 
-@pytest.mark.parametrize("engine", [here, None])
+@pytest.mark.parametrize("executor", [here, None])
 @pytest.mark.parametrize("happens", [renamed, replaced, shutil.rmtree])
-def test_collecting_stops_and_says_where_the_rest_is(tmp_path, happens, engine):
+def test_collecting_stops_and_says_where_the_rest_is(tmp_path, happens, executor):
     dataset = Dataset.create_or_resume(tmp_path / "mine", "centering", 0, {})
     words = "it was deleted" if happens is shutil.rmtree else f"what was recorded before is in {tmp_path / 'elsewhere'}"
     with pytest.raises(StorageError, match=f"{dataset.path}: the folder was removed or renamed .*; {words}"):
-        collect_dataset(dataset, 9, 1, Interfering(dataset.path, happens), *([engine] if engine else []))
+        collect_dataset(dataset, 9, 1, Interfering(dataset.path, happens), *([executor] if executor else []))
     if happens is replaced:
         assert [file.name for file in dataset.path.iterdir()] == ["dataset.json"]
     else:

@@ -16,7 +16,7 @@ from svfl_data.storage.store import write_episode
 from svfl_models.centering import train
 from svfl_models.centering.checkpoint import load_classifier
 from svfl_models.centering.config import TrainingConfig
-from svfl_models.centering.evaluate import judge
+from svfl_models.centering.evaluate import evaluate
 from svfl_models.centering.train import train_centering
 from svfl_models.symmetry.testing import assert_equivariant
 from svfl_models.training.progress import COLUMNS, MetricsFile, ProgressLine
@@ -82,7 +82,7 @@ def test_vision_and_force_learn_together(monkeypatch, tmp_path):
     result = train_centering(config, tmp_path / "run", separate_test="drawn too")
     assert result.test_accuracy > 0.8
     assert result.separate_test_accuracy > 0.8
-    again = judge(load_classifier(tmp_path / "run" / "checkpoint.ckpt"), samples, config)
+    again = evaluate(load_classifier(tmp_path / "run" / "checkpoint.ckpt"), samples, config)
     assert again.accuracy == result.separate_test_accuracy
     rows = list(csv.DictReader((tmp_path / "run" / "predictions.csv").open()))
     assert [row["samples"] for row in rows] == ["test"] * 40 + ["separate_test"] * 80

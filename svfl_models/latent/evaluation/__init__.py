@@ -2,5 +2,6 @@
 
 The order of reading: `episodes` (which), `frames` (what the model makes of them), then one file per question:
 `reconstruction`, `contact`, `alignment`, `following` (the next hand), `probes`, `missing` (modalities), `attention` and
-`experts` (who is heard), `symmetry`; `evaluate` asks them all, `report` and `figures` write the answers down.
+`experts` (the weight of each expert), `symmetry`; `evaluate` asks them all, `report` and `figures` write the answers
+down.
 """

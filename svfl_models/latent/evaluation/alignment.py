@@ -20,7 +20,7 @@ class Told:
     """Pairs of one kind.
 
     Attributes:
-        pairs: How many there were to judge.
+        pairs: How many there were to evaluate.
         rejected: Share that the model says are wrong.
         auroc: How well they are told from the same frames with their own wrench.
     """

@@ -26,7 +26,7 @@ class Detection:
 
 
 def detection(probability: Tensor, truth: Tensor) -> Detection:
-    """Judge answers.
+    """Evaluate answers.
 
     Args:
         probability: Of yes, shape (F,).

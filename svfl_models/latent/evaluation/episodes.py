@@ -1,4 +1,4 @@
-"""Which episodes a model is judged on, and from which linear maps may be fitted."""
+"""Which episodes a model is evaluated on, and from which linear maps may be fitted."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,12 +35,12 @@ class Material:
     """Episodes for an evaluation.
 
     Attributes:
-        judged: Not learned from.
+        evaluated: Not learned from.
         learned: Training episodes of the model: what linear maps are fitted on.
-        of: What the judged ones are, in words.
+        of: What the evaluated ones are, in words.
     """
 
-    judged: Part
+    evaluated: Part
     learned: Part
     of: str
 
@@ -48,15 +48,15 @@ class Material:
 def material(module: LatentModule, data: Path | None, episodes: int, seed: int) -> Material:
     """The episodes for a checkpoint.
 
-    Of the dataset that the model was trained on, those of its split that it has not learned from are judged. `data`
-    names another dataset, all of which is judged; or the same one in another place: what has the same task, seed and
+    Of the dataset that the model was trained on, those of its split that it has not learned from are evaluated. `data`
+    names another dataset, all of which is evaluated; or the same one in another place: what has the same task, seed and
     configuration, and what is given while the original is missing, is taken for the same one, and its training
-    episodes are not judged.
+    episodes are not evaluated.
 
     Args:
         module: A model that `checkpoint.load_latent` has opened.
         data: Dataset folder; by default where the checkpoint says.
-        episodes: Most episodes to judge.
+        episodes: Most episodes to evaluate.
         seed: Of the draw, if there are more.
 
     Raises:

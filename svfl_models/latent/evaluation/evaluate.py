@@ -24,10 +24,10 @@ from svfl_models.latent.networks.vtt import VTTEncoder
 LEARNED_EPISODES, LEARNED_FRAMES = 200, 1200
 """What linear maps are fitted on: at most so many training episodes, drawn, and frames, evenly over all of those."""
 MISSING_EPISODES = 12
-"""Judged episodes that are followed again without some modalities, evenly over all."""
+"""Evaluated episodes that are followed again without some modalities, evenly over all."""
 LOOKED_AT = 250
-"""Judged frames whose attention is summed, evenly over all."""
-TURNED_LEARNED, TURNED_JUDGED = 500, 150
+"""Evaluated frames whose attention is summed, evenly over all."""
+TURNED_LEARNED, ROTATED_EVALUATED = 500, 150
 """Frames that are turned and flipped, evenly over all: each is encoded seven times more."""
 SHOWN = 6
 """Frames of one episode in the pictures."""
@@ -43,12 +43,12 @@ HEADS = {
 def evaluate(
     checkpoint: Path, data: Path | None, episodes: int, seed: int, say: Callable[[str], None] = lambda stage: None
 ) -> tuple[Evaluation, Album]:
-    """Judge a pretrained model on episodes that it has not learned from.
+    """Evaluate a pretrained model on episodes that it has not learned from.
 
     Args:
         checkpoint: Written by ``svfl-train latent``.
         data: Dataset folder; by default the one of the training (see `episodes.material`).
-        episodes: Most episodes to judge.
+        episodes: Most episodes to evaluate.
         seed: Of all that is drawn.
         say: Told what is being done.
 
@@ -62,7 +62,7 @@ def evaluate(
     left_out = [f"{words}: the model was trained without it" for name, words in HEADS.items() if name not in trained]
 
     say("following episodes")
-    followed = follow(network, given.judged.recordings)
+    followed = follow(network, given.evaluated.recordings)
     frames, seen = frames_of([one.batch for one in followed]), encoded(followed)
     some_learned = some(given.learned.recordings, LEARNED_EPISODES, seed)
     learned = frames_of([whole(one) for one in some_learned], LEARNED_FRAMES)
@@ -82,7 +82,9 @@ def evaluate(
     remaining = probing.missing(again)
     say("turning the world")
     asymmetry = symmetry(
-        lambda observations: encode(network, observations), learned.spread(TURNED_LEARNED), frames.spread(TURNED_JUDGED)
+        lambda observations: encode(network, observations),
+        learned.spread(TURNED_LEARNED),
+        frames.spread(ROTATED_EVALUATED),
     )
     say("listening to modalities")
     found = Evaluation(

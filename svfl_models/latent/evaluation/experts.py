@@ -1,4 +1,4 @@
-"""Which expert of a product is heard: the share of the precision that each claims."""
+"""The weight of each expert of a product: the share of the precision that each claims."""
 
 from dataclasses import dataclass
 

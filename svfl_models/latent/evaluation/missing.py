@@ -69,11 +69,11 @@ def missing(
     learned: Frames,
     learned_targets: Sequence[Target],
 ) -> list[Remaining]:
-    """Judge every subset of the modalities.
+    """Evaluate every subset of the modalities.
 
     Args:
         network: In eval mode.
-        followed: Episodes to judge.
+        followed: Episodes to evaluate.
         frames: Their frames.
         targets: Of probes, in these frames.
         learned: Training frames, for mean inputs and to fit the probes on.

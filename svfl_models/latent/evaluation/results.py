@@ -24,11 +24,11 @@ class Evaluation:
         checkpoint: File of the model.
         model: ``vtt``, ``poe`` or ``concat``.
         steps: Of its training.
-        of: What was judged, in words.
-        episodes: How many were judged.
+        of: What was evaluated, in words.
+        episodes: How many were evaluated.
         frames: In them.
         learned_frames: Training frames that linear maps were fitted on.
-        missing_episodes: Episodes that were judged again without some modalities.
+        missing_episodes: Episodes that were evaluated again without some modalities.
         reconstruction: Of pictures.
         contact: Of the frame.
         next_contact: Of the next one.
@@ -39,7 +39,7 @@ class Evaluation:
         attention: Of VTT.
         experts: Of PoE.
         symmetry: Of features.
-        left_out: What was not judged, and why.
+        left_out: What was not evaluated, and why.
     """
 
     checkpoint: str

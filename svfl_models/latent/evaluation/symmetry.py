@@ -4,8 +4,8 @@ Nothing says how a group element should act on a learned feature: any action wou
 things are measured that need none, for elements of D4, which move pixels exactly:
 
 - ``not_linear``: 1 - R^2 of the best linear map from features of frames to features of the transformed frames, fitted
-  on training episodes and judged on others. A feature on which the element acts as a matrix, as it does on the hidden
-  fields of symmetric networks, has 0; at 1, one feature says no more about the other than its mean does.
+  on training episodes and evaluated on others. A feature on which the element acts as a matrix, as it does on the
+  hidden fields of symmetric networks, has 0; at 1, one feature says no more about the other than its mean does.
 - ``change``: distance between the two features, in units of the distance of two frames drawn at random. An invariant
   feature has 0. It need not be 0: the feature has to tell where things are.
 - ``contact``, ``alignment``: mean absolute change of these probabilities, which the truth does not change by.
@@ -69,21 +69,21 @@ class Symmetry:
     groups: dict[str, Asymmetry]
 
 
-def symmetry(encode: Callable[[Batch], Encoded], learned: Frames, judged: Frames) -> Symmetry:
+def symmetry(encode: Callable[[Batch], Encoded], learned: Frames, evaluated: Frames) -> Symmetry:
     """Measure all elements of D4.
 
     Args:
         encode: The encoder, of physical observations.
         learned: Training frames.
-        judged: Frames of other episodes.
+        evaluated: Frames of other episodes.
     """
-    source, still = encode(learned.observations), encode(judged.observations)
+    source, still = encode(learned.observations), encode(evaluated.observations)
     x, held = (numbers(one.feature) for one in (source, still))
     spread = np.sqrt(2 * np.square(held - held.mean(axis=0)).sum(axis=1).mean())
     elements = {}
     for name, matrix in MOVES.items():
         y = numbers(encode(act_on_batch(matrix, learned.observations)).feature)
-        moved = encode(act_on_batch(matrix, judged.observations))
+        moved = encode(act_on_batch(matrix, evaluated.observations))
         image = numbers(moved.feature)
         explained = r_squared(fit_ridge(x, y, learned.episode.numpy())(held), image)
         elements[name] = Asymmetry(

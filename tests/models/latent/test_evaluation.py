@@ -16,7 +16,7 @@ from svfl_models.latent.evaluation.frames import encode, encoded, follow, frames
 from svfl_models.latent.evaluation.pages.report import plain
 from svfl_models.latent.evaluation.probing.poses import object_poses, repeats_per_turn
 from svfl_models.latent.recordings import load_recordings
-from tests.models.latent.judged import dataset, trained
+from tests.models.latent.evaluated import dataset, trained
 from tests.models.latent.small import lifting, written
 
 pytestmark = pytest.mark.slow
@@ -35,25 +35,25 @@ def checkpoint(data, tmp_path_factory):
 def test_only_held_out_episodes_are_judged(checkpoint):
     module = load_latent(checkpoint)
     given = material(module, None, 40, 0)
-    judged, learned = ({one.index for one in part.recordings} for part in (given.judged, given.learned))
-    assert judged == set(module.hparams["split"]["valid"])
+    evaluated, learned = ({one.index for one in part.recordings} for part in (given.evaluated, given.learned))
+    assert evaluated == set(module.hparams["split"]["valid"])
     assert learned == set(module.hparams["split"]["train"])
-    assert not judged & learned
+    assert not evaluated & learned
 
 
 def test_another_dataset_is_judged_whole_and_a_moved_one_is_not(checkpoint, data, tmp_path):
     module = load_latent(checkpoint)
     other = written(tmp_path / "other", [lifting(index) for index in range(3)], task="block_pushing")
     given = material(module, other, 40, 0)
-    assert [one.index for one in given.judged.recordings] == [0, 1, 2]
+    assert [one.index for one in given.evaluated.recordings] == [0, 1, 2]
     assert given.learned.dataset.path == data
     assert "another dataset" in given.of
     moved = dataset(tmp_path / "moved")
-    assert {one.index for one in material(module, moved, 40, 0).judged.recordings} == {
+    assert {one.index for one in material(module, moved, 40, 0).evaluated.recordings} == {
         *module.hparams["split"]["valid"]
     }
     module.hparams["training"]["data"] = str(tmp_path / "gone")
-    assert {one.index for one in material(module, moved, 40, 0).judged.recordings} == {
+    assert {one.index for one in material(module, moved, 40, 0).evaluated.recordings} == {
         *module.hparams["split"]["valid"]
     }
     with pytest.raises(FormatError, match=r"gone: no such folder"):

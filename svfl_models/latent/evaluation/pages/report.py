@@ -52,12 +52,12 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
 
 def page(found: Evaluation, pictures: list[Path]) -> str:
     """The evaluation in Markdown."""
-    left_out = "".join(f"- Not judged: {markdown(line)}.\n" for line in found.left_out)
+    left_out = "".join(f"- Not evaluated: {markdown(line)}.\n" for line in found.left_out)
     shown = "\n".join(f"![{path.stem}]({path.name})" for path in pictures)
     return f"""# What {found.model} is worth after {found.steps:,} steps
 
 - Checkpoint: {markdown(found.checkpoint)}.
-- Judged: {found.episodes} {markdown(found.of)}; {found.frames} frames, each episode followed from its first.
+- Evaluated: {found.episodes} {markdown(found.of)}; {found.frames} frames, each episode followed from its first.
 {left_out}
 {shown}
 

@@ -44,7 +44,7 @@ def percent(value: float | None) -> str:
 
 
 def tables(found: Evaluation) -> list[Table]:
-    """All that was judged."""
+    """All that was evaluated."""
     made = [_reconstruction(found), _contact(found), _alignment(found), _next_hand(found.next_hand), _probes(found)]
     made += [_missing(found), _attention(found), _experts(found), _symmetry(found)]
     return [one for one in made if one is not None]
@@ -110,8 +110,8 @@ def _probes(found: Evaluation) -> Table:
         for one in found.probes
     ]
     note = (
-        f"Ridge regression on {found.learned_frames} training frames, judged on held-out episodes. Raw: the same from "
-        "4 x 16 x 16 pixels, 9 wrenches and the hand, so that what is an input itself is read off at once."
+        f"Ridge regression on {found.learned_frames} training frames, evaluated on held-out episodes. Raw: the same "
+        "from 4 x 16 x 16 pixels, 9 wrenches and the hand, so that what is an input itself is read off at once."
     )
     columns = ("linear probe", "R^2", "R^2, raw", "error", "error, raw", "error of the mean", "unit")
     return Table("Probes", columns, rows, note)

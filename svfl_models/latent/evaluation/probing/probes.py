@@ -126,7 +126,7 @@ def targets_of(frames: Frames, poses: np.ndarray | None, repeats: int) -> list[T
 def readings(
     probe: Probe, feature: np.ndarray, raw_probe: Probe, raw: np.ndarray, targets: Sequence[Target]
 ) -> list[Reading]:
-    """Judge probes of features and of raw inputs on held-out frames."""
+    """Evaluate probes of features and of raw inputs on held-out frames."""
     seen, plain = probe.guesses(feature, targets), raw_probe.guesses(raw, targets)
     means = _split(np.broadcast_to(probe.training_mean, (len(feature), len(probe.training_mean))), targets)
     return [

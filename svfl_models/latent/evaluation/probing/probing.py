@@ -22,33 +22,34 @@ class Probing:
         network: In eval mode.
         given: Where episodes are from.
         learned: Training frames to fit on.
-        judged: Frames of whole episodes to read on.
+        evaluated: Frames of whole episodes to read on.
     """
 
-    def __init__(self, network: LatentNetwork, given: Material, learned: Frames, judged: Frames) -> None:
-        self.network, self.learned, self.judged = network, learned, judged
+    def __init__(self, network: LatentNetwork, given: Material, learned: Frames, evaluated: Frames) -> None:
+        self.network, self.learned, self.evaluated = network, learned, evaluated
         repeats = repeats_per_turn(given.learned.dataset)
         poses = [
-            object_poses(part.dataset, frames) for part, frames in ((given.learned, learned), (given.judged, judged))
+            object_poses(part.dataset, frames)
+            for part, frames in ((given.learned, learned), (given.evaluated, evaluated))
         ]
         self.posed = all(one is not None for one in poses)
         """Whether the object's pose is known in all episodes, and so is a target."""
         self.learned_targets, self.targets = (
             targets_of(frames, one if self.posed else None, repeats)
-            for frames, one in zip((learned, judged), poses, strict=True)
+            for frames, one in zip((learned, evaluated), poses, strict=True)
         )
 
     def readings(self, seen: Encoded) -> list[Reading]:
-        """How well targets are read off the features of the judged frames, and off raw inputs."""
+        """How well targets are read off the features of the evaluated frames, and off raw inputs."""
         feature = numbers(encode(self.network, self.learned.observations).feature)
-        raw = [raw_inputs(self.network, frames) for frames in (self.learned, self.judged)]
+        raw = [raw_inputs(self.network, frames) for frames in (self.learned, self.evaluated)]
         probe, raw_probe = (Probe.fit(x, self.learned_targets, self.learned.episode) for x in (feature, raw[0]))
         return readings(probe, numbers(seen.feature), raw_probe, raw[1], self.targets)
 
     def missing(self, followed: Sequence[Followed]) -> list[Remaining]:
-        """How well the model does with each subset of the modalities, in some of the judged episodes."""
+        """How well the model does with each subset of the modalities, in some of the evaluated episodes."""
         frames = frames_of([one.batch for one in followed])
-        rows = torch.isin(self.judged.episode, frames.episode).numpy()
+        rows = torch.isin(self.evaluated.episode, frames.episode).numpy()
         few = spread(len(self.learned), MISSING_FRAMES)
         return missing(
             self.network,

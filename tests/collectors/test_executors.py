@@ -73,6 +73,6 @@ def test_a_dead_workers_leftovers_are_cleared(dataset, tmp_path):
     def here(indices, workers, worker):
         yield from map(worker.collect, indices)
 
-    collect_dataset(dataset, 1, 1, Littering(), engine=here)
+    collect_dataset(dataset, 1, 1, Littering(), executor=here)
     assert dataset.indices == [0]
     assert not leftover.exists()
