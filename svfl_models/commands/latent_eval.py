@@ -43,10 +43,10 @@ def run(arguments: argparse.Namespace) -> None:
     read_latent(arguments.checkpoint)  # nothing is made for a file that is no checkpoint
     report.prepare(out)
     with Console(stderr=True).status("loading") as status:  # says nothing where nobody is looking
-        found, album = evaluate(
+        found, samples = evaluate(
             arguments.checkpoint, arguments.data, arguments.episodes, arguments.seed, lambda stage: status.update(stage)
         )
-    files = report.write(out, found, album)
+    files = report.write(out, found, samples)
     say(f"{found.model} after {found.steps} steps, on {found.episodes} {found.of}")
     rows = compact(found)
     width = max(len(name) for name, _ in rows) + 2

@@ -15,7 +15,7 @@ from svfl_models.latent.evaluation.following import next_hand
 from svfl_models.latent.evaluation.frames import Encoded, Followed, Frames, encode, encoded, follow, frames_of, spread
 from svfl_models.latent.evaluation.probing.probing import Probing
 from svfl_models.latent.evaluation.reconstruction import mean_picture, pictures, reconstruction
-from svfl_models.latent.evaluation.results import Album, Evaluation
+from svfl_models.latent.evaluation.results import SampleFigures, Evaluation
 from svfl_models.latent.evaluation.symmetry import symmetry
 from svfl_models.latent.networks.network import LatentNetwork
 from svfl_models.latent.networks.poe import PoEEncoder
@@ -42,7 +42,7 @@ HEADS = {
 
 def evaluate(
     checkpoint: Path, data: Path | None, episodes: int, seed: int, say: Callable[[str], None] = lambda stage: None
-) -> tuple[Evaluation, Album]:
+) -> tuple[Evaluation, SampleFigures]:
     """Evaluate a pretrained model on episodes that it has not learned from.
 
     Args:
@@ -108,7 +108,7 @@ def evaluate(
         symmetry=asymmetry,
         left_out=left_out,
     )
-    return found, _album(network, followed)
+    return found, _sample_figures(network, followed)
 
 
 def _attention(encoder: VTTEncoder, seen: Encoded, frames: Frames) -> Attention:
@@ -117,7 +117,7 @@ def _attention(encoder: VTTEncoder, seen: Encoded, frames: Frames) -> Attention:
     return attention(looks(encoder, parts), parts, frames.contact[rows])
 
 
-def _album(network: LatentNetwork, followed: list[Followed]) -> Album:
+def _sample_figures(network: LatentNetwork, followed: list[Followed]) -> SampleFigures:
     """The first episode in which there is contact."""
     one = next((one for one in followed if one.batch["contact"].any()), followed[0])
     rows = spread(one.batch["step"].shape[1], SHOWN)
@@ -125,7 +125,7 @@ def _album(network: LatentNetwork, followed: list[Followed]) -> Album:
     if isinstance(network.encoder, VTTEncoder):
         parts = {name: part[rows] for name, part in one.seen.parts.items()}
         looked = over_image(looks(network.encoder, parts), parts["image"].shape[1])
-    return Album(
+    return SampleFigures(
         episode=int(one.batch["episode"][0]),
         step=rows,
         original=one.batch["image"][0, rows],

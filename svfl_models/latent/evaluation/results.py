@@ -1,4 +1,4 @@
-"""What an evaluation found: numbers, and an album of one episode."""
+"""What an evaluation found: numbers, and an samples of one episode."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -68,7 +68,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True, eq=False)
-class Album:
+class SampleFigures:
     """One episode in pictures, at some of its frames.
 
     Attributes:

@@ -11,7 +11,7 @@ from svfl_models.latent.evaluation.attention import Attention
 from svfl_models.latent.evaluation.experts import Experts, Share
 from svfl_models.latent.evaluation.missing import Remaining
 from svfl_models.latent.evaluation.pages.sample_figures import reconstructions, where_contact_looks
-from svfl_models.latent.evaluation.results import Album, Evaluation
+from svfl_models.latent.evaluation.results import SampleFigures, Evaluation
 from svfl_models.training.figures import WIDTH_IN, save
 
 # Okabe and Ito's palette, as in the figures of experiments.
@@ -20,11 +20,11 @@ FEATURE, RAW, ONE, OTHER, PLAIN = "#0072b2", "#999999", "#d55e00", "#56b4e9", "#
 LETTERS = {"image": "I", "wrench": "W", "proprio": "P"}
 
 
-def draw(out: Path, found: Evaluation, album: Album) -> list[Path]:
+def draw(out: Path, found: Evaluation, samples: SampleFigures) -> list[Path]:
     """Draw all pictures that the model has; returns the files."""
-    files = [reconstructions(album, out / "reconstructions.png")]
-    if album.looked is not None:
-        files.append(where_contact_looks(album, out / "attention_over_image.png"))
+    files = [reconstructions(samples, out / "reconstructions.png")]
+    if samples.looked is not None:
+        files.append(where_contact_looks(samples, out / "attention_over_image.png"))
     files += [curves(found, out / "curves.png"), probes(found, out / "probes.png")]
     files.append(missing(found.missing, out / "missing_modalities.png"))
     if found.attention is not None:

@@ -8,7 +8,7 @@ from svfl_data.errors import StorageError
 from svfl_data.system.printable import markdown
 from svfl_models.latent.evaluation.pages import figures
 from svfl_models.latent.evaluation.pages.tables import tables
-from svfl_models.latent.evaluation.results import Album, Evaluation
+from svfl_models.latent.evaluation.results import SampleFigures, Evaluation
 from svfl_models.training.writing import write_json, write_text
 
 NUMBERS, PAGE = "evaluation.json", "report.md"
@@ -26,7 +26,7 @@ def prepare(out: Path) -> None:
         raise StorageError(f"{out}: {error.strerror or error}") from error
 
 
-def write(out: Path, found: Evaluation, album: Album) -> list[Path]:
+def write(out: Path, found: Evaluation, samples: SampleFigures) -> list[Path]:
     """Write numbers, page and pictures into a folder that exists; what an earlier evaluation left there is replaced.
 
     Returns:
@@ -35,7 +35,7 @@ def write(out: Path, found: Evaluation, album: Album) -> list[Path]:
     Raises:
         StorageError: If the folder cannot be written.
     """
-    pictures = figures.draw(out, found, album)
+    pictures = figures.draw(out, found, samples)
     write_json(out / NUMBERS, plain(found.plain()))
     write_text(out / PAGE, page(found, pictures))
     return [out / PAGE, out / NUMBERS, *pictures]

@@ -6,18 +6,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from svfl_models.latent.evaluation.results import Album
+from svfl_models.latent.evaluation.results import SampleFigures
 from svfl_models.training.figures import DPI
 from svfl_models.training.writing import write_figure
 
 
-def reconstructions(album: Album, path: Path) -> Path:
+def reconstructions(samples: SampleFigures, path: Path) -> Path:
     """Originals above what the model makes of them, colour and depth."""
-    original, picture = album.original.numpy(), album.picture.numpy()
+    original, picture = samples.original.numpy(), samples.picture.numpy()
     measured = original[:, 3][original[:, 3] > 0]
     low, high = (measured.min(), measured.max()) if measured.size else (0.0, 1.0)
     rows = (("colour", original), ("reconstructed", picture), ("depth", original), ("reconstructed", picture))
-    count = len(album.step)
+    count = len(samples.step)
     figure = Figure(figsize=(1.45 * count + 1.3, 6.4), layout="constrained")
     axes = figure.subplots(4, count, squeeze=False)
     for number, (label, images) in enumerate(rows):
@@ -30,23 +30,23 @@ def reconstructions(album: Album, path: Path) -> Path:
                 shown = one.imshow(depth, vmin=low, vmax=high, cmap="viridis")
         axes[number, 0].set_ylabel(label)
     for column, one in enumerate(axes[0]):
-        one.set_title(_title(album, column), fontsize=9)
+        one.set_title(_title(samples, column), fontsize=9)
     figure.colorbar(shown, ax=axes[2:], label="depth, m", shrink=0.8)
-    figure.suptitle(f"Episode {album.episode}: originals, and what the posterior states make of them", fontsize=11)
+    figure.suptitle(f"Episode {samples.episode}: originals, and what the posterior states make of them", fontsize=11)
     write_figure(figure, path, DPI)
     return path
 
 
-def where_contact_looks(album: Album, path: Path) -> Path:
+def where_contact_looks(samples: SampleFigures, path: Path) -> Path:
     """The image under the attention of the contact token in the last layer."""
-    assert album.looked is not None
-    looked = 100 * album.looked.numpy()
-    count, size = len(album.step), album.original.shape[-1]
+    assert samples.looked is not None
+    looked = 100 * samples.looked.numpy()
+    count, size = len(samples.step), samples.original.shape[-1]
     figure = Figure(figsize=(1.45 * count + 1.3, 3.5), layout="constrained")
     axes = figure.subplots(2, count, squeeze=False)
     for column in range(count):
         above, below = axes[:, column]
-        picture = album.original[column, :3].numpy().transpose(1, 2, 0)
+        picture = samples.original[column, :3].numpy().transpose(1, 2, 0)
         for one in (above, below):
             _bare(one)
         above.imshow(picture)
@@ -56,15 +56,15 @@ def where_contact_looks(album: Album, path: Path) -> Path:
         )
         total = looked[column].sum()
         below.set_xlabel(f"image {total:.0f} %", fontsize=9)
-        above.set_title(_title(album, column), fontsize=9)
+        above.set_title(_title(samples, column), fontsize=9)
     figure.colorbar(shown, ax=axes[:, -1], label="share of attention, %", shrink=0.9)
-    figure.suptitle(f"Episode {album.episode}: where the contact token looks, last layer, mean over heads", fontsize=11)
+    figure.suptitle(f"Episode {samples.episode}: where the contact token looks, last layer, mean over heads", fontsize=11)
     write_figure(figure, path, DPI)
     return path
 
 
-def _title(album: Album, column: int) -> str:
-    return f"step {int(album.step[column])}" + (", contact" if album.contact[column] else "")
+def _title(samples: SampleFigures, column: int) -> str:
+    return f"step {int(samples.step[column])}" + (", contact" if samples.contact[column] else "")
 
 
 def _bare(axes: Axes) -> None:
