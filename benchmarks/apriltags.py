@@ -28,7 +28,7 @@ from collectors.sources.simulated import attempt_seed
 from collectors.sources.tagged_block import largest_tag, wear_tags
 from collectors.sources.tagged_expert import watched
 from collectors.tasks import task_class
-from collectors.tasks.hand import Hand
+from collectors.tasks.gripper import Gripper
 from collectors.tasks.task import MAX_STEPS
 from svfl_data.schema.robot import Calibration
 
@@ -156,7 +156,7 @@ def agreement(task_name: str, episodes: range, noise: float) -> None:
     for index in episodes:
         task = task_class(task_name).begin(world, attempt_seed(7, index, 0))
         watch = watched(task, noise, index)
-        moves = task.expert(Hand(world, np.random.default_rng(index)))
+        moves = task.expert(Gripper(world, np.random.default_rng(index)))
         for _ in range(MAX_STEPS):
             move = next(moves, None)
             if move is None:

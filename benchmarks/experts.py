@@ -18,7 +18,7 @@ import numpy as np
 
 from collectors.simulation.world import World
 from collectors.tasks import TASKS, task_class
-from collectors.tasks.hand import Hand
+from collectors.tasks.gripper import Gripper
 from collectors.tasks.task import MAX_STEPS
 
 
@@ -28,7 +28,7 @@ def attempt(index: int, name: str, seed: int, noise: float) -> tuple[bool, int, 
     randomness = np.random.SeedSequence([seed, index])
     with World() as world:
         task = task_class(name).begin(world, randomness)
-        moves = task.expert(Hand(world, np.random.default_rng(randomness), noise))
+        moves = task.expert(Gripper(world, np.random.default_rng(randomness), noise))
         for step in range(1, MAX_STEPS + 1):
             action = next(moves, None)
             if action is None:

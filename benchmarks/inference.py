@@ -37,7 +37,7 @@ def milliseconds(decide: Callable[[], object], repeats: int) -> np.ndarray:
 
 
 def ways(classifier: CenteringClassifier, folder: Path) -> dict[str, Callable[[], object]]:
-    """Everything that runs the network, by name, with its input in hand."""
+    """Everything that runs the network, by name, with its input at hand."""
     batch = random_batch(classifier, 1)
     copied = plain(classifier)
     save_program(classifier, folder / "network.pt2")

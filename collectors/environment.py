@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
 from collectors.tasks import TASKS, task_class
-from collectors.tasks.hand import Hand, Moves
+from collectors.tasks.gripper import Gripper, Moves
 from collectors.tasks.task import MAX_STEPS, Task
 from svfl_data.errors import UsageError
 from svfl_data.sampling.windows import WINDOW
@@ -78,7 +78,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
             world: All numbers of the world.
             view: What ``image`` shows: the first camera's picture, or that reprojected to the view from above.
             eye: Height from which "top" looks down, base z, [m]; what is higher is not drawn. 0.1 looks under the palm
-                of a hand that is low over an object.
+                of a gripper that is low over an object.
             render_mode: None or "rgb_array": what `render` gives.
 
         Raises:
@@ -159,7 +159,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         self.check_process()
         if self.task is None:
             raise UsageError("expert before reset: call reset() to begin an episode")
-        return self.task.expert(Hand(self.world, np.random.default_rng(seed), noise))
+        return self.task.expert(Gripper(self.world, np.random.default_rng(seed), noise))
 
     def render(self) -> NDArray[np.uint8] | None:
         """The first camera's colour picture, (H, W, 3) uint8, if `render_mode` is "rgb_array"."""

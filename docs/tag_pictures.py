@@ -15,7 +15,7 @@ from collectors.simulation import PandaConfig, World, WorldConfig
 from collectors.simulation.bullet import pybullet
 from collectors.sources.tagged_expert import watched
 from collectors.tasks.block_picking import BlockPicking
-from collectors.tasks.hand import Hand
+from collectors.tasks.gripper import Gripper
 from svfl_data.errors import CollectError
 from svfl_data.schema.robot import Calibration
 
@@ -25,7 +25,7 @@ LENGTH = 0.045  # [m]
 DPI = 72  # of the sheet
 SIDE = 320  # [px] of each picture of the block
 FINE = 2  # pixels drawn for a pixel of the camera
-SCENES = (0, 13)  # steps of the episode: before the hand comes, and while it grasps
+SCENES = (0, 13)  # steps of the episode: before the gripper comes, and while it grasps
 
 
 def sheet() -> np.ndarray:
@@ -38,7 +38,7 @@ def cube() -> np.ndarray:
     """What a tag camera sees of a block that is picked, with the axes of the pose that its tags give, (H, W, 3) RGB."""
     with World(WorldConfig(cameras={}, panda=PandaConfig(full_meshes=True))) as world:
         task = BlockPicking.begin(world, np.random.SeedSequence([2]))
-        watch, moves, seen = watched(task), task.expert(Hand(world, np.random.default_rng(2))), []
+        watch, moves, seen = watched(task), task.expert(Gripper(world, np.random.default_rng(2))), []
         for step in range(max(SCENES) + 1):
             if step in SCENES:
                 seen.append(tracked(watch))

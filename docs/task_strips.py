@@ -11,7 +11,7 @@ import numpy as np
 
 from collectors.simulation import CameraConfig, PandaConfig, World, WorldConfig
 from collectors.tasks import TASKS, task_class
-from collectors.tasks.hand import Hand
+from collectors.tasks.gripper import Gripper
 from collectors.tasks.task import MAX_STEPS
 
 
@@ -21,7 +21,7 @@ def strip(name: str, size: int, seed: int) -> np.ndarray:
     with World(WorldConfig(cameras={"front": camera}, panda=PandaConfig(full_meshes=True))) as world:
         task = task_class(name).begin(world, np.random.SeedSequence([seed]))
         pictures, forces = [world.observe().frames["front"].color], [0.0]
-        for _, action in zip(range(MAX_STEPS), task.expert(Hand(world, np.random.default_rng(seed))), strict=False):
+        for _, action in zip(range(MAX_STEPS), task.expert(Gripper(world, np.random.default_rng(seed))), strict=False):
             world.step(action)
             seen = world.observe()
             pictures.append(seen.frames["front"].color)

@@ -1,4 +1,4 @@
-"""Where a camera is, from pictures of a board whose place is known, or which the hand holds."""
+"""Where a camera is, from pictures of a board whose place is known, or which the gripper holds."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from collectors.apriltags.pose import fit, project, readings, reprojection_error
 from svfl_data.errors import CollectError
 
 TRIED = 5  # beginnings of a fit: one tag, or one picture, may be read the wrong way
-LEAST_VIEWS = 3  # of a board in the hand
-LEAST_TURN = 0.1  # [rad] of the hand about a second axis; below it the camera's place is badly determined
+LEAST_VIEWS = 3  # of a board in the gripper
+LEAST_TURN = 0.1  # [rad] of the gripper about a second axis; below it the camera's place is badly determined
 
 
 @dataclass(frozen=True)
@@ -43,14 +43,14 @@ class Extrinsics:
         errors: Root mean square reprojection error of each picture, [px].
         position_deviation: Standard deviation of its place that these errors mean, along base x, y, z, (3,), [m].
         rotation_deviation: That of its rotation about its own x, y, z, (3,), [rad].
-        T_hand_board: Where the board is on the hand, if it holds it, (4, 4), [m].
+        T_gripper_board: Where the board is on the gripper, if it holds it, (4, 4), [m].
     """
 
     T_base_camera: NDArray[np.float64]
     errors: dict[str, float]
     position_deviation: NDArray[np.float64]
     rotation_deviation: NDArray[np.float64]
-    T_hand_board: NDArray[np.float64] | None = None
+    T_gripper_board: NDArray[np.float64] | None = None
 
     @property
     def error(self) -> float:
@@ -115,22 +115,22 @@ def from_known_board(
     return Extrinsics(camera, errors, deviation[:3], deviation[3:6])
 
 
-def from_hand_held_board(
-    views: list[View], T_base_hand: list[NDArray[np.float64]], intrinsics: NDArray[np.float64]
+def from_gripper_held_board(
+    views: list[View], T_base_gripper: list[NDArray[np.float64]], intrinsics: NDArray[np.float64]
 ) -> Extrinsics:
-    """The camera's pose from a board that the hand holds anyhow, but the same way in all pictures (eye-to-hand).
+    """The camera's pose from a board that the gripper holds anyhow, but the same way in all pictures (eye-to-hand).
 
-    Two poses are unknown, T_base_camera and T_hand_board. Begun with the closed form for A Y = X B of Shah ("Solving
+    Two poses are unknown, T_base_camera and T_gripper_board. Begun with the closed form for A Y = X B of Shah ("Solving
     the robot-world/hand-eye calibration problem using the Kronecker product", J. Mechanisms Robotics 2013), then least
     squares on all corners in all pictures.
 
     Args:
         views: The board in the pictures.
-        T_base_hand: Pose of the hand in each, (4, 4), [m].
+        T_base_gripper: Pose of the gripper in each, (4, 4), [m].
         intrinsics: Pinhole matrix, (3, 3), [px].
 
     Raises:
-        CollectError: If there are fewer than `LEAST_VIEWS`, or the hand has turned about less than two axes.
+        CollectError: If there are fewer than `LEAST_VIEWS`, or the gripper has turned about less than two axes.
     """
     from scipy.optimize import least_squares
 
@@ -138,22 +138,22 @@ def from_hand_held_board(
         raise CollectError(
             f"hand-held board: it is seen in {len(views)} of the pictures; {LEAST_VIEWS} are needed, better 8 or more"
         )
-    turns = np.array([cv2.Rodrigues(T[:3, :3] @ T_base_hand[0][:3, :3].T)[0][:, 0] for T in T_base_hand])
+    turns = np.array([cv2.Rodrigues(T[:3, :3] @ T_base_gripper[0][:3, :3].T)[0][:, 0] for T in T_base_gripper])
     spread = np.linalg.svd(turns - turns.mean(axis=0), compute_uv=False) / np.sqrt(len(turns))
     if spread[1] < LEAST_TURN:
         raise CollectError(
-            f"hand-held board: in the {len(views)} usable pictures the hand has not turned about two axes (spread "
+            f"hand-held board: in the {len(views)} usable pictures the gripper has not turned about two axes (spread "
             f"about the second {np.degrees(spread[1]):.1f} deg, needed {np.degrees(LEAST_TURN):.1f} deg); "
             "tilt it, or lay the board on the table and use --board-pose"
         )
-    X, Y = _closed_form(T_base_hand, [one.T_camera_board for one in views])
+    X, Y = _closed_form(T_base_gripper, [one.T_camera_board for one in views])
 
     def off(change: NDArray[np.float64]) -> NDArray[np.float64]:
         camera, board = np.linalg.inv(_moved(X, change[:6])), _moved(Y, change[6:])
         return np.concatenate(
             [
-                (project(camera @ hand @ board, one.points, intrinsics) - one.pixels).ravel()
-                for one, hand in zip(views, T_base_hand, strict=True)
+                (project(camera @ gripper @ board, one.points, intrinsics) - one.pixels).ravel()
+                for one, gripper in zip(views, T_base_gripper, strict=True)
             ]
         )
 
@@ -161,8 +161,8 @@ def from_hand_held_board(
     X, Y = _moved(X, found.x[:6]), _moved(Y, found.x[6:])
     deviation = _deviation(off, 12, [one.name for one in views])
     errors = {
-        one.name: reprojection_error(np.linalg.inv(X) @ hand @ Y, one.points, one.pixels, intrinsics)
-        for one, hand in zip(views, T_base_hand, strict=True)
+        one.name: reprojection_error(np.linalg.inv(X) @ gripper @ Y, one.points, one.pixels, intrinsics)
+        for one, gripper in zip(views, T_base_gripper, strict=True)
     }
     return Extrinsics(X, errors, deviation[:3], deviation[3:6], Y)
 

@@ -12,7 +12,7 @@ from collectors.apriltags.tracker import Track, Tracker
 from svfl_data.errors import CollectError
 from svfl_data.schema.robot import Calibration
 
-MAX_AGE = 0.15  # [s] of a pose that success may rest on: three steps in which the hand hid the object
+MAX_AGE = 0.15  # [s] of a pose that success may rest on: three steps in which the gripper hid the object
 LOOKS = 20  # of a reset, before a person is asked
 
 

@@ -19,12 +19,12 @@ def add(commands: Commands) -> None:
         help="where a camera is, from pictures of a board of AprilTags",
         description="Estimate a camera's pose in base axes from pictures of a board (svfl-collect tags --board), and "
         "say how well it is known. The board lies at a known place (--board-pose), at a known place in each picture "
-        "(--board-poses), or is held by the hand, whose poses are known (--hand-poses; tilt the hand in between). "
+        "(--board-poses), or is held by the gripper, whose poses are known (--gripper-poses; tilt it in between). "
         "Pictures must have no lens distortion. The camera is added to the JSON file that collectors read.",
         example="svfl-collect calibrate pictures/ --board board.json --intrinsics 605.2,604.8,319.5,239.5 \\\n"
         "    --board-pose 0.45,-0.1,0,90 --camera front --out calibration.json\n"
         "svfl-collect calibrate pictures/ --board board.json --intrinsics 605.2,604.8,319.5,239.5 \\\n"
-        "    --hand-poses poses.csv --camera front --out calibration.json\n"
+        "    --gripper-poses poses.csv --camera front --out calibration.json\n"
         "svfl-collect calibrate data/boards --episode 0 --board board.json --board-pose 0.45,-0.1,0,90 \\\n"
         "    --camera front --out calibration.json",
     )
@@ -43,7 +43,9 @@ def add(commands: Commands) -> None:
     place.add_argument(
         "--board-poses", type=Path, metavar="CSV", help="picture,x,y,z,qx,qy,qz,qw: of the board in base"
     )
-    place.add_argument("--hand-poses", type=Path, metavar="CSV", help="the same: of the hand that holds the board")
+    place.add_argument(
+        "--gripper-poses", type=Path, metavar="CSV", help="the same: of the gripper that holds the board"
+    )
     parser.add_argument(
         "--intrinsics", type=_numbers(4), metavar="FX,FY,CX,CY",
         help="px, the centre of the first pixel being 0,0 (default: the episode's)",
@@ -69,7 +71,7 @@ def run(arguments: argparse.Namespace) -> None:
     from collectors.apriltags.calibration import image_axes, write_calibration
     from collectors.apriltags.calibration_pictures import board_pose, of_episode, of_folder, read_poses
     from collectors.apriltags.detector import MEASURE, TagDetector
-    from collectors.apriltags.extrinsics import from_hand_held_board, from_known_board, view
+    from collectors.apriltags.extrinsics import from_gripper_held_board, from_known_board, view
     from collectors.apriltags.layout import Layout
     from svfl_data.errors import CollectError, UsageError
     from svfl_data.schema.robot import Calibration
@@ -90,11 +92,11 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.board_pose:
         result = from_known_board(views, [board_pose(*arguments.board_pose)] * len(views), source.intrinsics)
     else:
-        file = arguments.board_poses or arguments.hand_poses
+        file = arguments.board_poses or arguments.gripper_poses
         poses = read_poses(file)
         if missing := [one.name for one in views if one.name not in poses]:
             raise UsageError(f"{file}: no row for {missing[0]}; it has {', '.join(list(poses)[:5])}")
-        estimate = from_known_board if arguments.board_poses else from_hand_held_board
+        estimate = from_known_board if arguments.board_poses else from_gripper_held_board
         result = estimate(views, [poses[one.name] for one in views], source.intrinsics)
     for name, error in result.errors.items():
         say(f"  {name:<28} {error:6.2f} px")
@@ -112,7 +114,7 @@ def run(arguments: argparse.Namespace) -> None:
         "error_px": result.error,
         "position_deviation_m": result.position_deviation.tolist(),
         "rotation_deviation_rad": result.rotation_deviation.tolist(),
-    } | ({} if result.T_hand_board is None else {"T_hand_board": result.T_hand_board.tolist()})
+    } | ({} if result.T_gripper_board is None else {"T_gripper_board": result.T_gripper_board.tolist()})
     calibration = Calibration(
         source.intrinsics, result.T_base_camera, image_axes(result.T_base_camera), source.depth_scale
     )

@@ -13,8 +13,8 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser(
         "centering",
         help="block centering: one finger collides with the block; which way to move?",
-        description="Collect block-centering samples in simulation: one finger of an open hand lands on a block, and "
-        "the label says which way and how far the hand must move. The same command resumes where it was "
+        description="Collect block-centering samples in simulation: one finger of an open gripper lands on a block, "
+        "and the label says which way and how far the gripper must move. The same command resumes where it was "
         "stopped; a larger --samples extends the dataset.",
         example="svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering\n"
         "svfl-collect centering --samples 1000 --border 0 --sensor-noise none --out data/centering_hard",

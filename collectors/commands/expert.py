@@ -46,7 +46,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--perturb", type=between(0, 1, "a number"), default=0.0, metavar="P",
-        help="how likely the hand is to be pushed off its way at an action; policies that are cloned from such "
+        help="how likely the gripper is to be pushed off its way at an action; policies that are cloned from such "
         "demonstrations have seen the way back (default 0)",
     )  # fmt: skip
     parser.add_argument(

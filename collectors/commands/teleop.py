@@ -14,7 +14,7 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser(
         "teleop",
         help="demonstrations of a task by a person, with keyboard, gamepad or SpaceMouse",
-        description="Steer the hand in a window and record demonstrations at 20 Hz; its keys are shown in it. An "
+        description="Steer the gripper in a window and record demonstrations at 20 Hz; its keys are shown in it. An "
         "episode ends by itself when the task is achieved. The same command goes on where the last session ended. "
         "A script replays an input log without a window, as fast as it goes (docs/teleoperation.md).",
         example="svfl-collect teleop --task block_picking --device keyboard --out data/mine\n"

@@ -1,4 +1,4 @@
-"""Block worlds in PyBullet: a Panda with a compliant hand, a wrist force-torque sensor and a fixed RGB-D camera."""
+"""Block worlds in PyBullet: a Panda with a compliant gripper, a wrist force-torque sensor and a fixed RGB-D camera."""
 
 from collectors.simulation.admittance import AdmittanceConfig
 from collectors.simulation.arms.panda import PandaConfig

@@ -1,4 +1,4 @@
-"""The Cartesian admittance law: how far the hand gives way to a force."""
+"""The Cartesian admittance law: how far the gripper gives way to a force."""
 
 import math
 from dataclasses import dataclass
@@ -11,18 +11,19 @@ ZERO: Vector3 = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class AdmittanceConfig:
-    """Fixed virtual mass, damping and stiffness of the hand's translation, the same in x, y and z.
+    """Fixed virtual mass, damping and stiffness of the gripper's translation, the same in x, y and z.
 
-    Rotation is not compliant: the hand stays vertical and its yaw follows the command.
+    Rotation is not compliant: the gripper stays vertical and its yaw follows the command.
 
     Attributes:
         stiffness: K, [N/m].
         damping: D, [N s/m]; 0.7 of critical, 2 sqrt(K M), with these values.
-        mass: M, [kg]; about twice the hand's own mass, because the loop must not depend on making the hand lighter.
+        mass: M, [kg]; about twice the gripper's own mass, because the loop must not depend on making the gripper
+            lighter.
         filter_hz: Corner of the first-order low-pass on the force that drives the law, [Hz]. Without it, a sticking
             finger and the controller push each other at half the sampling rate.
-        max_deviation: The commanded position is kept this close to the hand along each axis, [m]; it bounds the force
-            of a blocked hand to K times this.
+        max_deviation: The commanded position is kept this close to the gripper along each axis, [m]; it bounds the
+            force of a blocked gripper to K times this.
     """
 
     stiffness: Positive = 2500.0
@@ -33,10 +34,10 @@ class AdmittanceConfig:
 
 
 class Admittance:
-    """Mass, spring and damper between the reference and the hand, one per axis, driven by the external force.
+    """Mass, spring and damper between the reference and the gripper, one per axis, driven by the external force.
 
-    With e the deviation of the hand from the reference, M e'' + D e' + K e = F. Written in the deviation, not the
-    position, so that a free hand follows the reference without lag whatever M, D and K are.
+    With e the deviation of the gripper from the reference, M e'' + D e' + K e = F. Written in the deviation, not the
+    position, so that a free gripper follows the reference without lag whatever M, D and K are.
 
     `deviation` [m] and `rate` [m/s] are its state, (x, y, z) each, base axes. Plain floats: with three numbers NumPy
     would take twice as long, 500 times a second.
@@ -68,8 +69,8 @@ class Admittance:
         (M + dt D + dt^2 K) e'_next = M e' + dt (F - K e).
 
         Args:
-            force: What the environment push the hand with, (x, y, z), [N], base axes; no weight, no inertia of the
-                hand.
+            force: What the environment push the gripper with, (x, y, z), [N], base axes; no weight, no inertia of the
+                gripper.
         """
         c, dt = self._config, self._dt
         axes = zip(force, self._force, self.deviation, self.rate, strict=True)

@@ -1,6 +1,6 @@
 """Block centering in simulation: which scenes are drawn, and the label of one.
 
-The hand comes down beside the block's centre so that exactly one finger lands on top of it, as after a grasp that is
+The gripper comes down beside the block's centre so that exactly one finger lands on top of it, as after a grasp that is
 slightly off (Kohler et al., CoRL 2023, appendix "Block Centering"). Felt at the wrist this is an upward force with a
 lever arm along the finger axis; the displacement that would mend the grasp points along the same axis.
 """
@@ -30,7 +30,7 @@ class CenteringConfig:
         block_half: Bounds of half the block's edge, [m]; the paper scales a 5 cm cube by 0.75 to 1.25.
         block_mass: Bounds, [kg].
         block_friction: Bounds of the lateral friction coefficient.
-        block_turn_deg: Largest yaw of the block against the hand, [deg].
+        block_turn_deg: Largest yaw of the block against the gripper, [deg].
         lateral: Bounds of the distance between TCP and block centre, [m], narrowed to where one finger lands.
         sideways_deg: Largest angle between the finger axis and the direction to the block's centre, [deg].
         push: Bounds of the commanded depth of the fingertips below the block's top, [m].
@@ -59,8 +59,8 @@ class Scene:
         block_mass: [kg].
         block_friction: Lateral friction coefficient.
         block_color: Red, green, blue, 0 to 1.
-        hand_xy: Where the hand comes down, [m].
-        hand_yaw: With which yaw, [rad].
+        gripper_xy: Where the gripper comes down, [m].
+        gripper_yaw: With which yaw, [rad].
         push: Commanded depth of the fingertips below the block's top, [m].
     """
 
@@ -70,13 +70,13 @@ class Scene:
     block_mass: float
     block_friction: float
     block_color: tuple[float, float, float]
-    hand_xy: tuple[float, float]
-    hand_yaw: float
+    gripper_xy: tuple[float, float]
+    gripper_yaw: float
     push: float
 
 
 def draw_scene(rng: np.random.Generator, direction: int, config: CenteringConfig, world: World) -> Scene:
-    """Draw a scene in which the hand must move in a given image-aligned direction.
+    """Draw a scene in which the gripper must move in a given image-aligned direction.
 
     Args:
         rng: Source of all randomness.
@@ -91,7 +91,7 @@ def draw_scene(rng: np.random.Generator, direction: int, config: CenteringConfig
     in_image = 90 * direction + rng.uniform(-spread, spread)  # [deg], direction from TCP to block
     to_block = world.camera.image_axes.T @ element(in_image)[:, 0]  # base axes
     finger_axis = element(rng.uniform(-config.sideways_deg, config.sideways_deg)) @ to_block
-    # The hand looks the same after half a turn: take the yaw in (-90, 90] degrees, which the wrist reaches.
+    # The gripper looks the same after half a turn: take the yaw in (-90, 90] degrees, which the wrist reaches.
     yaw = (math.atan2(-finger_axis[0], finger_axis[1]) + np.pi / 2) % np.pi - np.pi / 2
 
     half, turn = rng.uniform(*config.block_half), rng.uniform(-1, 1) * np.deg2rad(config.block_turn_deg)
@@ -100,7 +100,7 @@ def draw_scene(rng: np.random.Generator, direction: int, config: CenteringConfig
     nearest = max(abs(extent - inner) + OVERLAP, config.lateral[0])  # one finger lands, the other passes
     farthest = min(outer + extent - OVERLAP, config.lateral[1])
     block_xy = rng.uniform(world.workspace[:2, 0] + config.margin, world.workspace[:2, 1] - config.margin)
-    hand_xy = block_xy - rng.uniform(nearest, farthest) * to_block
+    gripper_xy = block_xy - rng.uniform(nearest, farthest) * to_block
     red, green, blue = rng.uniform(0.15, 0.9, 3)
     return Scene(
         block_xy=(float(block_xy[0]), float(block_xy[1])),
@@ -109,15 +109,15 @@ def draw_scene(rng: np.random.Generator, direction: int, config: CenteringConfig
         block_mass=float(rng.uniform(*config.block_mass)),
         block_friction=float(rng.uniform(*config.block_friction)),
         block_color=(float(red), float(green), float(blue)),
-        hand_xy=(float(hand_xy[0]), float(hand_xy[1])),
-        hand_yaw=float(yaw),
+        gripper_xy=(float(gripper_xy[0]), float(gripper_xy[1])),
+        gripper_yaw=float(yaw),
         push=float(rng.uniform(*config.push)),
     )
 
 
 @dataclass(frozen=True)
 class Label:
-    """Where the hand must move, from the true poses.
+    """Where the gripper must move, from the true poses.
 
     Attributes:
         offset: Block centre minus TCP, shape (2,), [m], base axes.
@@ -131,7 +131,7 @@ class Label:
 
 
 def true_label(world: World, block: int) -> Label:
-    """Read the label off the true poses of block and hand."""
+    """Read the label off the true poses of block and gripper."""
     offset = world.pose(block)[:2] - world.tcp[:2]
     in_image = act(world.camera.image_axes, offset, OFFSET_PARTS)
     return Label(offset, int(nearest_direction(in_image)), float(np.rad2deg(border_distance(in_image))))

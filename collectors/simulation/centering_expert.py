@@ -16,7 +16,7 @@ ARRIVING = 1  # steps of rest after the last command: at that speed the referenc
 class CollisionExpert:
     """Moves above the place, comes down until a finger has met the block, pushes on, and waits until it has arrived.
 
-    It counts up what it has commanded: once the block holds the hand up, the measured height no longer tells.
+    It counts up what it has commanded: once the block holds the gripper up, the measured height no longer tells.
     """
 
     def __init__(self, scene: Scene, touchdown: float) -> None:
@@ -26,7 +26,7 @@ class CollisionExpert:
             scene: What was drawn.
             touchdown: TCP height at which the fingertips reach the block's top, [m].
         """
-        self._goal = np.array([*scene.hand_xy, touchdown - scene.push, scene.hand_yaw])
+        self._goal = np.array([*scene.gripper_xy, touchdown - scene.push, scene.gripper_yaw])
         self._slow_from = touchdown + CLEAR
         self._commanded: np.ndarray | None = None  # x, y, z, theta
         self._rested = 0

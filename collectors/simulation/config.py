@@ -20,12 +20,12 @@ class WorldConfig:
         physics_dt_ns: Time of one physics step and between two readings, [ns] (500 Hz).
         physics_steps: Physics steps in one action (25 of 2 ms = 20 Hz).
         max_acceleration: Largest acceleration of the reference along each axis, [m/s^2]; the yaw takes as long to reach
-            its full speed. The wrist feels 1.01 kg of hand: 3.3 N, and up to 4.4 N while the joints settle.
+            its full speed. The wrist feels 1.01 kg of gripper: 3.3 N, and up to 4.4 N while the joints settle.
         smoothing_steps: Physics steps of the moving average that bounds the jerk to 2 max_acceleration / its time.
         settle_steps: Steps of rest, without action, after a reset.
         tare_readings: Readings averaged by `World.tare`.
         workspace: Bounds of the commanded TCP (x, y, z), [m]; the lowest z lets the fingers press on the table.
-        max_yaw: Bound of the commanded yaw, [rad]; with a two-finger hand +-pi/2 are all directions.
+        max_yaw: Bound of the commanded yaw, [rad]; with a two-finger gripper +-pi/2 are all directions.
         home: TCP position after reset, [m]; yaw 0, gripper open.
         max_move: Largest |dx|, |dy|, |dz| of an action, [m].
         max_turn: Largest |dtheta| of an action, [rad].
@@ -33,7 +33,7 @@ class WorldConfig:
         table_color: RGB of the table, 0 to 1.
         solver_iterations: Iterations of the contact solver in a physics step.
         panda: The arm.
-        admittance: The compliance of the hand.
+        admittance: The compliance of the gripper.
         noise: The wrist sensor's noise.
         cameras: The cameras, by name; the first one is what a policy sees.
     """

@@ -1,4 +1,4 @@
-"""The reference between two 20 Hz actions: the pose that a free hand has, with bounded acceleration and jerk."""
+"""The reference between two 20 Hz actions: the pose that a free gripper has, with bounded acceleration and jerk."""
 
 import math
 from collections import deque

@@ -26,8 +26,8 @@ from svfl_data.system.own_process import OwnProcess
 RENEWED = 1000
 """Resets after which the world is built anew: PyBullet keeps the shapes of removed bodies, up to 0.1 MB a reset."""
 LEAD = 4.0
-"""Times the way that stopping takes: how far the command may be ahead of a free hand, which needs 3.8 of them when it
-turns back at full speed."""
+"""Times the way that stopping takes: how far the command may be ahead of a free gripper, which needs 3.8 of them when
+it turns back at full speed."""
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
 
 
@@ -198,7 +198,7 @@ class World(OwnProcess):
         """Set `tare_offset` (6,) [N, N m] to the mean of the last `tare_readings` readings. Readings stay raw.
 
         Meant for right after `reset` (and after objects were added): the arm is at home and at rest. A load that
-        touches the hand now will be missing from every tared reading.
+        touches the gripper now will be missing from every tared reading.
         """
         self.check_process()
         self.tare_offset = self.wrench[-self.config.tare_readings :].mean(axis=0, dtype=np.float64).astype(np.float32)
@@ -207,8 +207,8 @@ class World(OwnProcess):
         """Carry out one action: 25 physics steps of 2 ms, each with one control update and one reading.
 
         The commanded pose moves by the action from the last commanded pose (not from the measured one, so that a push
-        can be kept up or increased). The reference follows it with bounded acceleration and jerk, and the hand follows
-        the reference.
+        can be kept up or increased). The reference follows it with bounded acceleration and jerk, and the gripper
+        follows the reference.
 
         Args:
             action: Gripper opening 0..1, dx, dy, dz [m], dtheta [rad] in base, (5,); clipped to the bounds of an
@@ -240,19 +240,20 @@ class World(OwnProcess):
         return np.array([*position, np.clip(target[3], -self.config.max_yaw, self.config.max_yaw)])
 
     def _limit(self, target: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Keep a commanded (x, y, z, theta) inside the workspace, and near the reference where the hand is held up."""
+        """Keep a commanded (x, y, z, theta) inside the workspace, near the reference where the gripper is held up."""
         low, high = np.transpose(self._leash(LEAD))
         return self.within(np.array([*np.clip(target[:3], low, high), target[3]]))
 
     def _aim(self, commanded: Sequence[float]) -> Sequence[float]:
-        """Where the reference goes: to the commanded pose, but not on and on where the hand is held up."""
+        """Where the reference goes: to the commanded pose, but not on and on where the gripper is held up."""
         leash = zip(commanded, self._leash(1.0), strict=False)
         return [*(min(max(to, low), high) for to, (low, high) in leash), commanded[3]]
 
     def _leash(self, times: float) -> list[tuple[float, float]]:
         """Bounds of x, y, z about the reference, (3, 2), [m]: `times` the way that stopping from full speed takes.
 
-        Where the hand is held up, less is left in that direction, nothing when the hand is `max_deviation` behind.
+        Where the gripper is held up, less is left in that direction, nothing when the gripper is `max_deviation`
+        behind.
         """
         reach = self.config.admittance.max_deviation
         stretch = times * self._stopping / reach
@@ -261,7 +262,7 @@ class World(OwnProcess):
             return left * stretch if left > 0.0 else left
 
         places = zip(self._reference.tracker, self._reference.pose, self._panda.position, strict=False)
-        return [(track - way(reach + at - hand), track + way(reach - at + hand)) for track, at, hand in places]
+        return [(track - way(reach + at - gripper), track + way(reach - at + gripper)) for track, at, gripper in places]
 
     def _advance(self, commanded: Sequence[float], opening: float) -> tuple[float, ...]:
         """One physics step: move the reference, command the arm, simulate, feel.
@@ -271,7 +272,7 @@ class World(OwnProcess):
             opening: Commanded gripper opening.
 
         Returns:
-            The physical wrench on the hand, six numbers, [N] and [N m], base axes, about the sensor origin.
+            The physical wrench on the gripper, six numbers, [N] and [N m], base axes, about the sensor origin.
         """
         panda, admittance, dt = self._panda, self._admittance, self._dt
         if not math.isfinite(sum(panda.joints)):
@@ -279,15 +280,15 @@ class World(OwnProcess):
         reference, move = self._reference.pose, self._reference.step(self._aim(commanded))
         pose = [r + e for r, e in zip(reference, (*admittance.deviation, 0.0), strict=True)]
         motion = [m + rate * dt for m, rate in zip(move, (*admittance.rate, 0.0), strict=True)]
-        before = panda.hand_velocity
+        before = panda.gripper_velocity
         panda.drive(pose, motion, opening)
         pybullet.stepSimulation(physicsClientId=self.client)
         panda.read()
         wrench = wrench_from_reaction(panda.reaction)
-        # What of the force is neither the weight nor the inertia of the hand: F - m (g - a).
+        # What of the force is neither the weight nor the inertia of the gripper: F - m (g - a).
         fx, fy, fz = (
-            felt - panda.hand_mass * (g - (now - last) / dt)
-            for felt, g, now, last in zip(wrench[:3], GRAVITY, panda.hand_velocity, before, strict=True)
+            felt - panda.gripper_mass * (g - (now - last) / dt)
+            for felt, g, now, last in zip(wrench[:3], GRAVITY, panda.gripper_velocity, before, strict=True)
         )
         admittance.step((fx, fy, fz))
         return wrench
@@ -358,12 +359,12 @@ class World(OwnProcess):
 
     @property
     def target(self) -> NDArray[np.float64]:
-        """Commanded TCP x, y, z [m] and theta [rad] in base, (4,): where a free hand comes to rest."""
+        """Commanded TCP x, y, z [m] and theta [rad] in base, (4,): where a free gripper comes to rest."""
         return self._target.copy()
 
     @property
     def reference(self) -> NDArray[np.float64]:
-        """TCP x, y, z [m] and theta [rad] in base, (4,), on the way to the target: where a free hand is now."""
+        """TCP x, y, z [m] and theta [rad] in base, (4,), on the way to the target: where a free gripper is now."""
         return np.array(self._reference.pose)
 
     @property

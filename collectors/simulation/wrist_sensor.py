@@ -1,4 +1,4 @@
-"""The six-axis force-torque sensor between flange and hand."""
+"""The six-axis force-torque sensor between flange and gripper."""
 
 from collections.abc import Sequence
 
@@ -10,15 +10,15 @@ FEEDBACK_MODE = pybullet.JOINT_FEEDBACK_IN_JOINT_FRAME | pybullet.JOINT_FEEDBACK
 
 
 def wrench_from_reaction(reaction: Sequence[float]) -> tuple[float, ...]:
-    """Turn the joint reaction into what a sensor in that joint reads: the load on the hand.
+    """Turn the joint reaction into what a sensor in that joint reads: the load on the gripper.
 
-    PyBullet gives the force of the parent (flange) on the child (hand). The sensor feels the opposite: everything that
-    the environment, gravity and the hand's own inertia put on it, F_external + m g - m a.
+    PyBullet gives the force of the parent (flange) on the child (gripper). The sensor feels the opposite: everything
+    that the environment, gravity and the gripper's own inertia put on it, F_external + m g - m a.
 
     Args:
-        reaction: Force and torque of the flange on the hand, six numbers, [N] and [N m].
+        reaction: Force and torque of the flange on the gripper, six numbers, [N] and [N m].
 
     Returns:
-        Load on the hand, six numbers, [N] and [N m], base axes, about the sensor origin (`panda_hand_joint`).
+        Load on the gripper, six numbers, [N] and [N m], base axes, about the sensor origin (`panda_hand_joint`).
     """
     return tuple([-part for part in reaction])

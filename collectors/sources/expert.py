@@ -13,7 +13,7 @@ from collectors.simulation.config import WorldConfig
 from collectors.sources.perturbations import Perturbed
 from collectors.sources.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
 from collectors.tasks import task_class
-from collectors.tasks.hand import Hand
+from collectors.tasks.gripper import Gripper
 from collectors.tasks.task import MAX_STEPS, Task
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError
@@ -34,7 +34,7 @@ class ExpertCollector(Simulated):
         seed: Seed of the dataset.
         task: Name of the task.
         noise: How much demonstrations differ, 0 not at all, 1 as intended, 2 at most.
-        perturbations: How likely the hand is to be pushed off its way at an action, see
+        perturbations: How likely the gripper is to be pushed off its way at an action, see
             `collectors.sources.perturbations`.
         world: Physics, arm, sensors and cameras.
     """
@@ -82,7 +82,7 @@ class ExpertCollector(Simulated):
         rng, perturbations = (
             np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=(child,))) for child in range(2)
         )
-        moves = task.expert(Hand(self.opened, rng, self.noise))
+        moves = task.expert(Gripper(self.opened, rng, self.noise))
         policy = Perturbed(moves, self.opened.action_bound, self.perturbations, perturbations)
         arrays, success = self._recorded(task, policy)
         if self.perturbations:

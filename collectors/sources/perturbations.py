@@ -1,7 +1,7 @@
 """Perturbations: disturbances after which a demonstration shows the way back.
 
 An expert who never errs never shows what to do after an error, and a policy that is cloned from it is lost after its
-own first one. So the hand is pushed off its way now and then while the expert goes on; what it meant to do is kept
+own first one. So the gripper is pushed off its way now and then while the expert goes on; what it meant to do is kept
 beside what was done. The idea is that of DART (Laskey, Lee, Fox, Dragan, Goldberg, "DART: Noise Injection for Robust
 Imitation Learning", CoRL 2017), whose noise is small and never rests; an expert that waits until it has arrived would
 never arrive under that.
@@ -10,7 +10,7 @@ never arrive under that.
 import numpy as np
 from numpy.typing import NDArray
 
-from collectors.tasks.hand import Moves
+from collectors.tasks.gripper import Moves
 from svfl_data.schema.robot import Observation
 
 LONGEST = 3
@@ -20,7 +20,7 @@ LONGEST = 3
 class Perturbed:
     """An expert's moves, some of which are replaced by perturbations; a policy for `collectors.recording.loop.record`.
 
-    A perturbation is the same move 1 to `LONGEST` times, uniform within the bounds of an action. A hand that rests,
+    A perturbation is the same move 1 to `LONGEST` times, uniform within the bounds of an action. A gripper that rests,
     such as while it grasps, is not perturbed, and the gripper does what the expert wants.
 
     Args:

@@ -30,7 +30,7 @@ TAG_CAMERAS = {
     )
     for name, x, y in (("left", 1, 1), ("right_back", -1, -1), ("right", 1, -1), ("left_back", -1, 1))
 }
-"""Cameras at 0.6 m from the middle of the workspace, over its corners. The hand hides the block from up to three of
+"""Cameras at 0.6 m from the middle of the workspace, over its corners. The gripper hides the block from up to three of
 them: a block that is pulled towards the arm is only seen from behind."""
 
 
@@ -97,7 +97,7 @@ class TaggedCollector(ExpertCollector):
         seed: Seed of the dataset.
         task: One of `TAGGED`.
         noise: How much demonstrations differ, 0 to 2.
-        perturbations: How likely the hand is to be pushed off its way at an action.
+        perturbations: How likely the gripper is to be pushed off its way at an action.
         world: Physics, arm, sensors and cameras of the policy; those that look at the tags are `TAG_CAMERAS`.
     """
 

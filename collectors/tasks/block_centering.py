@@ -1,4 +1,4 @@
-"""Block centering as an environment: after one finger has hit the block, take the hand to where it can grasp.
+"""Block centering as an environment: after one finger has hit the block, take the gripper to where it can grasp.
 
 The labelled samples of the paper's classification task come from ``svfl-collect centering``; this is the same scene, to
 be solved instead of classified.
@@ -10,7 +10,7 @@ import numpy as np
 
 from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, draw_scene
 from collectors.simulation.world import World
-from collectors.tasks.hand import Hand, Moves, nearest_turn
+from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
 
 CENTRED = 0.005  # [m] horizontally between TCP and block centre, at most
@@ -19,7 +19,7 @@ SPREAD = 0.004  # [m] of where the finger comes down, at noise 1, standard devia
 
 
 class BlockCentering(Task):
-    """Feel with one finger where the block is, then bring the open hand around it, centred."""
+    """Feel with one finger where the block is, then bring the open gripper around it, centred."""
 
     scene: Scene
 
@@ -43,16 +43,16 @@ class BlockCentering(Task):
         depth = block[2] + self.scene.block_half - (tcp[2] - FINGERTIP)
         return bool(np.linalg.norm(block[:2] - tcp[:2]) < CENTRED and depth > AROUND)
 
-    def expert(self, hand: Hand) -> Moves:
+    def expert(self, gripper: Gripper) -> Moves:
         """Down beside the centre until a finger has hit the block, up, over the centre with the block's yaw, down."""
-        scene = replace(self.scene, hand_xy=tuple(hand.vary(self.scene.hand_xy, SPREAD)))
+        scene = replace(self.scene, gripper_xy=tuple(gripper.vary(self.scene.gripper_xy, SPREAD)))
         touchdown = 2 * scene.block_half + FINGERTIP
-        yield from hand.go(*scene.hand_xy, touchdown + 0.03, scene.hand_yaw)
-        yield from hand.go(z=touchdown - scene.push, speed=0.5, exact=True)
+        yield from gripper.go(*scene.gripper_xy, touchdown + 0.03, scene.gripper_yaw)
+        yield from gripper.go(z=touchdown - scene.push, speed=0.5, exact=True)
         while True:
-            yield from hand.go(z=touchdown + 0.02)
+            yield from gripper.go(z=touchdown + 0.02)
             x, y, *_ = pose = self.world.pose(self.body)
             theta = nearest_turn(self.world.yaw(self.body), np.pi / 2, near=self.world.target[3])
-            yield from hand.go(x, y, touchdown + 0.01, theta)
-            yield from hand.go(z=pose[2], speed=0.7, exact=True)
-            yield from hand.rest(2)
+            yield from gripper.go(x, y, touchdown + 0.01, theta)
+            yield from gripper.go(z=pose[2], speed=0.7, exact=True)
+            yield from gripper.rest(2)

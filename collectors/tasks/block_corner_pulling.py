@@ -10,7 +10,7 @@ import numpy as np
 from collectors.simulation.bodies import Box
 from collectors.simulation.centering import FINGERTIP
 from collectors.simulation.world import World
-from collectors.tasks.hand import Hand, Moves, nearest_turn
+from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
 
 OUT = 0.05  # [m] along a wall from where the cube was, more than: its largest edge, so that a finger fits behind it
@@ -22,7 +22,7 @@ FIXTURE_COLOR = (0.85, 0.8, 0.7)
 OVER = 0.015  # [m] of the fingertips above the cube before pressing
 PRESS = 0.010  # [m] of the command below contact: 25 N
 FAR = 0.075  # [m] to drag along each wall
-SLIPPED = 0.012  # [m] of the hand over the cube, when the fingers slide on it
+SLIPPED = 0.012  # [m] of the gripper over the cube, when the fingers slide on it
 
 
 @dataclass(frozen=True)
@@ -102,21 +102,21 @@ class BlockCornerPulling(Task):
         """The cube's pose, and the fixture's, (7,)."""
         return {**super().state(), "fixture": self.world.pose(self.fixture)}
 
-    def expert(self, hand: Hand) -> Moves:
+    def expert(self, gripper: Gripper) -> Moves:
         """Press closed fingers on the cube's top and drag it out between the walls; again if they slip."""
-        yield from hand.grip(0.0, steps=0)
+        yield from gripper.grip(0.0, steps=0)
         while True:
             *middle, z = self.world.pose(self.body)[:3]
             touch = z + self.scene.half + FINGERTIP
             theta = nearest_turn(self.world.yaw(self.body), np.pi / 2)
-            yield from hand.go(z=max(self.world.target[2], touch + OVER))
-            x, y = hand.vary(middle, 0.0015)
-            yield from hand.go(x, y, touch + OVER, theta)
+            yield from gripper.go(z=max(self.world.target[2], touch + OVER))
+            x, y = gripper.vary(middle, 0.0015)
+            yield from gripper.go(x, y, touch + OVER, theta)
             pressed = self.world.target[:2] - middle
-            yield from hand.go(z=touch - float(hand.vary(PRESS, 0.001)), speed=0.3, exact=True)
-            goal = self._seat + self._axes @ hand.vary((FAR, FAR), 0.01)
-            yield from hand.go(*goal, speed=0.7, exact=True, until=partial(self._slipped, pressed))
+            yield from gripper.go(z=touch - float(gripper.vary(PRESS, 0.001)), speed=0.3, exact=True)
+            goal = self._seat + self._axes @ gripper.vary((FAR, FAR), 0.01)
+            yield from gripper.go(*goal, speed=0.7, exact=True, until=partial(self._slipped, pressed))
 
     def _slipped(self, pressed: np.ndarray) -> bool:
-        """Whether the hand is no longer where it pressed on the cube, `pressed` from its centre."""
+        """Whether the gripper is no longer where it pressed on the cube, `pressed` from its centre."""
         return bool(np.linalg.norm(self.world.tcp[:2] - self.world.pose(self.body)[:2] - pressed) > SLIPPED)

@@ -6,11 +6,13 @@ from functools import partial
 import numpy as np
 
 from collectors.simulation.world import World
-from collectors.tasks.hand import Hand, Moves, nearest_turn
+from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
 
-LIFTED = 0.1  # [m] above where it lay: the block then is where the reference benchmark's is at a hand height of 0.15 m
-CLEAR = 0.02  # [m] between the TCP of a travelling hand and what it might drag along
+LIFTED = (
+    0.1  # [m] above where it lay: the block then is where the reference benchmark's is at a gripper height of 0.15 m
+)
+CLEAR = 0.02  # [m] between the TCP of a travelling gripper and what it might drag along
 MARGIN = 0.05  # [m] from the workspace's border, at least
 
 
@@ -62,24 +64,24 @@ class BlockPicking(Task):
         """Both fingers press on the block, and it is 10 cm higher than on the table."""
         return self.world.holds(self.body) and self.world.pose(self.body)[2] - self.scene.half > LIFTED
 
-    def expert(self, hand: Hand) -> Moves:
+    def expert(self, gripper: Gripper) -> Moves:
         """Over the block, down, close, up; again if it slips or is not where it was."""
         while True:
             x, y, z, *_ = pose = self.world.pose(self.body)
             theta = nearest_turn(self.world.yaw(self.body), np.pi / 2, near=self.world.target[3])
             top = z + self.scene.half
-            yield from hand.go(z=max(self.world.target[2], top + CLEAR))
-            yield from hand.go(x, y, top + 0.05, theta, loose=True)
-            yield from hand.go(x, y, top + 0.015, theta)
-            yield from hand.go(z=max(z - 0.005, 0.012), exact=True, until=partial(self._astray, pose))
+            yield from gripper.go(z=max(self.world.target[2], top + CLEAR))
+            yield from gripper.go(x, y, top + 0.05, theta, loose=True)
+            yield from gripper.go(x, y, top + 0.015, theta)
+            yield from gripper.go(z=max(z - 0.005, 0.012), exact=True, until=partial(self._astray, pose))
             if not self._astray(pose):
-                yield from hand.grip(0.0, steps=5, until=self._held)
-                yield from hand.go(z=z + LIFTED + 0.03, until=lambda: not self._held())
-            yield from hand.grip(1.0, steps=2)
+                yield from gripper.grip(0.0, steps=5, until=self._held)
+                yield from gripper.go(z=z + LIFTED + 0.03, until=lambda: not self._held())
+            yield from gripper.grip(1.0, steps=2)
 
     def _held(self) -> bool:
         return self.world.holds(self.body)
 
     def _astray(self, expected: np.ndarray) -> bool:
-        """Whether the block is no longer where the hand goes down for it."""
+        """Whether the block is no longer where the gripper goes down for it."""
         return bool(np.linalg.norm(self.world.pose(self.body)[:3] - expected[:3]) > 0.01)

@@ -11,17 +11,17 @@ from collectors.simulation.bodies import RED
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.centering import FINGERTIP
 from collectors.simulation.world import World
-from collectors.tasks.hand import Hand, Moves, nearest_turn
+from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task, two_apart
 
 HEIGHT = 0.05  # [m] of both blocks
 APART = 0.2  # [m] between the centres, at least; the largest blocks are 0.14 m across the corners
 LYING = 0.005  # [m] that a block's centre may be higher than on the table
 MARGIN = 0.06  # [m] of the centres from the workspace's border, at least
-OPENING = 0.5  # of the pressing hand: tips 7 cm across do not let the block turn
+OPENING = 0.5  # of the pressing gripper: tips 7 cm across do not let the block turn
 PRESS = 0.009  # [m] of the command below contact: 22 N, of which the table takes half as friction
 OVER = 0.015  # [m] of the fingertips above the block before pressing
-SLIPPED = 0.02  # [m] of the hand over the block, when the fingers slide on it
+SLIPPED = 0.02  # [m] of the gripper over the block, when the fingers slide on it
 
 
 @dataclass(frozen=True)
@@ -89,21 +89,21 @@ class BlockPulling(Task):
         """The pulled block's pose, and the other's, (7,)."""
         return {**super().state(), "other": self.world.pose(self.other)}
 
-    def expert(self, hand: Hand) -> Moves:
+    def expert(self, gripper: Gripper) -> Moves:
         """Press half-open fingers on the block and drag it to the other; again if they slip or the block is away."""
         touch = HEIGHT + FINGERTIP
         while True:
             block, other = self.world.pose(self.body)[:2], self.world.pose(self.other)[:2]
             way = other - block
             theta = nearest_turn(math.atan2(way[1], way[0]), np.pi)
-            yield from hand.grip(OPENING, steps=0)
-            yield from hand.go(z=max(self.world.target[2], touch + OVER))
-            x, y = hand.vary(block, 0.005)
-            yield from hand.go(x, y, touch + OVER, theta)
+            yield from gripper.grip(OPENING, steps=0)
+            yield from gripper.go(z=max(self.world.target[2], touch + OVER))
+            x, y = gripper.vary(block, 0.005)
+            yield from gripper.go(x, y, touch + OVER, theta)
             pressed = self.world.target[:2] - block
-            yield from hand.go(z=touch - float(hand.vary(PRESS, 0.001)), speed=0.3, exact=True)
-            yield from hand.go(*other, speed=0.8, exact=True, until=partial(self._slipped, pressed))
+            yield from gripper.go(z=touch - float(gripper.vary(PRESS, 0.001)), speed=0.3, exact=True)
+            yield from gripper.go(*other, speed=0.8, exact=True, until=partial(self._slipped, pressed))
 
     def _slipped(self, pressed: np.ndarray) -> bool:
-        """Whether the hand is no longer where it pressed on the block, `pressed` from its centre."""
+        """Whether the gripper is no longer where it pressed on the block, `pressed` from its centre."""
         return bool(np.linalg.norm(self.world.tcp[:2] - self.world.pose(self.body)[:2] - pressed) > SLIPPED)

@@ -9,19 +9,21 @@ import numpy as np
 
 from collectors.simulation.bodies import RED, Box
 from collectors.simulation.world import World
-from collectors.tasks.hand import Hand, Moves, nearest_turn
+from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task, two_apart
 
 REACHED = 0.05  # [m] horizontally from block to goal, less than
 LYING = 0.005  # [m] that the block's centre may be higher than on the table
 APART = 0.2  # [m] from start to goal, at least
-MARGIN = 0.07  # [m] from the workspace's border, at least: there the hand finds room behind the block
+MARGIN = 0.07  # [m] from the workspace's border, at least: there the gripper finds room behind the block
 GOAL_COLOR = (0.1, 0.3, 0.9)
-CLEAR = 0.02  # [m] between the TCP of a travelling hand and what it might drag along
+CLEAR = 0.02  # [m] between the TCP of a travelling gripper and what it might drag along
 LOW = 0.014  # [m] of the pushing TCP above the table: the tips are below the smallest block's middle and off the table
 BEHIND = 0.05  # [m] of the TCP behind the block's middle before a push: half its diagonal and half a finger, and 4 mm
-OPENING = 0.25  # of the pushing hand: two fingers 2 cm apart steer a block, and even the smallest cannot slip between
-ASIDE = 0.018  # [m] of the block's middle beside the hand's path, when pushing on would turn it away
+OPENING = (
+    0.25  # of the pushing gripper: two fingers 2 cm apart steer a block, and even the smallest cannot slip between
+)
+ASIDE = 0.018  # [m] of the block's middle beside the gripper's path, when pushing on would turn it away
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class BlockPushing(Task):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, world: World) -> Scene:
-        """Start and goal anywhere with room for the hand, redrawn until far enough apart."""
+        """Start and goal anywhere with room for the gripper, redrawn until far enough apart."""
         low, high = world.workspace[:2, 0] + MARGIN, world.workspace[:2, 1] - MARGIN
         start, goal = two_apart(rng, low, high, APART)
         return Scene(
@@ -84,7 +86,7 @@ class BlockPushing(Task):
         """The block's pose, and the goal, (3,) [m]."""
         return {**super().state(), "goal": np.array([*self.scene.goal, 0.0])}
 
-    def expert(self, hand: Hand) -> Moves:
+    def expert(self, gripper: Gripper) -> Moves:
         """Down behind the block, straight to the goal; again if the block slips aside."""
         goal = np.array(self.scene.goal)
         while True:
@@ -93,16 +95,16 @@ class BlockPushing(Task):
             theta = nearest_turn(math.atan2(way[1], way[0]), np.pi)
             start = block - BEHIND * way
             top = 2 * self.scene.half
-            yield from hand.grip(OPENING, steps=0)
-            yield from hand.go(z=max(self.world.target[2], top + CLEAR))
-            x, y = hand.vary(start, 0.004)
-            yield from hand.go(x, y, top + CLEAR, theta)
+            yield from gripper.grip(OPENING, steps=0)
+            yield from gripper.go(z=max(self.world.target[2], top + CLEAR))
+            x, y = gripper.vary(start, 0.004)
+            yield from gripper.go(x, y, top + CLEAR, theta)
             x, y = start
-            yield from hand.go(x, y, LOW, exact=True)
-            yield from hand.go(*hand.vary(goal, 0.006), exact=True, until=partial(self._aside, start, way))
+            yield from gripper.go(x, y, LOW, exact=True)
+            yield from gripper.go(*gripper.vary(goal, 0.006), exact=True, until=partial(self._aside, start, way))
 
     def _aside(self, start: np.ndarray, way: np.ndarray) -> bool:
-        """Whether the block is no longer in front of a hand that goes from `start` along `way`."""
+        """Whether the block is no longer in front of a gripper that goes from `start` along `way`."""
         block = self.world.pose(self.body)[:2]
         aside = (block - start) @ (-way[1], way[0])
         return bool(abs(aside) > ASIDE or (block - self.world.tcp[:2]) @ way < 0.0)

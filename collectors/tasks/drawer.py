@@ -11,18 +11,18 @@ from collectors.recording.loop import OBJECT
 from collectors.simulation.bodies import Box, Vector3, quat_from_yaw
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.world import World
-from collectors.tasks.hand import Hand, Moves, nearest_turn
+from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
 
 TRAVEL = 0.16  # [m] from closed to the stop
 FRICTION = 4.0  # [N], dry, of the runners
 DAMPING = 15.0  # [N s/m] of the runners
 MASS = 0.6  # [kg] of the drawer
-HEIGHT = 0.08  # [m] of the cabinet: below the palm of a hand whose fingers are behind the handle
+HEIGHT = 0.08  # [m] of the cabinet: below the palm of a gripper whose fingers are behind the handle
 GAP = 0.04  # [m] between front and handle; a finger is 0.021 m thick
 BAR = 0.012  # [m] thickness of the handle along the travel
 HANDLE_Z = 0.058  # [m] middle of the handle
-OVER = HEIGHT + 0.05  # [m], of the TCP of a hand that travels
+OVER = HEIGHT + 0.05  # [m], of the TCP of a gripper that travels
 CABINET: Vector3 = (0.80, 0.76, 0.68)
 HANDLE: Vector3 = (0.15, 0.15, 0.18)
 
@@ -86,17 +86,17 @@ class DrawerTask(Task):
         x, y = np.array(self.scene.xy) + _turned(self.opening + along, across, self.scene.yaw)
         return float(x), float(y)
 
-    def hand_at(self) -> tuple[float, float, float]:
+    def gripper_at(self) -> tuple[float, float, float]:
         """Where the TCP is now, in the drawer's frame: along, across, up, [m]."""
         x, y, z = self.world.tcp[:3]
         along, across = _turned(x - self.scene.xy[0], y - self.scene.xy[1], -self.scene.yaw)
         return float(along) - self.opening, float(across), float(z)
 
-    def reach(self, hand: Hand, along: float, across: float, z: float) -> Moves:
+    def reach(self, gripper: Gripper, along: float, across: float, z: float) -> Moves:
         """Over a point of the drawer's frame with closed fingers side by side across the travel, then down there.
 
         Args:
-            hand: The hand.
+            gripper: The gripper.
             along: Where to, before the front, [m].
             across: Where to, beside its middle, [m].
             z: How low, [m].
@@ -104,15 +104,15 @@ class DrawerTask(Task):
         Yields:
             Actions. Ends early if the fingers meet something on their way down.
         """
-        hand.opening = 0.0
+        gripper.opening = 0.0
         theta = nearest_turn(self.scene.yaw, np.pi)
-        yield from hand.go(z=max(self.world.target[2], OVER))
-        yield from hand.go(*self.at(along, across), OVER, theta, loose=True)
-        yield from hand.go(*self.at(along, across), OVER - 0.015, theta)
-        yield from hand.go(z=z, exact=True, until=self._blocked)
+        yield from gripper.go(z=max(self.world.target[2], OVER))
+        yield from gripper.go(*self.at(along, across), OVER, theta, loose=True)
+        yield from gripper.go(*self.at(along, across), OVER - 0.015, theta)
+        yield from gripper.go(z=z, exact=True, until=self._blocked)
 
     def _blocked(self) -> bool:
-        """Whether the hand stands on something: it is held up by 8 mm, which takes 20 N."""
+        """Whether the gripper stands on something: it is held up by 8 mm, which takes 20 N."""
         return bool(self.world.tcp[2] - self.world.reference[2] > 0.008)
 
     def state(self) -> Mapping[str, np.ndarray]:

@@ -1,7 +1,7 @@
 """Drawer opening: hook the handle and pull the drawer open."""
 
 from collectors.tasks.drawer import GAP, HANDLE_Z, DrawerTask
-from collectors.tasks.hand import Hand, Moves
+from collectors.tasks.gripper import Gripper, Moves
 
 OPEN = 0.10  # [m] to be exceeded (reference benchmark)
 HOOK = 0.023  # [m] before the front: in the gap, 6 mm from touching the handle
@@ -17,15 +17,15 @@ class DrawerOpening(DrawerTask):
         """The drawer is open by more than 10 cm."""
         return self.opening > OPEN
 
-    def expert(self, hand: Hand) -> Moves:
+    def expert(self, gripper: Gripper) -> Moves:
         """Down into the gap behind the handle, pull; again if the handle is not caught or is lost."""
         while True:
-            across = hand.noise * hand.rng.uniform(-0.02, 0.02)
-            yield from self.reach(hand, HOOK, across, HOOK_Z)
+            across = gripper.noise * gripper.rng.uniform(-0.02, 0.02)
+            yield from self.reach(gripper, HOOK, across, HOOK_Z)
             far = HOOK + OPEN + 0.03 - self.opening
-            yield from hand.go(*self.at(far, across), until=lambda: not self._hooked())
+            yield from gripper.go(*self.at(far, across), until=lambda: not self._hooked())
 
     def _hooked(self) -> bool:
         """Whether the fingers are behind the handle."""
-        along, across, up = self.hand_at()
+        along, across, up = self.gripper_at()
         return 0.0 < along < GAP and abs(across) < 0.05 and up < HOOK_Z + 0.012

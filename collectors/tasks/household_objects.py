@@ -6,7 +6,7 @@ random_urdfs are 1000 procedural blobs, convex pieces in an OBJ file each. An ob
 to rest when it is put down as in its file,
 
 - it comes to rest within 3 s, without rolling further than 5 cm,
-- it is 25 to 85 mm high and reaches at most 90 mm from its centre (it must fit the bin and the hand),
+- it is 25 to 85 mm high and reaches at most 90 mm from its centre (it must fit the bin and the gripper),
 - it has a grasp: a place where it is at most 68 mm wide between the fingers (they open to 80 mm), and where both
   fingers meet it at less than 26 degrees from its surface normal, not further than
   2 cm from its centre.
@@ -67,12 +67,12 @@ class Lying:
 
 @dataclass(frozen=True)
 class Grasp:
-    """Where the hand closes.
+    """Where the gripper closes.
 
     Attributes:
         xyz: TCP, in the axes of the points it was found on, [m].
-        theta: Yaw of the hand, [rad].
-        top: Height of the object, which a travelling hand must clear, [m].
+        theta: Yaw of the gripper, [rad].
+        top: Height of the object, which a travelling gripper must clear, [m].
         width: Of the object between the fingers, [m].
         angle: Between the fingers and the surface normals, [rad].
         lever: Horizontal distance from the object's centre, [m].

@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from collectors.simulation.bodies import Box, quat_from_yaw
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.world import World
-from collectors.tasks.hand import Hand, Moves, nearest_turn
+from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.household_objects import Lying, grasps, split
 from collectors.tasks.task import Task
 
 LIFTED = 0.1  # [m] above where it lay
 INNER = 0.18  # [m] half the bin's inner edge: 36 cm, inside the 40 cm workspace
 WALL = 0.005  # [m] half its walls' thickness
-RIM = 0.04  # [m] height of its walls: the palm of a hand that touches the floor is 5 cm above it
+RIM = 0.04  # [m] height of its walls: the palm of a gripper that touches the floor is 5 cm above it
 FLOOR = 0.003  # [m] height of its floor
-CLEAR = 0.02  # [m] between the TCP of a travelling hand and what it might drag along
-SPREAD = 0.11  # [m] of the object's centre from the bin's, in x and y: an open hand over it is clear of the walls
+CLEAR = 0.02  # [m] between the TCP of a travelling gripper and what it might drag along
+SPREAD = 0.11  # [m] of the object's centre from the bin's, in x and y: an open gripper over it is clear of the walls
 BIN_COLOR = (0.25, 0.27, 0.3)
 
 
@@ -53,7 +53,7 @@ class HouseholdPicking(Task):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, world: World) -> Scene:
-        """Any object of the part, anywhere in the bin that the hand can reach."""
+        """Any object of the part, anywhere in the bin that the gripper can reach."""
         chosen = split(cls.part)
         x, y = world.workspace[:2].mean(axis=1) + rng.uniform(-SPREAD, SPREAD, 2)
         return Scene(
@@ -84,7 +84,7 @@ class HouseholdPicking(Task):
         """Both fingers press on the object, and its centre is 10 cm higher than where it lay."""
         return self.world.holds(self.body) and self.world.pose(self.body)[2] - self.rest_height > LIFTED
 
-    def expert(self, hand: Hand) -> Moves:
+    def expert(self, gripper: Gripper) -> Moves:
         """Over the best grasp, down, close, up; the next best if that slips, and anew if the object has moved."""
         failures = 0
         while True:
@@ -95,21 +95,21 @@ class HouseholdPicking(Task):
             grasp = found[7 * failures % len(found)]  # neighbours in this order are nearly the same
             theta = nearest_turn(grasp.theta, np.pi, near=self.world.target[3])
             over = grasp.top + CLEAR
-            yield from hand.go(z=max(self.world.target[2], over))
-            yield from hand.go(*grasp.xyz[:2], over + 0.02, theta, loose=True)
-            yield from hand.go(*grasp.xyz[:2], over - 0.005, theta)
-            yield from hand.go(z=grasp.xyz[2], exact=True, until=partial(self._astray, pose))
+            yield from gripper.go(z=max(self.world.target[2], over))
+            yield from gripper.go(*grasp.xyz[:2], over + 0.02, theta, loose=True)
+            yield from gripper.go(*grasp.xyz[:2], over - 0.005, theta)
+            yield from gripper.go(z=grasp.xyz[2], exact=True, until=partial(self._astray, pose))
             if not self._astray(pose):
-                yield from hand.grip(0.0, steps=6, until=self._held)
-                yield from hand.go(z=grasp.xyz[2] + LIFTED + 0.04, until=lambda: not self._held())
-            yield from hand.grip(1.0, steps=1)
+                yield from gripper.grip(0.0, steps=6, until=self._held)
+                yield from gripper.go(z=grasp.xyz[2] + LIFTED + 0.04, until=lambda: not self._held())
+            yield from gripper.grip(1.0, steps=1)
             failures += 1
 
     def _held(self) -> bool:
         return self.world.holds(self.body)
 
     def _astray(self, expected: NDArray[np.float64]) -> bool:
-        """Whether the object is no longer where the hand goes down for it."""
+        """Whether the object is no longer where the gripper goes down for it."""
         return bool(np.linalg.norm(self.world.pose(self.body)[:3] - expected[:3]) > 0.01)
 
 

@@ -12,12 +12,12 @@ from collectors.simulation.arms.panda import LEFT_FINGER, RIGHT_FINGER
 from collectors.simulation.bodies import quat_from_yaw
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.world import World
-from collectors.tasks.hand import Hand, Moves, nearest_turn
+from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
 
 LIFTED = 0.1  # [m] that the centre of mass must rise, as in block picking
 MARGIN = 0.08  # [m] between the mug's axis and the workspace's border: the whole mug is inside, whatever its yaw
-CLEAR = 0.02  # [m] between the TCP of a travelling hand and the rim
+CLEAR = 0.02  # [m] between the TCP of a travelling gripper and the rim
 
 # Measured on objects/mug_col.obj of pybullet_data, at scale 1, in the axes of the mesh: the axis of the mug is z, its
 # bottom at z = 0, the handle points to +y and is five convex parts. The cup is one, hence solid: nothing fits inside.
@@ -91,21 +91,21 @@ class MugPicking(Task):
                 return False
         return True
 
-    def expert(self, hand: Hand) -> Moves:
+    def expert(self, gripper: Gripper) -> Moves:
         """Over the handle, fingers across it, down, close, up; again if it slips or is not where it was."""
         while True:
             pose = self.world.pose(self.body)
             x, y, z = self.in_base(GRASP)
             rim = self.scene.scale * RIM
             theta = nearest_turn(self.world.yaw(self.body) + np.pi / 2, np.pi)
-            yield from hand.go(z=max(self.world.target[2], rim + CLEAR))
-            yield from hand.go(x, y, rim + 0.04, theta, loose=True)
-            yield from hand.go(x, y, rim + 0.01, theta)
-            yield from hand.go(z=max(z, rim - PALM), exact=True, until=partial(self._astray, pose))
+            yield from gripper.go(z=max(self.world.target[2], rim + CLEAR))
+            yield from gripper.go(x, y, rim + 0.04, theta, loose=True)
+            yield from gripper.go(x, y, rim + 0.01, theta)
+            yield from gripper.go(z=max(z, rim - PALM), exact=True, until=partial(self._astray, pose))
             if not self._astray(pose):
-                yield from hand.grip(0.0, steps=5, until=self.by_handle)
-                yield from hand.go(z=z + LIFTED + 0.06, until=lambda: not self.by_handle())
-            yield from hand.grip(1.0, steps=2)
+                yield from gripper.grip(0.0, steps=5, until=self.by_handle)
+                yield from gripper.go(z=z + LIFTED + 0.06, until=lambda: not self.by_handle())
+            yield from gripper.grip(1.0, steps=2)
 
     def in_base(self, point: ArrayLike) -> NDArray[np.float64]:
         """A point of the mesh at scale 1, (3,) [m], in base, (3,) [m]."""
@@ -128,7 +128,7 @@ class MugPicking(Task):
         return pose[:3], np.reshape(pybullet.getMatrixFromQuaternion(pose[3:]), (3, 3))
 
     def _astray(self, expected: NDArray[np.float64]) -> bool:
-        """Whether the mug is no longer where the hand goes down for its handle."""
+        """Whether the mug is no longer where the gripper goes down for its handle."""
         return bool(np.linalg.norm(self.world.pose(self.body)[:3] - expected[:3]) > 0.01)
 
 

@@ -1,4 +1,4 @@
-"""Peg insertion: a round peg, in the hand from the start, into a round hole."""
+"""Peg insertion: a round peg, in the gripper from the start, into a round hole."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from collectors.simulation.bodies import MAX_PARTS, Box, Cylinder, Vector3
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.world import World
-from collectors.tasks.hand import Hand, Moves
+from collectors.tasks.gripper import Gripper, Moves
 from collectors.tasks.task import Task
 
 RADIUS = 0.018  # [m] of the peg
@@ -57,7 +57,7 @@ class PegInsertion(Task):
         return Scene(xy=(float(x), float(y)), yaw=float(rng.uniform(-np.pi, np.pi)))
 
     def __init__(self, world: World, scene: Scene) -> None:
-        """Put the block on the table and the peg into the hand, which closes on it and holds it by friction alone."""
+        """Put the block on the table and the peg into the gripper, which closes on it and holds it by friction."""
         self.world, self.scene = world, scene
         self.block = world.bodies.add(_ring(), (*scene.xy, 0.5 * RIM), scene.yaw, friction=0.25)
         peg = Cylinder(RADIUS, LENGTH, (0.0, 0.0, -0.5 * LENGTH), self.color)
@@ -88,36 +88,36 @@ class PegInsertion(Task):
         (x, y, z), tilt = self.tip()
         return bool(np.hypot(x, y) < 2.0 * CLEARANCE and z < -DEPTH and tilt < STRAIGHT)
 
-    def expert(self, hand: Hand) -> Moves:
+    def expert(self, gripper: Gripper) -> Moves:
         """Near the hole, down until it is felt, slide until the peg drops in, push; again if that takes long.
 
         Ends when the peg is lost.
         """
-        hand.opening = 0.0
+        gripper.opening = 0.0
         while self.world.holds(self.body):
-            yield from self._over(hand, ABOVE + 0.03, loose=True)
-            yield from self._over(hand, ABOVE, miss=MISS)
-            yield from hand.go(z=self._to_hole()[2] - 0.01, speed=0.2, exact=True, until=lambda: self._lag() > 0.002)
+            yield from self._over(gripper, ABOVE + 0.03, loose=True)
+            yield from self._over(gripper, ABOVE, miss=MISS)
+            yield from gripper.go(z=self._to_hole()[2] - 0.01, speed=0.2, exact=True, until=lambda: self._lag() > 0.002)
             tries = 0
             while tries < 6 and self._off() < NEAR:
                 tries += 1
                 x, y, z = self._to_hole()
                 if self._entered():
                     low = z - DEPTH - 0.008
-                    yield from hand.go(x, y, low, speed=0.6, until=lambda: self._lag() > 0.008)
-                    yield from hand.go(z=min(z, self.world.tcp[2]), exact=True)
+                    yield from gripper.go(x, y, low, speed=0.6, until=lambda: self._lag() > 0.008)
+                    yield from gripper.go(z=min(z, self.world.tcp[2]), exact=True)
                 else:
-                    yield from hand.go(x, y, speed=0.2, exact=True, until=self._entered)
+                    yield from gripper.go(x, y, speed=0.2, exact=True, until=self._entered)
 
-    def _over(self, hand: Hand, height: float, miss: float = 0.0, loose: bool = False) -> Moves:
+    def _over(self, gripper: Gripper, height: float, miss: float = 0.0, loose: bool = False) -> Moves:
         """Bring the tip over the hole, or near it, at a height above the rim: up first, never down on the way."""
         x, y, z = self._to_hole()
-        yield from hand.go(z=max(z + height, self.world.target[2]))
-        x, y = hand.vary([x, y], miss)
-        yield from hand.go(x, y, z + height, loose=loose)
+        yield from gripper.go(z=max(z + height, self.world.target[2]))
+        x, y = gripper.vary([x, y], miss)
+        yield from gripper.go(x, y, z + height, loose=loose)
 
     def _to_hole(self) -> np.ndarray:
-        """Command, (3,) [m], that would bring the tip to the middle of the hole's rim if the hand followed."""
+        """Command, (3,) [m], that would bring the tip to the middle of the hole's rim if the gripper followed."""
         offset, _ = self.tip()
         return self.world.reference[:3] - offset
 
@@ -131,7 +131,7 @@ class PegInsertion(Task):
         return float(np.hypot(x, y))
 
     def _lag(self) -> float:
-        """How far the hand is held up above the reference, [m]; it takes 2500 N/m."""
+        """How far the gripper is held up above the reference, [m]; it takes 2500 N/m."""
         return float(self.world.tcp[2] - self.world.reference[2])
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from collectors.recording.loop import OBJECT
 from collectors.simulation.world import World
-from collectors.tasks.hand import Hand, Moves
+from collectors.tasks.gripper import Gripper, Moves
 from svfl_data.errors import CollectError
 
 DRAWS = 1000
@@ -85,7 +85,7 @@ class Task(ABC):
         """Whether the task is achieved, read off the true state."""
 
     @abstractmethod
-    def expert(self, hand: Hand) -> Moves:
+    def expert(self, gripper: Gripper) -> Moves:
         """The actions of a scripted expert who knows the true state, until the task is achieved or time is up."""
 
     def state(self) -> Mapping[str, np.ndarray]:

@@ -24,7 +24,7 @@ class ActionMapper:
         self.begin()
 
     def begin(self) -> None:
-        """The hand is at rest."""
+        """The gripper is at rest."""
         self._moving = np.zeros(4)
 
     def action(self, reading: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from collectors.teleop.devices.device import Command
 from collectors.teleop.devices.sdl import pygame
-from collectors.teleop.picture import AXES, HAND, Color, draw_picture
+from collectors.teleop.picture import AXES, GRIPPER, Color, draw_picture
 from collectors.teleop.view import CONTACT_N, View
 
 SIZE = (1080, 720)
@@ -30,7 +30,7 @@ COMMANDS = (
     ("X", Command.STOP, "stop, save as no success"),
     ("backspace", Command.DISCARD, "discard"),
     ("R", Command.AGAIN, "record the last one again"),
-    ("T", Command.TARE, "tare: hold the hand free"),
+    ("T", Command.TARE, "tare: hold the gripper free"),
     ("escape", Command.QUIT, "save and quit"),
 )
 """Key, what it tells, and what that means."""
@@ -56,7 +56,7 @@ class Panel:
         self._state(target, view)
         draw_picture(target, PICTURE, view, self._font)
         border = RECORDING if view.steps is not None else TRACK
-        pygame.draw.rect(target, HAND if view.contact else border, PICTURE.inflate(6, 6), 3, border_radius=4)
+        pygame.draw.rect(target, GRIPPER if view.contact else border, PICTURE.inflate(6, 6), 3, border_radius=4)
         self._write(target, self._font, view.message, TEXT, (20, 672))
         counts = f"saved {view.saved}, of which {view.succeeded} succeeded"
         self._write(target, self._small, f"{counts}      {view.pace}", FAINT, (20, 697))
@@ -66,7 +66,7 @@ class Panel:
         self._write(target, self._font, "Torque", TEXT, (LEFT, 186))
         self._write(target, self._small, f"full bar {TORQUE_NM:g} N m", FAINT, (RIGHT, 188), right=True)
         self._bars(target, 210, ("mx", "my", "mz"), torque, TORQUE_NM, "N m", 2)
-        self._hand(target, view)
+        self._gripper(target, view)
         self._keys(target)
 
     def _write(
@@ -91,7 +91,7 @@ class Panel:
         if contact:
             word = self._font.render("CONTACT", True, GROUND)
             pill = word.get_rect(midright=(RIGHT - 8, 34)).inflate(20, 14)
-            pygame.draw.rect(target, HAND, pill, border_radius=pill.height // 2)
+            pygame.draw.rect(target, GRIPPER, pill, border_radius=pill.height // 2)
             target.blit(word, word.get_rect(center=pill.center))
         else:
             self._write(target, self._small, f"contact from {CONTACT_N:g} N", FAINT, (RIGHT, 28), right=True)
@@ -117,14 +117,14 @@ class Panel:
             shown = round(float(value), digits) + 0.0  # no -0.0
             self._write(target, self._font, f"{shown:+.{digits}f} {unit}", TEXT, (RIGHT, y + 1), right=True)
 
-    def _hand(self, target: pygame.Surface, view: View) -> None:
+    def _gripper(self, target: pygame.Surface, view: View) -> None:
         """The gripper from the front, and how high and how it is turned."""
         opening, _, _, z, theta = map(float, view.observation.proprio)
         top, centre = 314, LEFT + 70
         pygame.draw.rect(target, FAINT, (centre - 58, top, 116, 12), border_radius=3)
         gap = round(44 * min(max(opening, 0.0), 1.0))
         for left in (centre - gap - 14, centre + gap):
-            pygame.draw.rect(target, HAND, (left, top + 14, 14, 34), border_radius=2)
+            pygame.draw.rect(target, GRIPPER, (left, top + 14, 14, 34), border_radius=2)
         words = "open" if opening > 0.95 else "closed" if opening < 0.02 else f"{opening:.0%} open"
         x = LEFT + 160
         for row, (name, value) in enumerate(
@@ -144,7 +144,7 @@ class Panel:
             pygame.draw.line(target, TRACK, (LEFT, y + 19), (RIGHT, y + 19))
             y += 24
             for control, meaning in rows:
-                self._write(target, self._font, control, HAND, (LEFT, y))
+                self._write(target, self._font, control, GRIPPER, (LEFT, y))
                 self._write(target, self._font, meaning, TEXT, (LEFT + 140, y))
                 y += pitch
             y += 10

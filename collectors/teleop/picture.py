@@ -11,10 +11,10 @@ from collectors.teleop.view import View, pixel
 
 Color = tuple[int, int, int]
 
-HAND: Color = (255, 214, 64)
+GRIPPER: Color = (255, 214, 64)
 FLOOR: Color = (235, 238, 242)
 AXES = {"x": (240, 96, 96), "y": (96, 205, 110)}
-HALF_STROKE = 0.04  # [m] from the TCP to an open finger of a common hand; only the drawing depends on it
+HALF_STROKE = 0.04  # [m] from the TCP to an open finger of a common gripper; only the drawing depends on it
 
 
 def draw_picture(target: pygame.Surface, place: pygame.Rect, view: View, font: pygame.font.Font) -> None:
@@ -48,22 +48,22 @@ def draw_picture(target: pygame.Surface, place: pygame.Rect, view: View, font: p
     edge = [at(x, y, 0.0) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
     for start, end in zip(edge, edge[1:] + edge[:1], strict=True):
         line(FLOOR, start, end)
-    _draw_hand(at, line, view.observation.proprio)
+    _draw_gripper(at, line, view.observation.proprio)
     foot = at(float(view.observation.proprio[1]), float(view.observation.proprio[2]), 0.0)
     if foot:
-        pygame.draw.circle(target, HAND, foot, 6, 2)
+        pygame.draw.circle(target, GRIPPER, foot, 6, 2)
     _draw_axes(target, place, view.calibration.image_axes, font)
     target.set_clip(None)
 
 
-def _draw_hand(at, line, proprio: NDArray[np.float32]) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def _draw_gripper(at, line, proprio: NDArray[np.float32]) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
     """The way the fingers open, and the plumb line from the TCP to the table."""
     opening, x, y, z, theta = map(float, proprio)
-    line(HAND, at(x, y, z), at(x, y, 0.0), 2)
+    line(GRIPPER, at(x, y, z), at(x, y, 0.0), 2)
     reach = HALF_STROKE * opening
     dx, dy = -math.sin(theta), math.cos(theta)
     for height in (z, 0.0):
-        line(HAND, at(x - reach * dx, y - reach * dy, height), at(x + reach * dx, y + reach * dy, height), 2)
+        line(GRIPPER, at(x - reach * dx, y - reach * dy, height), at(x + reach * dx, y + reach * dy, height), 2)
 
 
 def _draw_axes(

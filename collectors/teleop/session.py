@@ -124,7 +124,7 @@ class Session:
                 self._say(f"{action.path.name}: {action.done}, {action.detail}")
 
     def _set_up(self) -> None:
-        """The scene of the next episode, the hand at home."""
+        """The scene of the next episode, the gripper at home."""
         self._scene = max([-1, *self._dataset.indices]) + 1 if self._again is None else self._again
         kind, what = task_class(self._what.task), self._what
         self._task = kind.begin(self._world, attempt_seed(what.seed, self._scene, ATTEMPT))
@@ -209,7 +209,7 @@ class Session:
     def _tare(self) -> None:
         self._world.tare()
         force = np.linalg.norm(self._world.tare_offset[:3])
-        touching = " in contact, so again when the hand is free" if self._contact else ""
+        touching = " in contact, so again when the gripper is free" if self._contact else ""
         self._message = f"tared{touching}: {force:.1f} N are subtracted"
 
     def _tick(self, observation: Observation) -> list[Command]:

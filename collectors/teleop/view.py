@@ -23,7 +23,7 @@ class View:
         calibration: Of that camera.
         workspace: Bounds of the TCP in base, (3, 2), [m].
         wrench: (6,) mean of the last readings, tared, [N] and [N m], base axes.
-        contact: Whether the hand is in contact.
+        contact: Whether the gripper is in contact.
         episode: Number of the episode that is, or will be, recorded.
         steps: Its length so far; None between episodes.
         saved: Episodes saved in this session.
@@ -47,12 +47,12 @@ class View:
 
 
 def felt(observation: Observation) -> NDArray[np.float64]:
-    """What the hand feels now, (6,), [N] and [N m]."""
+    """What the gripper feels now, (6,), [N] and [N m]."""
     return np.asarray(observation.wrench[-FELT:].mean(axis=0, dtype=np.float64))
 
 
 def in_contact(before: bool, wrench: NDArray[np.float64]) -> bool:
-    """Whether the hand is in contact, with hysteresis.
+    """Whether the gripper is in contact, with hysteresis.
 
     Args:
         before: Whether it was.

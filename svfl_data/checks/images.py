@@ -8,11 +8,11 @@ from svfl_data.checks.finding import Finding, error, longest_run, places, second
 from svfl_data.schema.episode import Camera, Episode
 
 HOLES = 0.5  # share of a depth image without measurement that is worth a warning
-FROZEN_FRAMES, FROZEN_TRAVEL_M = 5, 0.01  # identical images in a row, while the hand moves this far
+FROZEN_FRAMES, FROZEN_TRAVEL_M = 5, 0.01  # identical images in a row, while the gripper moves this far
 
 
 def check_color(episode: Episode, camera: Camera) -> Iterator[Finding]:
-    """No colour image is black or of one colour, and the picture is not frozen while the hand moves."""
+    """No colour image is black or of one colour, and the picture is not frozen while the gripper moves."""
     path = f"cameras/{camera.name}/color"
     flat, black, repeated = [], True, []
     previous: np.ndarray | None = None
@@ -45,7 +45,7 @@ def _frozen(episode: Episode, camera: Camera, path: str, repeated: np.ndarray) -
     if moved > FROZEN_TRAVEL_M:
         words = (
             f"frozen picture: {repeats + 1} identical images from {seconds(start)} to {seconds(end)}, "
-            f"while the hand moved by {moved * 1e3:.0f} mm"
+            f"while the gripper moved by {moved * 1e3:.0f} mm"
         )
         yield warning(episode, path, row, words)
 

@@ -13,7 +13,7 @@ from svfl_data.schema.fields import FARTHEST_NS
 from svfl_data.signals.transforms import recorded_transforms
 from svfl_data.symmetry import DIRECTIONS, OFFSET_PARTS, act, points_towards
 
-OUTSIDE_M = 0.03  # an admittance controller lets contact push the hand out of the workspace by up to this
+OUTSIDE_M = 0.03  # an admittance controller lets contact push the gripper out of the workspace by up to this
 OPENING = 0.05  # fingers stop a little before or after their nominal range
 
 
@@ -26,7 +26,7 @@ def check_action(episode: Episode) -> Iterator[Finding]:
 
 
 def check_proprio(episode: Episode) -> Iterator[Finding]:
-    """The hand is where it can be: opening 0 to 1, TCP in the workspace."""
+    """The gripper is where it can be: opening 0 to 1, TCP in the workspace."""
     opening, tcp = episode.proprio[:, 0], episode.proprio[:, 1:4]
     if len(rows := np.flatnonzero(np.abs(opening - 0.5) > 0.5 + OPENING)):
         words = f"gripper opening {opening[rows[0]]:.3g} is not within 0 to 1"

@@ -14,7 +14,7 @@ UNITS = ("N", "N", "N", "N m", "N m", "N m")
 CLIPPED_READINGS = 8  # in a row at the very same extreme, while other components go on changing
 CLIPPED_LOAD = np.array([10.0, 10.0, 10.0, 0.5, 0.5, 0.5])  # N and N m beyond the tare; a sensor clips far from rest
 STUCK_S, STUCK_READINGS = 0.1, 20  # identical in all six components
-MOVED_M = 0.005  # a hand that moves this far changes what a living sensor reads
+MOVED_M = 0.005  # a gripper that moves this far changes what a living sensor reads
 TARE_MISFIT = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])  # N and N m
 
 
@@ -39,7 +39,7 @@ def check_saturation(episode: Episode) -> Iterator[Finding]:
 
 
 def check_stuck(episode: Episode) -> Iterator[Finding]:
-    """The sensor lives: it does not repeat a reading while the hand moves (at rest, noise-free simulation does)."""
+    """The sensor lives: it does not repeat a reading while the gripper moves (at rest, noise-free simulation does)."""
     wrench, t_ns = episode.wrench, episode.wrench_t_ns
     if len(wrench) and not wrench.any():
         yield warning(episode, PATH, None, "every reading is zero: was there a sensor?")
@@ -51,9 +51,9 @@ def check_stuck(episode: Episode) -> Iterator[Finding]:
     moved = travel_m(episode, start, end)
     words = f"{repeats + 1} identical readings in a row from {seconds(start)} to {seconds(end)}"
     if moved > MOVED_M:
-        yield error(episode, PATH, row, f"stuck sensor: {words}, while the hand moved by {moved * 1e3:.0f} mm")
+        yield error(episode, PATH, row, f"stuck sensor: {words}, while the gripper moved by {moved * 1e3:.0f} mm")
     else:
-        yield note(episode, PATH, row, f"{words}, with the hand at rest: a simulated or a stuck sensor")
+        yield note(episode, PATH, row, f"{words}, with the gripper at rest: a simulated or a stuck sensor")
 
 
 def check_tare(episode: Episode) -> Iterator[Finding]:

@@ -42,7 +42,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument(
         "--transforms", nargs="+", type=transform, metavar="STEP",
-        help="how the raw wrench becomes usable, in order: tare, low_pass=HZ, gravity=KG,X,Y,Z (m, hand axes)",
+        help="how the raw wrench becomes usable, in order: tare, low_pass=HZ, gravity=KG,X,Y,Z (m, gripper axes)",
     )  # fmt: skip
     parser.add_argument("--contact", action="store_true", help="find contacts and store them as annotations")
     _add_rule(parser)

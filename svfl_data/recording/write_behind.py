@@ -44,7 +44,7 @@ class Waiting:
 
 
 class WriteBehind(OwnProcess):
-    """Hands appended rows to a journal.
+    """Grippers appended rows to a journal.
 
     Args:
         journal: Where they go.
@@ -103,7 +103,7 @@ class WriteBehind(OwnProcess):
             self._change.notify_all()
 
     def flush(self) -> None:
-        """Hand everything appended so far to the system, and wait for that.
+        """Gripper everything appended so far to the system, and wait for that.
 
         Raises:
             StorageError: If the disk refuses; what did not fit is kept in memory and tried again.

@@ -45,9 +45,9 @@ class EpisodeWriter(OwnProcess):
             writer.append("cameras/front", t_ns=t_ns, color=color)     # shapes (F,), (F, H, W, 3)
             path = writer.seal(success=True)
 
-    Appending does not wait for the disk: a thread of the writer's hands the readings over. Errors of the disk surface
-    at the next `append`, `flush` or `seal`. A writer belongs to the process that made it: a forked process may not use
-    it, and it can be neither pickled nor copied; send readings to its process.
+    Appending does not wait for the disk: a thread of the writer's hands the readings over. Errors of the disk
+    surface at the next `append`, `flush` or `seal`. A writer belongs to the process that made it: a forked process may
+    not use it, and it can be neither pickled nor copied; send readings to its process.
 
     A fault of the recording stays with the episode: what `append` refused, a stream that fell silent, a rate that is
     not the declared one. With one, `seal` refuses to call the episode a success unless told to.
@@ -198,7 +198,7 @@ class EpisodeWriter(OwnProcess):
             self._log.declare(Gap(group, int(start_ns), None if end_ns is None else int(end_ns), reason))
 
     def flush(self) -> None:
-        """Hand everything appended so far to the system and wait; a killed process does not lose it any more.
+        """Gripper everything appended so far to the system and wait; a killed process does not lose it any more.
 
         Raises:
             StorageError: If the disk refuses; what did not fit is kept in memory and tried again.

@@ -28,9 +28,9 @@ class ReplayBuffer:
     """Transitions of whole episodes; images as integers, every frame and every wrench reading once.
 
     What is drawn more often than evenly would bias the training. The weights of a batch make up for it: multiply the
-    loss of each transition with its ``weight`` before the mean, as in ``(weight * td_error**2).mean()``, and hand the
-    TD errors themselves to `update_priorities` with ``index``. The target of transition i is
-    ``reward[i] + discount[i] * value(s'[i])``.
+    loss of each transition with its ``weight`` before the mean, as in ``(weight * td_error**2).mean()``, and gripper
+    the TD errors themselves to `update_priorities` with ``index``. The target of transition i is ``reward[i] +
+    discount[i] * value(s'[i])``.
 
     Args:
         capacity: Transitions; the oldest episodes are forgotten, whole, when more would come.

@@ -30,7 +30,7 @@ class CenteringSamples:
         wrench: Tared wrench window, shape (S, T, 6), float32, [N] and [N m], about the sensor origin.
         proprio: Gripper opening 0..1, x and y relative to the workspace centre and z [m], yaw [rad], shape (S, 5),
             float32.
-        offset: Displacement that centres the hand over the block, shape (S, 2), float32, [m].
+        offset: Displacement that centres the gripper over the block, shape (S, 2), float32, [m].
         direction: Nearest direction (`svfl_data.symmetry.DIRECTIONS`), shape (S,), int64.
         episode: Index of the episode each sample comes from, shape (S,), int64.
     """

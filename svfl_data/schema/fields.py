@@ -83,7 +83,7 @@ FIELDS = (
     ),
     Field(
         "observations/proprio", "proprio", "float32", ("N+1", 5), "-, m, m, m, rad",
-        "Gripper opening (0 closed, 1 open), TCP position, yaw of the hand about base z "
+        "Gripper opening (0 closed, 1 open), TCP position, yaw of the gripper about base z "
         "(0 when the fingers open along base y).",
         axes="base", about="base origin", components=("opening", "x", "y", "z", "theta"), parts=PROPRIO_PARTS,
     ),
@@ -94,7 +94,7 @@ FIELDS = (
     ),
     Field(
         "actions/expert_action", "expert_action", "float32", ("N", 5), "-, m, m, m, rad",
-        "What an expert meant when its hand was pushed off its way now and then; `action` is what was commanded.",
+        "What an expert meant when its gripper was pushed off its way now and then; `action` is what was commanded.",
         axes="base", components=("opening", "dx", "dy", "dz", "dtheta"), parts=ACTION_PARTS, optional=True,
     ),
     Field(
@@ -103,7 +103,7 @@ FIELDS = (
     ),
     Field(
         "streams/wrench/wrench", "wrench", "float32", ("M", 6), "N, N, N, N m, N m, N m",
-        "Raw load that the environment put on the hand (gravity of the hand included), native rate.",
+        "Raw load that the environment put on the gripper (gravity of the gripper included), native rate.",
         axes="base", about="sensor origin", components=("fx", "fy", "fz", "mx", "my", "mz"), parts=WRENCH_PARTS,
     ),
     Field(
@@ -193,7 +193,7 @@ FIELDS = (
     ),
     Field(
         "labels/offset", "label_offset", "float64", (2,), "m",
-        "Block centre minus TCP: the displacement that would centre the hand over the block.",
+        "Block centre minus TCP: the displacement that would centre the gripper over the block.",
         axes="base", about="TCP", components=("dx", "dy"), parts=OFFSET_PARTS, optional=True,
     ),
     Field(

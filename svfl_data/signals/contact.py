@@ -1,4 +1,4 @@
-"""When the hand is in contact: intervals of the wrench stream, with hysteresis and debounce, as annotations."""
+"""When the gripper is in contact: intervals of the wrench stream, with hysteresis and debounce, as annotations."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -17,7 +17,7 @@ CONTACT = "contact"
 class ContactRule:
     """When a force is a contact.
 
-    A wrist sensor also feels the inertia of the hand: in simulated block centering each 20 Hz action starts with a
+    A wrist sensor also feels the inertia of the gripper: in simulated block centering each 20 Hz action starts with a
     spike of tens of newtons that lasts 30 ms. The default threshold and duration (one action) leave these out: of the
     first 60 centering episodes (seed 0) they find every final collision and 1 other interval; 2 N and 20 ms find 390
     others.

@@ -37,7 +37,7 @@ class TopView:
         extent: Edge of the square that it shows, [m].
         depth_scale: Metres per unit of depth.
         eye: Height from which depth is taken, base z, [m]; what is above it is not seen. A low one sees beneath the
-            hand: what the cameras saw there.
+            gripper: what the cameras saw there.
     """
 
     centre: np.ndarray

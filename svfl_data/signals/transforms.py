@@ -90,14 +90,14 @@ class LowPass:
 
 @dataclass(frozen=True)
 class Gravity:
-    """Subtract the weight of what hangs below the sensor; the hand points straight down and turns about base z.
+    """Subtract the weight of what hangs below the sensor; the gripper points straight down and turns about base z.
 
     A stored tare already contains the weight at the yaw where it was read. After this transform a tare must be the
     offset of the sensor alone, so give it explicitly: `Tare(offset)`.
 
     Attributes:
         mass_kg: Mass below the sensor, [kg].
-        centre_m: Its centre of mass from the sensor origin, (x, y, z), [m], hand axes (base axes turned by the yaw).
+        centre_m: Its centre of mass from the sensor origin, (x, y, z), [m], gripper axes (base axes turned by the yaw).
 
     Example:
         >>> weight = Gravity(mass_kg=0.4, centre_m=(0.0, 0.0, 0.05))

@@ -150,7 +150,7 @@ class Live(OwnProcess):
         self._take_readings()
         t_ns, seen = np.array([step.t_ns for step in steps]), [step.seen for step in steps]
         proprio = np.stack([one.proprio for one in seen])
-        scene.send_hand(recording, "", t_ns, proprio, boxes=self._robot is None)
+        scene.send_gripper(recording, "", t_ns, proprio, boxes=self._robot is None)
         if self._robot:
             self._robot.send(recording, "", t_ns, np.stack([one.joints for one in seen]))
         for name in seen[0].frames:

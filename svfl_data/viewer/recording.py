@@ -66,7 +66,7 @@ def log_episode(
     if robot:
         robot.log(recording, root)
         robot.send(recording, root, shown["streams/joints/t_ns"], joints)
-    scene.send_hand(recording, root, t_ns, proprio, boxes=robot is None)
+    scene.send_gripper(recording, root, t_ns, proprio, boxes=robot is None)
     if "streams/object/pose" in shown:
         half = _half_extents(shown)
         scene.send_object(recording, root, shown["streams/object/t_ns"], shown["streams/object/pose"], half)

@@ -1,4 +1,4 @@
-"""The 3-D scene in base axes: workspace, objects, arm or hand, what it feels, where it went and where it must go."""
+"""The 3-D scene in base axes: workspace, objects, arm or gripper, what it feels, where it went and where it must go."""
 
 import numpy as np
 import rerun as rr
@@ -6,10 +6,10 @@ import rerun as rr
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer.names import AXES, BLOCK, FORCE, GREY, LABEL, SCENE, TORQUE, send
 
-METRES_PER_NEWTON = 0.003  # a collision of 30 N draws an arrow of 9 cm, as long as the hand
+METRES_PER_NEWTON = 0.003  # a collision of 30 N draws an arrow of 9 cm, as long as the gripper
 METRES_PER_NEWTON_METRE = 0.05  # 30 N on a finger 4.5 cm off the axis: 7 cm
 
-# Franka Hand as in panda.urdf, in metres, drawn as boxes. The frame is at the TCP, z up; the fingers open along y,
+# Franka Gripper as in panda.urdf, in metres, drawn as boxes. The frame is at the TCP, z up; the fingers open along y,
 # which is base y at yaw 0.
 WRIST_ABOVE_TCP = 0.105  # the sensor origin
 PALM_CENTRE, PALM_HALF = (0.0, 0.0, 0.072), (0.030, 0.100, 0.033)
@@ -43,7 +43,7 @@ def log_environment(recording: rr.RecordingStream, root: str, workspace: np.ndar
             labels=["x", "y", "z"], show_labels=True,
         ),
         "/tcp": rr.Arrows3D.from_fields(vectors=0.03 * np.eye(3), colors=AXES, radii=[0.0012]),
-        "/hand": rr.Boxes3D.from_fields(colors=[(200, 200, 200)], fill_mode="solid"),
+        "/gripper": rr.Boxes3D.from_fields(colors=[(200, 200, 200)], fill_mode="solid"),
         "/object": rr.Boxes3D.from_fields(colors=[BLOCK], fill_mode="solid"),
         "/wrist/force": rr.Arrows3D.from_fields(colors=[FORCE], radii=[0.004], show_labels=True),
         "/wrist/torque": rr.Arrows3D.from_fields(colors=[TORQUE], radii=[0.004]),
@@ -51,8 +51,8 @@ def log_environment(recording: rr.RecordingStream, root: str, workspace: np.ndar
         recording.log(scene + path, shape, static=True)
 
 
-def hand_poses(proprio: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The hand's frame: origin at the TCP, z up, the fingers open along y.
+def gripper_poses(proprio: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The gripper's frame: origin at the TCP, z up, the fingers open along y.
 
     Args:
         proprio: Opening, TCP position and yaw as declared in `svfl_data.schema.fields`, shape (N, 5).
@@ -64,14 +64,14 @@ def hand_poses(proprio: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return proprio[:, 1:4], np.stack([zero, zero, np.sin(half_yaw), np.cos(half_yaw)], axis=1)
 
 
-def hand_boxes(opening: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def gripper_boxes(opening: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A gripper made of three boxes: palm and two fingers.
 
     Args:
         opening: Gripper opening, 0 closed to 1 open, shape (N,).
 
     Returns:
-        Half sizes and centres, both of shape (N, 3 boxes, 3), [m], in the hand's frame.
+        Half sizes and centres, both of shape (N, 3 boxes, 3), [m], in the gripper's frame.
     """
     centres = np.zeros((len(opening), 3, 3))
     centres[:, 0] = PALM_CENTRE
@@ -80,7 +80,7 @@ def hand_boxes(opening: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.tile([PALM_HALF, FINGER_HALF, FINGER_HALF], (len(opening), 1, 1)), centres
 
 
-def send_hand(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, proprio: np.ndarray, boxes: bool) -> None:
+def send_gripper(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, proprio: np.ndarray, boxes: bool) -> None:
     """Log where TCP and wrist are.
 
     Args:
@@ -88,15 +88,15 @@ def send_hand(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, propri
         root: Folder of the episode's entities.
         t_ns: Shape (N,), [ns].
         proprio: Shape (N, 5).
-        boxes: Whether to draw the hand as well: where no arm is drawn.
+        boxes: Whether to draw the gripper as well: where no arm is drawn.
     """
-    position, quat_xyzw = hand_poses(proprio)
+    position, quat_xyzw = gripper_poses(proprio)
     wrist = position + np.array([0.0, 0.0, WRIST_ABOVE_TCP])
     send(recording, f"{root}{SCENE}/wrist", t_ns, rr.Transform3D.columns(translation=wrist))
     pose = rr.Transform3D.columns(translation=position, quaternion=quat_xyzw)
     send(recording, f"{root}{SCENE}/tcp", t_ns, pose)
     if boxes:
-        send_boxes(recording, f"{root}{SCENE}/hand", t_ns, position, quat_xyzw, *hand_boxes(proprio[:, 0]))
+        send_boxes(recording, f"{root}{SCENE}/gripper", t_ns, position, quat_xyzw, *gripper_boxes(proprio[:, 0]))
 
 
 def send_boxes(
@@ -164,23 +164,23 @@ def log_path(recording: rr.RecordingStream, root: str, position: np.ndarray, for
 def log_label(
     recording: rr.RecordingStream, root: str, t_ns: int, proprio: np.ndarray, offset: np.ndarray, direction: int
 ) -> None:
-    """Log the label, which belongs to the final observation: an arrow from the hand to its outline where it must go.
+    """Log the label, which belongs to the final observation: an arrow from the gripper to its outline where it must go.
 
     Args:
         recording: Where.
         root: Folder of the episode's entities.
         t_ns: Of the observation, [ns].
         proprio: Of the observation, shape (5,).
-        offset: Displacement that centres the hand, base (x, y), shape (2,), [m].
+        offset: Displacement that centres the gripper, base (x, y), shape (2,), [m].
         direction: Its class.
     """
     end, move = np.array([t_ns]), np.array([*offset, 0.0])
-    position, quat_xyzw = hand_poses(proprio[None])
-    arrow, above = f"{root}{SCENE}/label_offset", [0.0, 0.0, WRIST_ABOVE_TCP + 0.02]  # the hand's top would hide it
+    position, quat_xyzw = gripper_poses(proprio[None])
+    arrow, above = f"{root}{SCENE}/label_offset", [0.0, 0.0, WRIST_ABOVE_TCP + 0.02]  # the gripper's top would hide it
     recording.log(arrow, rr.Arrows3D.from_fields(colors=[LABEL], radii=[0.004]), static=True)
     send(recording, arrow, end, rr.Arrows3D.columns(origins=position + above, vectors=[move]))
     target = f"{root}{SCENE}/label_target"
     words = f"move {DIRECTIONS[direction]} {np.linalg.norm(move) * 1e3:.0f} mm"
     outline = rr.Boxes3D.from_fields(colors=[LABEL], radii=[0.0007], labels=[words, "", ""], show_labels=True)
     recording.log(target, outline, static=True)
-    send_boxes(recording, target, end, position + move, quat_xyzw, *hand_boxes(proprio[None, 0]))
+    send_boxes(recording, target, end, position + move, quat_xyzw, *gripper_boxes(proprio[None, 0]))

@@ -28,7 +28,7 @@ def summary_text(shown: EpisodeSource, peak: float, prediction: Prediction | Non
         dx, dy = shown["labels/offset"] * 1e3
         direction = DIRECTIONS[int(shown["labels/direction"])]
         lines.append(
-            f"**Label** (yellow): the hand must move **{direction}** as the image shows it; exactly "
+            f"**Label** (yellow): the gripper must move **{direction}** as the image shows it; exactly "
             f"({dx:+.1f}, {dy:+.1f}) mm along base x, y."
         )
     if prediction:
@@ -36,7 +36,8 @@ def summary_text(shown: EpisodeSource, peak: float, prediction: Prediction | Non
     lines += [
         f"**Arrows at the wrist:** force orange, {METRES_PER_NEWTON * 1e3:.0f} mm per N; torque pink, "
         f"{METRES_PER_NEWTON_METRE * 1e3:.0f} mm per N m. Path of the TCP: dark without force, bright at {peak:.1f} N.",
-        f"**Wrench:** load of the environment on the hand, base axes, torque about the sensor origin; {_rate(shown)} "
+        f"**Wrench:** load of the environment on the gripper, base axes, torque about the sensor origin; "
+        f"{_rate(shown)} "
         f"Thick: the last {WINDOW} before the cursor, what a network gets when it is at an observation.",
         f"**Tare:** {_vector(tare[:3])} N, {_vector(tare[3:])} N m. "
         f"**Recorded with** {versions or 'unknown software'}.",

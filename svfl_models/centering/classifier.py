@@ -1,4 +1,4 @@
-"""Block centering: from image and wrench window to where the hand must move."""
+"""Block centering: from image and wrench window to where the gripper must move."""
 
 from typing import Any
 

@@ -18,7 +18,7 @@ SMALLEST = 1e-6
 
 
 class LatentTrunk(nn.Module):
-    """What a latent encoder makes of image, wrench window and hand, each feature in units of its deviation.
+    """What a latent encoder makes of image, wrench window and gripper, each feature in units of its deviation.
 
     The inputs keep the statistics of the pretraining, without which its weights mean nothing; the features' own are of
     the training samples. The encoder stays in eval mode also while it is fine-tuned: PoE's feature is its mean, as it

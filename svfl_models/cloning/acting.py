@@ -13,7 +13,7 @@ from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.system.atomic_io import write_atomically
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.deployment_spec import DeploymentSpec
-from svfl_models.cloning.hand_view import corners
+from svfl_models.cloning.gripper_view import corners
 from svfl_models.cloning.module import CloningModule
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, scaled
 from svfl_models.networks.policy import Policy

@@ -5,7 +5,7 @@ from typing import Any
 
 ENCODERS = ("v", "f", "p", "vf", "vp", "vfp")
 LOSSES = ("action", "likelihood")
-VIEWS = ("hand", "camera")
+VIEWS = ("gripper", "camera")
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,8 @@ class CloningConfig:
         loss: How far the policy is from a demonstrated action, see `cloning.loss`.
         augment: Colours and places of training images change at random (`augmentation`); without, only the paper's
             crops.
-        view: Where the picture has its middle, one of `VIEWS`: ``hand``, at the hand, or ``camera``, as it was taken.
+        view: Where the picture has its middle, one of `VIEWS`: ``gripper``, at the gripper, or ``camera``, as it was
+            taken.
         image_size: Height and width of what the network sees, [px].
         camera: Whose images it sees; by default the first one's, in alphabetical order.
         valid: Share of the demonstrations that is held out, to see whether what was learned holds elsewhere.
@@ -43,7 +44,7 @@ class CloningConfig:
     preset: str = "default"
     loss: str = "action"
     augment: bool = True
-    view: str = "hand"
+    view: str = "gripper"
     image_size: int = 64
     camera: str | None = None
     valid: float = 0.1

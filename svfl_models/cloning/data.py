@@ -19,7 +19,7 @@ from svfl_data.sampling.windows import WINDOW
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.deployment_spec import DeploymentSpec, deployment_of
-from svfl_models.cloning.hand_view import JITTER, corners
+from svfl_models.cloning.gripper_view import JITTER, corners
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, random_crop, scaled
 from svfl_models.networks.visual_force import Batch
 from svfl_models.training.augmentation import MARGIN, recoloured
@@ -109,7 +109,7 @@ class Demonstrations(TorchDataset[Batch]):
 
     def _image(self, image: Tensor, proprio: Tensor) -> Tensor:
         size = self.config.image_size
-        if self.config.view == "hand":
+        if self.config.view == "gripper":
             corner = corners(proprio, self.projection, self.deployment.table, image.shape[-1], self.side)
             if not self.random:
                 return scaled(crop_at(image, corner, self.side), size)

@@ -12,7 +12,7 @@ from svfl_data.errors import DatasetError, TrainingError
 from svfl_data.schema.action_bounds import MAX_MOVE_M, MAX_TURN_RAD, ActionBounds
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.printable import printable
-from svfl_models.cloning.hand_view import projection
+from svfl_models.cloning.gripper_view import projection
 from svfl_models.networks.squashed_gaussian import SCALE
 
 UNEVEN, OTHER_RATE = 1.1, 1.5
@@ -31,7 +31,7 @@ class DeploymentSpec:
         task: Name of the task.
         camera: Name of the camera; empty if the policy does not see.
         image_axes: Base (x, y) to image (right, up), 2 x 2.
-        projection: Base point to pixel of the camera, 3 x 4 (`hand_view.projection`).
+        projection: Base point to pixel of the camera, 3 x 4 (`gripper_view.projection`).
         centre: Of the workspace, base (x, y), [m].
         table: Height of the table, base z, [m]: the lower bound of the workspace.
         image_side: Height and width of the camera's images, [px].

@@ -39,7 +39,7 @@ class CloningModule(pl.LightningModule):
         self,
         network: dict[str, Any],
         deployment: dict[str, Any],
-        view: str = "hand",
+        view: str = "gripper",
         loss: str = "action",
         learning_rate: float = 1e-3,
         steps: int = 1000,

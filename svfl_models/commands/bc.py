@@ -45,7 +45,7 @@ def add(commands: Commands) -> None:
     add("--plain-images", dest="augment", action="store_false",
         help="only the paper's crops: no random colours, no larger shifts")  # fmt: skip
     add("--view", choices=VIEWS, default=DEFAULT.view,
-        help="middle of the picture: the hand, or the camera's own (default: %(default)s)")  # fmt: skip
+        help="middle of the picture: the gripper, or the camera's own (default: %(default)s)")  # fmt: skip
     add("--image-size", type=int, choices=IMAGE_SIZES, default=DEFAULT.image_size, help="[px] (default: %(default)s)")
     add("--camera", metavar="NAME", help="whose images to use (default: the first one's)")
     add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N", help="default: %(default)s")

@@ -28,7 +28,7 @@ OF_OWN_ENCODERS = {
 def add(commands: Commands) -> None:
     """Put the command on the command line."""
     parser = commands.add_parser(
-        "centering", help="block centering: which way, or how far, must the hand move?", example=EXAMPLE,
+        "centering", help="block centering: which way, or how far, must the gripper move?", example=EXAMPLE,
         description="Train and test one block-centering network; the same command gives the same result.",
     )  # fmt: skip
     add_data(parser)

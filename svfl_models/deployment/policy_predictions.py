@@ -12,7 +12,7 @@ from svfl_data.schema.episode import Camera, Episode
 from svfl_data.schema.robot import Frame, Observation
 from svfl_data.viewer.predictions import Network, Prediction
 from svfl_models.cloning.acting import ActingPolicy
-from svfl_models.cloning.hand_view import corners
+from svfl_models.cloning.gripper_view import corners
 from svfl_models.cloning.module import CloningModule
 from svfl_models.networks.image_crops import crop_at, crop_side, scaled
 from svfl_models.programs.exported_policy import ExportedPolicy
@@ -115,7 +115,7 @@ def _looked_at(module: CloningModule, image: Tensor, proprio: Tensor) -> tuple[T
     height, size, deployment = image.shape[-1], module.policy.trunk.image_size, module.deployment
     side = crop_side(height, size)
     corner = torch.full((len(image), 2), (height - side) // 2)
-    if module.view == "hand":
+    if module.view == "gripper":
         corner = corners(proprio, torch.tensor(deployment.projection), deployment.table, height, side)
     seen = (scaled(crop_at(image[:, :3], corner, side), size).clamp(0, 1) * 255).round().to(torch.uint8)
     edges = torch.cat([corner.flip(1), corner.flip(1) + side], dim=1)

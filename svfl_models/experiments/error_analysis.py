@@ -122,7 +122,7 @@ border, [deg]; all seeds together:
 As many errors would come from reading the direction with a normal error of {", ".join(readings)} degrees (standard
 deviation). What force can tell is limited: the wrist feels where the finger touches, not where the block's centre is,
 which turns the lever arm at the end of a window by 5 degrees (docs/decisions.md). Errors of V far from a border are
-those of blocks that the hand hides from the camera: up for down, and down for up.
+those of blocks that the gripper hides from the camera: up for down, and down for up.
 
 ![errors]({picture})
 """

@@ -89,7 +89,7 @@ def body(results: Results) -> str:
     return f"""\
 Accuracy, %, by number of training samples. SVFL is symmetric under D4, CNN is its parameter-matched CNN baseline;
 both see image and wrench window and learn from nothing but the training samples. The latent encoders see image,
-wrench window and proprioception (the hand's pose and opening) and make one vector of them, from which a linear layer
+wrench window and proprioception (the gripper's pose and opening) and make one vector of them, from which a linear layer
 scores the four directions. It reads each number in units of its deviation over the training samples.
 
 {_uses(epochs, rate, first.learning_rate)}
@@ -106,10 +106,10 @@ the machine and on what else it does.
 {markdown(["encoder", "pretrained on", "checkpoint", "SHA-256"], _sources(results))}
 
 Pretraining on another task is pretraining in another world, and nothing here hides it. Experts that pick a block up
-reach for it with an open hand and close it: they feel a few newtons. Centering presses a finger of the open hand onto a
-block that is out of place, feels several times as much, and asks where the block's centre is, which no term of the
-pretraining did. The latents' inputs keep the scales of the pretraining; SVFL and CNN take theirs from the very samples
-that they learn from.
+reach for it with an open gripper and close it: they feel a few newtons. Centering presses a finger of the open gripper
+onto a block that is out of place, feels several times as much, and asks where the block's centre is, which no term of
+the pretraining did. The latents' inputs keep the scales of the pretraining; SVFL and CNN take theirs from the very
+samples that they learn from.
 
 SVFL and CNN were trained for {first.epochs} epochs, the latents for
 {", ".join(f"{count} ({NAMES[use]})" for use, count in epochs.items())}: fewer where every step goes through a whole

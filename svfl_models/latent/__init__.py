@@ -30,7 +30,7 @@ What differs from the published code, and why:
   or, if there are none, from the simulated object: what moves is touched.
 - Pairs with a foreign wrench are made inside the batch, learned from in the same optimiser step, and cost no second
   look at images or wrenches. They are a derangement without neighbours in time and without two frames free of contact
-  (`mismatch`); the hand's pose stays with the image, so that only the wrench can give the pair away. VTT draws until
+  (`mismatch`); the gripper's pose stays with the image, so that only the wrench can give the pair away. VTT draws until
   two sets of windows are disjoint, which need not end; Lee freezes its pairs once.
 - `lee_2020` has no optical flow to learn, since episodes hold none; pictures take its place and weight, and the latent
   dynamics are those of the other presets, over two frames.
@@ -42,7 +42,7 @@ Parameters, counted (`network.parameter_count`):
 | encoder | published code | Kohler et al. say | here | why not equal |
 | --- | --- | --- | --- | --- |
 | VTT | 11,933,602 | 1.19e6 | 11,780,898 | 23 tokens instead of 40, larger patches; 1.19e6 may be a slip |
-| PoE | 1,061,810 | 2.9e5 | 1,121,986 | a window's tree and a hand's expert are more than one reading's layer |
+| PoE | 1,061,810 | 2.9e5 | 1,121,986 | a window's tree and a gripper's expert are more than one reading's layer |
 | concat | 769,458 | - | 770,722 | likewise, and a smaller last kernel |
 
 With dynamics, decoder and heads 14,808,270, 4,149,358 and 3,798,094 (published 15,442,855, 4,571,063, 4,278,711). How

@@ -57,7 +57,7 @@ class Inputs(nn.Module):
         return torch.asinh(self.normalization.wrench(wrench))
 
     def proprio(self, proprio: Tensor) -> Tensor:
-        """Opening, x, y, z, then the yaw as cosine and sine of its double: a two-fingered hand has period pi."""
+        """Opening, x, y, z, then the yaw as cosine and sine of its double: a two-fingered gripper has period pi."""
         yaw = 2 * proprio[..., 4:]
         return torch.cat([self.normalization.proprio(proprio)[..., :4], yaw.cos(), yaw.sin()], dim=-1)
 

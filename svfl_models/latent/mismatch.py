@@ -12,7 +12,7 @@ class Mismatch:
     """Pairs of frames of a batch.
 
     Attributes:
-        image: Frame whose image, and hand, is taken, shape (P,), int64.
+        image: Frame whose image, and gripper, is taken, shape (P,), int64.
         wrench: Frame whose wrench is taken, shape (P,), int64.
     """
 
@@ -32,7 +32,7 @@ def mismatched(episode: Tensor, step: Tensor, touching: Tensor, gap: int, per_se
     Args:
         episode: Of each sequence, shape (B,).
         step: Of each frame in its episode, shape (B, T).
-        touching: Whether the hand is in contact, shape (B, T), bool.
+        touching: Whether the gripper is in contact, shape (B, T), bool.
         gap: Steps of one episode that two frames of a pair are apart, at least.
         per_sequence: Frames to draw of each sequence; at most T.
 

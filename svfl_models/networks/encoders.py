@@ -149,7 +149,7 @@ def position_encoding(window: int, width: int) -> Tensor:
 
 
 class ProprioEncoder(nn.Module):
-    """Four-layer perceptron of gripper opening, position and yaw of the hand.
+    """Four-layer perceptron of gripper opening, position and yaw of the gripper.
 
     Args:
         layers: The layer factory to build from.
@@ -174,7 +174,7 @@ class ProprioEncoder(nn.Module):
             proprio: Shape (B, 5), image-aligned axes: (x, y) relative to the centre of the image's rotations, that of
                 the workspace; the yaw in [rad].
         """
-        x = stored(PROPRIO_PARTS, proprio)  # the yaw of a two-fingered hand as cosine and sine of its double
+        x = stored(PROPRIO_PARTS, proprio)  # the yaw of a two-fingered gripper as cosine and sine of its double
         for linear in self.maps:
             x = functional.relu(linear(x))
         return x

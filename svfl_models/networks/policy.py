@@ -1,4 +1,4 @@
-"""A policy: from what is seen, felt and known of the hand to a distribution of actions."""
+"""A policy: from what is seen, felt and known of the gripper to a distribution of actions."""
 
 from torch import nn
 

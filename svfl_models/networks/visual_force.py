@@ -1,4 +1,4 @@
-"""From what was seen, felt and known of the hand to one vector of features: the trunk of every network here."""
+"""From what was seen, felt and known of the gripper to one vector of features: the trunk of every network here."""
 
 from torch import Tensor, nn
 

@@ -15,7 +15,7 @@ D_N; C_N has no flip):
 With s = det R, an axial vector goes to s R m. The quarter turn J = [[0, -1], [1, 0]] obeys J R = s R J, hence
 J m = (-m_y, m_x) goes to J s R m = R J m: the same representation as a polar vector.
 
-A hand with two fingers looks the same after half a turn, hence an angle's frequency 2: ``irrep(1, 2)`` has two
+A gripper with two fingers looks the same after half a turn, hence an angle's frequency 2: ``irrep(1, 2)`` has two
 dimensions for N > 4; in D4 it falls apart into ``irrep(0, 2)`` (cosine) and ``irrep(1, 2)`` (sine), in C4 into two of
 one kind.
 """

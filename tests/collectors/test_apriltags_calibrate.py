@@ -28,18 +28,18 @@ HEADER = "picture,x,y,z,qx,qy,qz,qw"
 INTRINSICS = ",".join(str(TRUE.intrinsics[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
 
 
-def hand_poses(tilt):
-    """Poses of a hand that holds the board in front of the camera, and how it holds it."""
+def gripper_poses(tilt):
+    """Poses of a gripper that holds the board in front of the camera, and how it holds it."""
     rng = np.random.default_rng(3)
     held = np.eye(4)
     held[:3, :3], held[:3, 3] = cv2.Rodrigues(np.array([0.05, -0.1, 0.2]))[0], (-0.07, -0.06, 0.02)
-    hands = []
+    grippers = []
     for _ in range(7):
         T = np.eye(4)
         T[:3, :3] = cv2.Rodrigues(rng.uniform(-1, 1, 3) * (tilt, tilt, 0.5))[0]
         T[:3, 3] = np.array([0.55, 0.0, 0.06]) + rng.uniform(-0.05, 0.05, 3)
-        hands.append(T)
-    return hands, held
+        grippers.append(T)
+    return grippers, held
 
 
 def table(poses):
@@ -93,23 +93,23 @@ def test_a_board_on_the_table(tmp_path, capsys):
     assert off(cameras["wrong"])[0] > 15.0
 
 
-def test_a_board_in_the_hand(tmp_path):
-    hands, held = hand_poses(tilt=0.4)
-    (tmp_path / "hands.csv").write_text(table(hands))
-    out = calibrate(tmp_path, [hand @ held for hand in hands], "--hand-poses", tmp_path / "hands.csv")
+def test_a_board_in_the_gripper(tmp_path):
+    grippers, held = gripper_poses(tilt=0.4)
+    (tmp_path / "grippers.csv").write_text(table(grippers))
+    out = calibrate(tmp_path, [gripper @ held for gripper in grippers], "--gripper-poses", tmp_path / "grippers.csv")
     place, turn = off(read_calibrations(out)["front"])
     assert place < 2.0
     assert turn < 0.2
     residuals = json.loads(out.read_text())["cameras"]["front"]["residuals"]
-    assert np.allclose(residuals["T_hand_board"], held, atol=0.004)
+    assert np.allclose(residuals["T_gripper_board"], held, atol=0.004)
     assert max(residuals["position_deviation_m"]) < 0.002
 
 
-def test_a_hand_that_turns_about_one_axis_only_is_refused(tmp_path):
-    hands, held = hand_poses(tilt=0.0)
-    (tmp_path / "hands.csv").write_text(table(hands))
+def test_a_gripper_that_turns_about_one_axis_only_is_refused(tmp_path):
+    grippers, held = gripper_poses(tilt=0.0)
+    (tmp_path / "grippers.csv").write_text(table(grippers))
     with pytest.raises(CollectError, match="two axes"):
-        calibrate(tmp_path, [hand @ held for hand in hands], "--hand-poses", tmp_path / "hands.csv")
+        calibrate(tmp_path, [gripper @ held for gripper in grippers], "--gripper-poses", tmp_path / "grippers.csv")
 
 
 def test_known_places_of_the_board_and_what_can_be_wrong(tmp_path):
@@ -235,12 +235,14 @@ def test_pictures_of_different_sizes(tmp_path):
         calibrate(tmp_path, [], "--board-pose", "0.47,-0.06,0,20", "--episode", 0)
 
 
-def test_one_or_two_pictures_of_a_board_in_the_hand_are_too_few(tmp_path):
-    hands, held = hand_poses(tilt=0.4)
-    (tmp_path / "hands.csv").write_text(table(hands))
+def test_one_or_two_pictures_of_a_board_in_the_gripper_are_too_few(tmp_path):
+    grippers, held = gripper_poses(tilt=0.4)
+    (tmp_path / "grippers.csv").write_text(table(grippers))
     for count in (1, 2):
         with pytest.raises(CollectError, match=f"seen in {count} of the pictures; 3 are needed"):
-            calibrate(tmp_path, [hand @ held for hand in hands[:count]], "--hand-poses", tmp_path / "hands.csv")
+            calibrate(
+                tmp_path, [gripper @ held for gripper in grippers[:count]], "--gripper-poses", tmp_path / "grippers.csv"
+            )
 
 
 @pytest.mark.parametrize(

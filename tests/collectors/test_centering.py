@@ -79,7 +79,7 @@ def test_an_episode_starts_at_home_with_enough_readings(episodes):
 
 
 def test_images_show_the_scene(episodes):
-    """The block is where the camera's calibration says, and its colour is seen there or the hand hides it."""
+    """The block is where the camera's calibration says, and its colour is seen there or the gripper hides it."""
     for episode in episodes:
         camera = episode.cameras["front"]
         point = np.linalg.inv(camera.T_base_camera) @ [*episode.object_pose[0, :3], 1]
@@ -95,22 +95,22 @@ def test_scenes_are_drawn_in_the_wanted_direction(direction):
     with World() as world:
         for seed in range(50):
             scene = draw_scene(np.random.default_rng(seed), direction, CenteringConfig(border_deg=5), world)
-            offset = np.subtract(scene.block_xy, scene.hand_xy)
+            offset = np.subtract(scene.block_xy, scene.gripper_xy)
             in_image = world.camera.image_axes @ offset
             assert nearest_direction(in_image) == direction
             assert np.rad2deg(border_distance(in_image)) >= 5 - 1e-9
-            assert -np.pi / 2 <= scene.hand_yaw <= np.pi / 2
+            assert -np.pi / 2 <= scene.gripper_yaw <= np.pi / 2
 
 
 def beside(scene: Scene) -> Scene:
-    """The same scene with the hand coming down far from the block."""
+    """The same scene with the gripper coming down far from the block."""
     away = np.where(np.asarray(scene.block_xy) > WorldConfig().home[:2], -0.15, 0.15)
-    return replace(scene, hand_xy=tuple(np.add(scene.hand_xy, away)))
+    return replace(scene, gripper_xy=tuple(np.add(scene.gripper_xy, away)))
 
 
 def test_attempts_that_miss_are_retried_and_counted(monkeypatch):
-    hands = iter([beside, lambda scene: scene])
-    monkeypatch.setattr("collectors.sources.centering.draw_scene", lambda *args: next(hands)(draw_scene(*args)))
+    grippers = iter([beside, lambda scene: scene])
+    monkeypatch.setattr("collectors.sources.centering.draw_scene", lambda *args: next(grippers)(draw_scene(*args)))
     episode = CenteringCollector(seed=5)(0)
     assert episode.meta.config["rejected"] == ["0 fingers touched"]
     assert episode.meta.config["attempt"] == 1
@@ -134,13 +134,13 @@ def collide(world: World, scene: Scene) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_mirrored_collision_feels_mirrored(seed):
-    """Hand and block are their own mirror images; a collision mirrored at the vertical plane y = 0 is felt mirrored."""
+    """Gripper and block are their own mirror images; a collision mirrored at the plane y = 0 is felt mirrored."""
     mirror = element(0, flip=True)
     with World(WorldConfig(noise=NoiseConfig.none())) as world:
         scene = draw_scene(np.random.default_rng(seed), seed, CenteringConfig(), world)
-        (bx, by), (hx, hy) = scene.block_xy, scene.hand_xy
+        (bx, by), (hx, hy) = scene.block_xy, scene.gripper_xy
         flipped = replace(
-            scene, block_xy=(bx, -by), hand_xy=(hx, -hy), block_yaw=-scene.block_yaw, hand_yaw=-scene.hand_yaw
+            scene, block_xy=(bx, -by), gripper_xy=(hx, -hy), block_yaw=-scene.block_yaw, gripper_yaw=-scene.gripper_yaw
         )
         felt, felt_flipped = collide(world, scene), collide(world, flipped)
     expected = act(mirror, felt, WRENCH_PARTS)

@@ -38,11 +38,11 @@ def clumsy(monkeypatch):
     calls = iter(range(10**6))
     act = BlockPicking.expert
 
-    def expert(self, hand):
+    def expert(self, gripper):
         attempt = next(calls)
         if attempt % 3 == 0:
-            return hand.rest(2)
-        return hand.rest(60) if attempt % 3 == 1 else act(self, hand)
+            return gripper.rest(2)
+        return gripper.rest(60) if attempt % 3 == 1 else act(self, gripper)
 
     monkeypatch.setattr(BlockPicking, "expert", expert)
 
@@ -87,7 +87,7 @@ def test_failures_are_kept_in_a_dataset_of_their_own(clumsy, expert, tmp_path):
 
 
 def test_an_expert_that_never_succeeds_is_an_error(expert, monkeypatch):
-    monkeypatch.setattr(BlockPicking, "expert", lambda self, hand: hand.rest(1))
+    monkeypatch.setattr(BlockPicking, "expert", lambda self, gripper: gripper.rest(1))
     with pytest.raises(CollectError, match=r"episode 4 of block_picking .* none of 20 .* 20 x the expert gave up"):
         expert(4)
 

@@ -54,7 +54,7 @@ def test_without_perturbations_nothing_is_drawn_or_changed():
     np.testing.assert_array_equal(done, meant)
 
 
-def test_a_resting_hand_is_left_alone():
+def test_a_resting_gripper_is_left_alone():
     rest = [np.array([0, 0, 0, 0, 0], np.float32) for _ in range(50)]
     done, meant = perturbed(rest, 1.0)
     np.testing.assert_array_equal(done, meant)

@@ -24,7 +24,7 @@ RAISED = torch.tensor([[1.0, 0.0, 0.0, 0.004, 0.0]])
 
 
 class Lift(torch.nn.Module):
-    """Lifts the hand by 4 mm and as many more as it is yawed, and looks at everything."""
+    """Lifts the gripper by 4 mm and as many more as it is yawed, and looks at everything."""
 
     def __init__(self, action: torch.Tensor = RAISED):
         super().__init__()

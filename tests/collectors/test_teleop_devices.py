@@ -137,7 +137,7 @@ def report(kind: int, *values: int) -> bytes:
     return bytes([kind]) + struct.pack(f"<{len(values)}h", *values)
 
 
-def test_a_spacemouse_moves_the_hand_as_its_cap():
+def test_a_spacemouse_moves_the_gripper_as_its_cap():
     """Reports in its axes: right, near, down; one device in two reports, another in one."""
     old = SpaceMouse(Hid(report(1, 350, 0, 0), report(2, 0, 0, -350)))
     assert old.read().tolist() == [1, 1, 0, 0, 1]

@@ -11,7 +11,7 @@ import pytest
 from collectors.sources.replay import replay
 from collectors.sources.simulated import attempt_seed
 from collectors.tasks import task_class
-from collectors.tasks.hand import nearest_turn
+from collectors.tasks.gripper import nearest_turn
 from collectors.teleop.clock import Clock
 from collectors.teleop.devices.device import Command, Device, DeviceLostError, reading
 from collectors.teleop.devices.keyboard import Keyboard
@@ -151,7 +151,7 @@ def test_a_tare_in_contact_is_said_to_be_one(dataset, what, tmp_path):
     run(dataset, what, script(tmp_path, *told), screen)
     said = [view.message for view in screen.views if view.message.startswith("tared")]
     assert "in contact" not in said[0]
-    assert "in contact, so again when the hand is free" in said[-1]
+    assert "in contact, so again when the gripper is free" in said[-1]
 
 
 class Audience(dict):
@@ -193,12 +193,12 @@ class Feeling(Script):
 def test_a_contact_is_felt_once(dataset, what, tmp_path):
     device = Feeling(script(tmp_path, at(0, DOWN, "start"), at(30, DOWN, "stop")))
     run(dataset, what, device)
-    assert len(device.felt) == 1  # the hand comes down on the table, and presses on
+    assert len(device.felt) == 1  # the gripper comes down on the table, and presses on
     assert device.felt[0] > 5
     assert device.began == [True, True]
 
 
-def test_a_hand_that_begins_with_something_stays_closed(what, tmp_path):
+def test_a_gripper_that_begins_with_something_stays_closed(what, tmp_path):
     pegs = Teleoperation(0, "peg_insertion", SMALL)
     pegs.__dict__["opened"] = what.opened
     device = Feeling(script(tmp_path, at(0, REST, "quit")))

@@ -9,7 +9,7 @@ FRAMES, COLOR, DEPTH = "cameras/front/t_ns", "cameras/front/color", "cameras/fro
 
 
 def fresh(steps=20, **kwargs):
-    """Arrays of an episode without a fault, whose hand moves."""
+    """Arrays of an episode without a fault, whose gripper moves."""
     arrays = episode_arrays(np.random.default_rng(0), steps=steps, **kwargs)
     arrays["observations/proprio"][:, 1] = np.linspace(0.4, 0.6, steps + 1)
     return arrays
@@ -172,7 +172,7 @@ def turn_too_large(arrays):
     return "actions/action", 0, "error", "dtheta is -0.3 rad"
 
 
-def hand_far_away(arrays):
+def gripper_far_away(arrays):
     arrays["observations/proprio"][9, 3] = 0.5
     return "observations/proprio", 9, "warning", "TCP z = 0.500 m is 250 mm outside the workspace"
 
@@ -197,7 +197,7 @@ SPOILERS = [
     jitter, drop_outs, milliseconds, foreign_clock, clock_of_the_epoch, late_start, early_end, empty_stream,
     saturation, stuck, no_sensor,
     tare_missing, tare_of_another_day, black_image, grey_image, frozen_picture, depth_holes, no_depth, constant_depth,
-    action_too_large, opening_too_large, turn_too_large, hand_far_away, gripper_opening_in_metres, label_missing,
+    action_too_large, opening_too_large, turn_too_large, gripper_far_away, gripper_opening_in_metres, label_missing,
     label_inconsistent,
 ]  # fmt: skip
 

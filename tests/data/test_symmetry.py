@@ -77,7 +77,7 @@ def test_act_is_a_group_action(parts, a, flip_a, b, flip_b):
 
 @settings(deadline=None)
 @given(angles, flips, st.floats(-3, 3))
-def test_a_hand_turns_with_its_scene(degrees, flip, theta):
+def test_a_gripper_turns_with_its_scene(degrees, flip, theta):
     """The finger axis, as a line, moves like a vector."""
     g = element(degrees, flip)
     moved = act(g, np.array([1, 0, 0, 0, theta]), PROPRIO_PARTS)[4]

@@ -119,7 +119,7 @@ METAS = {
     "strange rates": {"config": {"rates_hz": {"streams/wrench": "fast", "cameras/front": -1, "observations": True}}},
     "rates that are none": {"config": {"rates_hz": [500]}},
     "a filter without end": {"transforms": [{"name": "low_pass", "cutoff_hz": 1e-300}]},
-    "a hand of a thousand tons": {"transforms": [{"name": "gravity", "mass_kg": 1e6, "centre_m": [1e6, 0, 0]}]},
+    "a gripper of a thousand tons": {"transforms": [{"name": "gravity", "mass_kg": 1e6, "centre_m": [1e6, 0, 0]}]},
     "bounds that are none": {"config": {"max_move": "far", "max_turn": True}},
 }
 TOOLS = (

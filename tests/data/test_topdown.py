@@ -54,7 +54,7 @@ def test_a_turned_point_set_is_exactly_the_turned_picture(matrix, size):
 
 @pytest.fixture(scope="module")
 def seen():
-    """A table with a block and the hand above, as the default camera sees it."""
+    """A table with a block and the gripper above, as the default camera sees it."""
     with World(WorldConfig()) as world:
         world.reset(seed=0)
         block = world.add_box((0.03, 0.02, 0.025), (0.62, -0.05, 0.025), yaw=0.4, mass=0.1, friction=0.5)
@@ -86,7 +86,7 @@ def test_a_mirrored_picture_of_the_camera_gives_the_mirrored_picture(seen):
 
 
 def boxes_from_above(places, half=(0.025, 0.025, 0.025), camera=None):
-    """View, colour and depth of boxes on a table. The hand is home, above the centre: the eye is below it."""
+    """View, colour and depth of boxes on a table. The gripper is home, above the centre: the eye is below it."""
     cameras = {"front": camera or CameraConfig()}
     with World(dataclasses.replace(WorldConfig(), cameras=cameras)) as world:
         world.reset(seed=0)

@@ -44,7 +44,7 @@ def test_memory_file_and_validate_refuse_alike(spoil, field, words, tmp_path):
 
 
 def record(dataset, arrays):
-    """Hand arrays to the writer, group by group."""
+    """Gripper arrays to the writer, group by group."""
     constants = {path: array for path, array in arrays.items() if not grows(field_at(path))}
     late = {path: constants.pop(path) for path in list(constants) if path.startswith("labels/")}
     groups: dict[str, dict[str, np.ndarray]] = {}

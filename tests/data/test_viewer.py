@@ -200,15 +200,15 @@ def test_several_episodes_have_folders_of_their_own(episode, tmp_path):
     assert verify(tmp_path / "pair.rrd").returncode == 0
 
 
-def test_arm_is_drawn_where_joints_are_recorded_and_the_hand_alone_where_not(saved, episode, tmp_path):
+def test_arm_is_drawn_where_joints_are_recorded_and_the_gripper_alone_where_not(saved, episode, tmp_path):
     pytest.importorskip("pybullet_data")
-    arm, hand = "/scene/robot/panda_link0/panda_link1", "/scene/hand"
+    arm, gripper = "/scene/robot/panda_link0/panda_link1", "/scene/gripper"
     assert arm in entities(saved)
     with pytest.raises(AssertionError):
-        logged(saved, "scene/hand", "Boxes3D:half_sizes")
-    save(without(episode, "streams/joints/t_ns", "streams/joints/position"), tmp_path / "hand.rrd")
-    assert hand in entities(tmp_path / "hand.rrd")
-    assert arm not in entities(tmp_path / "hand.rrd")
+        logged(saved, "scene/gripper", "Boxes3D:half_sizes")
+    save(without(episode, "streams/joints/t_ns", "streams/joints/position"), tmp_path / "gripper.rrd")
+    assert gripper in entities(tmp_path / "gripper.rrd")
+    assert arm not in entities(tmp_path / "gripper.rrd")
 
 
 def test_images_are_lossless_and_depth_is_metric(saved, episode):
@@ -231,7 +231,7 @@ def test_the_tcp_is_where_proprio_says(saved, episode):
 
 
 def test_fingers_open_along_y_from_touching_to_eight_centimetres():
-    half_sizes, centres = scene.hand_boxes(np.array([0.0, 1.0]))
+    half_sizes, centres = scene.gripper_boxes(np.array([0.0, 1.0]))
     left, right = (centres - half_sizes)[:, 1, 1], (centres + half_sizes)[:, 2, 1]
     np.testing.assert_allclose(left - right, [0.0, 0.08])
 

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 import svfl_models.symmetry.planar_escnn  # noqa: F401 - before any test imports escnn itself
-from tests.models.synthetic import centering_samples, hand_states
+from tests.models.synthetic import centering_samples, gripper_states
 
 
 @pytest.fixture(autouse=True)
@@ -26,7 +26,7 @@ def batch(samples):
 
 
 @pytest.fixture(scope="session")
-def hands():
-    """Eight states of the hand and what it might do in them."""
-    proprio, action = hand_states(8, seed=0)
+def grippers():
+    """Eight states of the gripper and what it might do in them."""
+    proprio, action = gripper_states(8, seed=0)
     return {"proprio": torch.from_numpy(proprio), "action": torch.from_numpy(action)}

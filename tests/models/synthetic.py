@@ -6,12 +6,12 @@ from svfl_data.sampling.centering_samples import CenteringSamples
 from svfl_data.symmetry import nearest_direction
 
 SPAN = 0.4  # side of the image, [m]
-FINGER = 0.04  # finger from the TCP along the hand's closing axis, [m]
+FINGER = 0.04  # finger from the TCP along the gripper's closing axis, [m]
 SENSOR_HEIGHT = 0.2  # sensor origin above the contact, [m]
 
 
 def centering_samples(count: int, seed: int, size: int = 76, window: int = 64) -> CenteringSamples:
-    """Hands that have pressed one finger onto a block, seen from above; classes take turns."""
+    """Grippers that have pressed one finger onto a block, seen from above; classes take turns."""
     rng = np.random.default_rng(seed)
     yaw = np.arange(count) % 4 * (np.pi / 2) + rng.uniform(-0.6, 0.6, count)
     axis = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
@@ -57,7 +57,7 @@ def box(x: np.ndarray, y: np.ndarray, centre: np.ndarray, yaw: float, long: floa
     return (np.abs(along) < long) & (np.abs(across) < short)
 
 
-def hand_states(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def gripper_states(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Proprioception, (x, y) about the workspace centre, and actions within their bounds, both (count, 5)."""
     rng = np.random.default_rng(seed)
     proprio = rng.uniform([0, -0.2, -0.2, 0.0, -np.pi], [1, 0.2, 0.2, 0.25, np.pi], (count, 5))

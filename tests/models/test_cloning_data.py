@@ -15,7 +15,7 @@ from svfl_models.cloning.acting import ActingPolicy
 from svfl_models.cloning.config import VIEWS, CloningConfig
 from svfl_models.cloning.data import CloningData
 from svfl_models.cloning.deployment_spec import deployment_of
-from svfl_models.cloning.hand_view import JITTER
+from svfl_models.cloning.gripper_view import JITTER
 from svfl_models.networks.policy import Policy
 from tests.builders import IMAGE_AXES
 from tests.models.demonstrations import demonstration, demonstrations, write
@@ -77,7 +77,7 @@ def test_acting_sees_what_was_learned_from(folder, view):
     assert np.ptp(expected, axis=0).min() > 0
 
 
-def test_the_hand_is_in_the_middle(tmp_path):
+def test_the_gripper_is_in_the_middle(tmp_path):
     """A mark on the table below the TCP, wherever that is, is seen at the middle of the crop, whatever its height."""
     episode = demonstration(size=32)
     matrix = np.array([[60.0, 0, 0, -17.5], [0, -60.0, 0, 15.5], [0, 0, 0, 1]])  # straight from above, far away
@@ -89,7 +89,7 @@ def test_the_hand_is_in_the_middle(tmp_path):
         column, row = matrix[:2] @ [x, y, -0.01, 1]
         color[step, round(row), round(column)] = 255
     folder = write(tmp_path / "marked", [changed(episode, proprio=proprio, color=color, **camera)] * 4)
-    data = data_of(folder, view="hand", episodes=4)
+    data = data_of(folder, view="gripper", episodes=4)
     for part, off in ((data.valid_set, 0), (data.train_set, JITTER)):
         image = part.batch(list(range(len(part))))["image"][:, :3].mean(dim=1).flatten(1)
         places = image.argmax(dim=1)

@@ -175,35 +175,37 @@ def test_position_codes_differ_between_readings_and_are_bounded():
 
 
 @every_group
-def test_proprio_features_are_equivariant_for_life(group, hands):
+def test_proprio_features_are_equivariant_for_life(group, grippers):
     """A turned scene: (x, y) about the centre, the yaw by the angle."""
-    hands = {"proprio": hands["proprio"] * torch.tensor([1, 5, 5, 5, 1])}
-    assert_equivariant_for_life(lambda: proprio_encoder(group), hands, group, act_on_hidden(group), part_of("proprio"))
+    grippers = {"proprio": grippers["proprio"] * torch.tensor([1, 5, 5, 5, 1])}
+    assert_equivariant_for_life(
+        lambda: proprio_encoder(group), grippers, group, act_on_hidden(group), part_of("proprio")
+    )
 
 
 @twins
-def test_a_hand_after_half_a_turn_is_the_same_hand(group, hands):
+def test_a_gripper_after_half_a_turn_is_the_same_gripper(group, grippers):
     """Its two fingers are alike; after a quarter turn they are not where they were."""
-    encoder, proprio = proprio_encoder(group), hands["proprio"]
+    encoder, proprio = proprio_encoder(group), grippers["proprio"]
     yaw = torch.tensor([0, 0, 0, 0, torch.pi])
     torch.testing.assert_close(encoder(proprio + yaw), encoder(proprio), atol=1e-5, rtol=1e-5)
     assert not torch.allclose(encoder(proprio + yaw / 2), encoder(proprio), atol=1e-2)
 
 
-def test_a_turned_scene_is_not_a_turned_hand(hands):
-    """Turning the hand alone, the scene left as it is, does not merely permute the features."""
-    encoder, proprio = proprio_encoder(), hands["proprio"] * torch.tensor([1, 5, 5, 5, 1])
+def test_a_turned_scene_is_not_a_turned_gripper(grippers):
+    """Turning the gripper alone, the scene left as it is, does not merely permute the features."""
+    encoder, proprio = proprio_encoder(), grippers["proprio"] * torch.tensor([1, 5, 5, 5, 1])
     quarter = element(90)
     scene = act_on_batch(quarter, {"proprio": proprio})["proprio"]
-    hand = torch.cat([proprio[:, :4], scene[:, 4:]], dim=1)
+    gripper = torch.cat([proprio[:, :4], scene[:, 4:]], dim=1)
     moved = act_on_hidden(D4)(quarter, encoder(proprio))
     torch.testing.assert_close(encoder(scene), moved, atol=1e-5, rtol=1e-5)
-    assert not torch.allclose(encoder(hand), moved, atol=1e-2)
+    assert not torch.allclose(encoder(gripper), moved, atol=1e-2)
 
 
 @twins
-def test_every_component_of_the_hand_reaches_the_output(group, hands):
-    proprio = hands["proprio"].clone().requires_grad_()
+def test_every_component_of_the_gripper_reaches_the_output(group, grippers):
+    proprio = grippers["proprio"].clone().requires_grad_()
     ProprioEncoder(layer_factory(group), (8, 8, 8), latent=8)(proprio).square().sum().backward()
     assert proprio.grad is not None
     assert (proprio.grad.abs().sum(dim=0) > 0).all()
@@ -221,6 +223,6 @@ class Fused(nn.Module):
 
 
 @every_group
-def test_fusion_is_equivariant_for_life(group, hands):
-    batch = wrenches() | {"proprio": hands["proprio"][:4]}
+def test_fusion_is_equivariant_for_life(group, grippers):
+    batch = wrenches() | {"proprio": grippers["proprio"][:4]}
     assert_equivariant_for_life(lambda: Fused(group), batch, group, act_on_hidden(group))

@@ -72,16 +72,16 @@ def test_the_plain_copy_says_the_same(samples, batch, group, encoder):
         assert difference(plain(batch), network(batch)) < 1e-5
 
 
-def test_so_it_does_for_a_policy(batch, hands):
+def test_so_it_does_for_a_policy(batch, grippers):
     layers, widths = layer_factory(GROUPS["D4"]), PRESETS["tiny"]["svfl"]
     trunk = VisualForceEncoder(layers, widths, "vfp").eval()
     actor, critic = Actor(layers, widths.latent).eval(), Critic(layers, widths.latent).eval()
-    features = trunk(batch | hands)
-    assert difference(export.plain(trunk)(batch | hands), features) < 1e-5
+    features = trunk(batch | grippers)
+    assert difference(export.plain(trunk)(batch | grippers), features) < 1e-5
     expected, found = actor(features), export.plain(actor)(features)
     for name, values in vars(expected).items():
         assert difference(getattr(found, name), values) < 1e-5, name
-    action = hands["action"]
+    action = grippers["action"]
     assert difference(export.plain(critic)(features, action), critic(features, action)) < 1e-5
 
 

@@ -54,10 +54,10 @@ def values(policy, batch):
 
 
 @pytest.fixture
-def scene(hands):
-    """What a hand feels and knows, and what it might do; decimetres, so that nothing is small."""
-    proprio = hands["proprio"] * torch.tensor([1, 5, 5, 5, 1])
-    return {"wrench": torch.randn(8, 4, 6), "proprio": proprio, "action": hands["action"]}
+def scene(grippers):
+    """What a gripper feels and knows, and what it might do; decimetres, so that nothing is small."""
+    proprio = grippers["proprio"] * torch.tensor([1, 5, 5, 5, 1])
+    return {"wrench": torch.randn(8, 4, 6), "proprio": proprio, "action": grippers["action"]}
 
 
 @every_group

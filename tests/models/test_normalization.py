@@ -9,9 +9,9 @@ from svfl_models.symmetry.actions import act_on_batch
 from svfl_models.symmetry.groups import GROUPS
 
 
-def fitted(samples, hands):
+def fitted(samples, grippers):
     normalization = Normalization()
-    normalization.fit(samples.image, samples.wrench, hands["proprio"].numpy())
+    normalization.fit(samples.image, samples.wrench, grippers["proprio"].numpy())
     return normalization
 
 
@@ -20,12 +20,12 @@ def scaled(normalization, batch):
 
 
 @pytest.fixture
-def physical(batch, hands):
-    return batch | {"proprio": hands["proprio"]}
+def physical(batch, grippers):
+    return batch | {"proprio": grippers["proprio"]}
 
 
-def test_scaling_a_turned_world_is_turning_a_scaled_one(samples, hands, physical):
-    normalization = fitted(samples, hands)
+def test_scaling_a_turned_world_is_turning_a_scaled_one(samples, grippers, physical):
+    normalization = fitted(samples, grippers)
     assert not torch.equal(normalization.proprio(physical["proprio"]), physical["proprio"])
     for g in GROUPS["D4"].elements:
         turned, expected = (
@@ -36,12 +36,12 @@ def test_scaling_a_turned_world_is_turning_a_scaled_one(samples, hands, physical
             torch.testing.assert_close(turned[name], expected[name], atol=1e-5, rtol=1e-5)
 
 
-def test_a_network_fitted_on_a_turned_world_is_the_same(samples, hands):
-    first, second = fitted(samples, hands), Normalization()
+def test_a_network_fitted_on_a_turned_world_is_the_same(samples, grippers):
+    first, second = fitted(samples, grippers), Normalization()
     everything = {
         "image": torch.from_numpy(samples.image),
         "wrench": torch.from_numpy(samples.wrench),
-        "proprio": hands["proprio"],
+        "proprio": grippers["proprio"],
     }
     for g in GROUPS["D4"].elements:
         second.fit(**{name: values.numpy() for name, values in act_on_batch(g, everything).items()})
@@ -49,9 +49,9 @@ def test_a_network_fitted_on_a_turned_world_is_the_same(samples, hands):
             torch.testing.assert_close(second.state_dict()[name], values, atol=1e-5, rtol=1e-5)
 
 
-def test_the_yaw_is_left_alone(samples, hands):
-    normalization = fitted(samples, hands)
-    assert torch.equal(normalization.proprio(hands["proprio"])[:, 4], hands["proprio"][:, 4])
+def test_the_yaw_is_left_alone(samples, grippers):
+    normalization = fitted(samples, grippers)
+    assert torch.equal(normalization.proprio(grippers["proprio"])[:, 4], grippers["proprio"][:, 4])
 
 
 def test_vectors_share_a_scale_and_keep_their_zero():
@@ -87,8 +87,8 @@ def test_a_constant_channel_is_not_blown_up(samples):
     assert normalization.image(torch.full((1, 4, 8, 8), 0.25)).abs().max() < 1e-6
 
 
-def test_statistics_travel_with_the_weights(samples, hands, physical):
-    known, fresh = fitted(samples, hands), Normalization()
+def test_statistics_travel_with_the_weights(samples, grippers, physical):
+    known, fresh = fitted(samples, grippers), Normalization()
     fresh.load_state_dict(known.state_dict())
     for name, values in scaled(known, physical).items():
         assert torch.equal(scaled(fresh, physical)[name], values)

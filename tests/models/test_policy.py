@@ -42,11 +42,11 @@ def density(policy, batch):
 
 
 @pytest.fixture
-def scene(hands):
+def scene(grippers):
     """Decimetres, so that nothing is small."""
-    proprio = hands["proprio"] * torch.tensor([1, 5, 5, 5, 1])
+    proprio = grippers["proprio"] * torch.tensor([1, 5, 5, 5, 1])
     scene = {"image": torch.randn(8, 4, 8, 8), "wrench": torch.randn(8, 64, 6)}
-    return scene | {"proprio": proprio, "action": hands["action"]}
+    return scene | {"proprio": proprio, "action": grippers["action"]}
 
 
 @pytest.mark.parametrize("encoder", ENCODERS)

@@ -78,7 +78,7 @@ def test_axial_vectors_are_stored_turned_and_angles_doubled():
     wrench = torch.tensor([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     assert stored(WRENCH_PARTS, wrench).tolist() == [1, 2, 3, -5, 4, 6]
     assert stored(wrench_parts("polar"), wrench).tolist() == wrench.tolist()
-    yaw = torch.tensor([0.3, 0.3 + torch.pi])  # the two fingers of a hand are alike
+    yaw = torch.tensor([0.3, 0.3 + torch.pi])  # the two fingers of a gripper are alike
     torch.testing.assert_close(*stored((Part("angle", (0,)),), yaw[:, None]))
 
 

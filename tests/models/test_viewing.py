@@ -29,7 +29,7 @@ SIDE, SIZE = 19, 8
 
 @pytest.fixture(scope="module")
 def episode():
-    """The hand is elsewhere above the table at every observation."""
+    """The gripper is elsewhere above the table at every observation."""
     still = demonstration(steps=6, size=SIDE)
     proprio = still.proprio.copy()
     proprio[:, 1:3] = still.centre + np.linspace(-0.1, 0.1, len(proprio))[:, None] * [1, -1]
@@ -41,7 +41,7 @@ def deployment(episode, tmp_path_factory):
     return deployment_of(Dataset.open(write(tmp_path_factory.mktemp("data") / "picking", [episode])), [0])
 
 
-def policy(deployment, view="hand", encoder="vfp", size=SIZE):
+def policy(deployment, view="gripper", encoder="vfp", size=SIZE):
     torch.manual_seed(0)
     network = {"encoder": encoder, "group": "none", "preset": "tiny", "image_size": size}
     return CloningModule(network, deployment.plain(), view=view).eval()
@@ -75,7 +75,7 @@ def test_the_outline_is_around_what_is_seen(deployment, episode, tmp_path, view)
         )
 
 
-def test_a_policy_around_the_hand_looks_at_the_table_below_it(deployment, episode, tmp_path):
+def test_a_policy_around_the_gripper_looks_at_the_table_below_it(deployment, episode, tmp_path):
     """By the camera's own calibration."""
     proprio, camera = episode.proprio, episode.cameras["front"]
     below = np.stack([proprio[:, 1], proprio[:, 2], np.full(7, deployment.table), np.ones(7)])

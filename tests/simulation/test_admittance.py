@@ -7,7 +7,7 @@ from collectors.simulation.admittance import ZERO, Admittance, AdmittanceConfig
 UNFILTERED = AdmittanceConfig(filter_hz=1e9)
 
 
-def test_a_constant_force_moves_the_hand_by_force_over_stiffness():
+def test_a_constant_force_moves_the_gripper_by_force_over_stiffness():
     law = Admittance(AdmittanceConfig(), 0.002)
     force = (10.0, -20.0, 30.0)
     for _ in range(1000):

@@ -78,7 +78,7 @@ def test_what_is_too_far_has_no_depth(ideal: WorldConfig):
 
 
 def test_the_floor_has_no_texture_to_navigate_by(ideal: WorldConfig):
-    """Below the hand the picture is one colour: a checkerboard edge would break the planar symmetry."""
+    """Below the gripper the picture is one colour: a checkerboard edge would break the planar symmetry."""
     with World(dataclasses.replace(ideal, cameras={"front": CameraConfig()})) as world:
         world.reset(seed=0)
         color = world.observe().frames["front"].color

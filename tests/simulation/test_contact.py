@@ -1,4 +1,4 @@
-"""How the compliant hand meets things."""
+"""How the compliant gripper meets things."""
 
 import numpy as np
 import pytest
@@ -67,7 +67,7 @@ def test_pushing_a_free_block_takes_the_friction_force(world: World, mass: float
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6])
 def test_grasp_and_lift(world: World, yaw: float):
-    """A 5 cm, 0.1 kg block, gripped a little off centre, comes up and stays put in the hand while it moves about."""
+    """A 5 cm, 0.1 kg block, gripped a little off centre, comes up and stays put in the gripper while it moves about."""
     block = world.add_box((0.025, 0.025, 0.025), (0.552, 0.004, 0.025), yaw, 0.1, 0.5)
     world.tare()
     move(world, (0.55, 0.0, 0.02, yaw))
@@ -90,13 +90,13 @@ def test_one_finger_on_a_block_is_told_from_two(world: World):
     assert world.finger_contacts(block) == (False, False)
     move(world, (0.55, 0.0, 0.04 + FINGERTIP - 0.004, 0.0), stride=0.3)
     hold(world, 4)
-    assert world.finger_contacts(block) == (False, True)  # left opens along hand y = base -y at yaw 0
+    assert world.finger_contacts(block) == (False, True)  # left opens along gripper y = base -y at yaw 0
     move(world, (0.55, 0.0, 0.1, 0.0))
     assert world.finger_contacts(block) == (False, False)
 
 
-def test_a_blocked_hand_never_presses_harder_than_its_leash(world: World):
-    """However long one pushes, the commanded pose stays within `max_deviation` of the hand."""
+def test_a_blocked_gripper_never_presses_harder_than_its_leash(world: World):
+    """However long one pushes, the commanded pose stays within `max_deviation` of the gripper."""
     world.tare()
     move(world, (0.55, 0.0, 0.06, 0.0))
     world.add_box((0.1, 0.1, 0.02), (0.55, 0.0, 0.02), 0.0, 0.0, 0.5)

@@ -152,8 +152,8 @@ def full_steps() -> dict[str, list[tuple[float, ...]]]:
 
 
 @pytest.mark.parametrize("moves", full_steps().values(), ids=full_steps())
-def test_a_free_hand_feels_less_than_five_newtons(moves):
-    """Whatever is commanded, with the sensor's noise; and the hand arrives."""
+def test_a_free_gripper_feels_less_than_five_newtons(moves):
+    """Whatever is commanded, with the sensor's noise; and the gripper arrives."""
     with World(dataclasses.replace(SMALL, workspace=((0.35, 0.75), (-0.2, 0.2), (0.05, 0.25)))) as world:
         world.reset(seed=0)
         world.tare()
@@ -167,7 +167,7 @@ def test_a_free_hand_feels_less_than_five_newtons(moves):
         np.testing.assert_allclose(world.tcp[:3], world.target[:3], atol=1e-4)
 
 
-def test_a_free_hand_carries_out_every_action(world: World):
+def test_a_free_gripper_carries_out_every_action(world: World):
     """However far it is behind, turning back and all: nothing of the sum is lost."""
     rng, start, total = np.random.default_rng(5), world.target, np.zeros(4)
     for way in [np.array([1.0, -1.0, -1.0, 1.0])] * 4 + list(rng.choice([-1.0, 1.0], (40, 4))):

@@ -1,6 +1,6 @@
 """The simulated world is as symmetric as the networks say: a turned or mirrored scene is felt turned or mirrored.
 
-Block, hand and actions are moved by a group element about the workspace centre; the arm's base stays where it is, so
+Block, gripper and actions are moved by a group element about the workspace centre; the arm's base stays where it is, so
 that arm postures and dynamics differ. What the wrist feels in base axes must then move as `svfl_data.symmetry` says:
 force as a vector, torque as an axial vector, m_z with the sign of the determinant. This is the proof on physics, not on
 formulas, that a torque is axial: the polar law is off by far more than the tolerance for every reflection.
@@ -26,8 +26,8 @@ FORCE_TOLERANCE, TORQUE_TOLERANCE = 0.10, 0.16
 PRESS = [(1, 0, 0, -0.002, 0)] * 8 + [(1, 0, 0, 0, 0)] * 4
 PUSH = [(1, 0.006, 0.003, -0.001, 0.0)] * 4 + [(1, 0, 0, 0, 0.04)] * 4
 GRASP = [(0, 0, 0, 0, 0)] * 6 + [(0, 0, 0, 0.01, 0)] * 4 + [(0, 0.004, -0.008, 0, 0.05)] * 4
-# Offset of the block from the workspace centre, of the hand from the block [m], yaw of hand and block [rad], TCP height
-# [m], and what is done from there.
+# Offset of the block from the workspace centre, of the gripper from the block [m], yaw of gripper and block [rad],
+# TCP height [m], and what is done from there.
 SCENES = {
     "one finger presses beside the middle": ((0.06, 0.03), (0.012, 0.040), 0.25, 0.1, TOP + 0.005, PRESS),
     "a finger presses, drags and twists": ((0.03, -0.07), (-0.008, 0.042), -0.3, -0.2, TOP + 0.005, PRESS + PUSH),
@@ -36,23 +36,23 @@ SCENES = {
 
 
 def turned(matrix: np.ndarray, angle: float) -> float:
-    """A hand's or block's yaw under a group element, in (-pi/2, pi/2]: both look the same after half a turn."""
+    """A gripper's or block's yaw under a group element, in (-pi/2, pi/2]: both look the same after half a turn."""
     moved = np.linalg.det(matrix) * angle + np.arctan2(matrix[1, 0], matrix[0, 0])
     return float(np.pi / 2 - (np.pi / 2 - moved) % np.pi)
 
 
 def feel(world: World, matrix: np.ndarray, scene: Sequence) -> np.ndarray:
     """Tared wrench of a scene moved by a group element, from the first action on, base axes, (M, 6)."""
-    block_offset, hand_offset, hand_yaw, block_yaw, height, actions = scene
+    block_offset, gripper_offset, gripper_yaw, block_yaw, height, actions = scene
     centre = world.workspace[:2].mean(axis=1)
     block_xy = centre + matrix @ block_offset
-    hand_xy = centre + matrix @ np.add(block_offset, hand_offset)
-    yaw = turned(matrix, hand_yaw)
+    gripper_xy = centre + matrix @ np.add(block_offset, gripper_offset)
+    yaw = turned(matrix, gripper_yaw)
     world.reset(seed=0)
     block = (*block_xy, HALF), turned(matrix, block_yaw)
-    move(world, (*hand_xy, 0.12, yaw))
+    move(world, (*gripper_xy, 0.12, yaw))
     world.add_box((HALF, HALF, HALF), *block, mass=0.1, friction=0.8)
-    move(world, (*hand_xy, height, yaw), stride=0.5)
+    move(world, (*gripper_xy, height, yaw), stride=0.5)
     hold(world, 8)
     world.tare()
     begun = len(world.wrench)

@@ -13,7 +13,7 @@ PLACES = [(0.55, 0.0, 0.2, 0.0), (0.4, 0.15, 0.1, 0.7), (0.7, -0.18, 0.15, -1.3)
 
 def sensor_origin(world: World) -> np.ndarray:
     state = pybullet.getLinkState(world.robot, SENSOR_JOINT, physicsClientId=world.client)
-    return np.array(state[4])  # origin of the hand's frame = origin of its joint
+    return np.array(state[4])  # origin of the gripper's frame = origin of its joint
 
 
 def loaded_minus_unloaded(world: World, load) -> np.ndarray:
@@ -35,8 +35,8 @@ def test_a_hanging_mass_reads_its_weight(world: World, place, mass, arm):
         position = sensor_origin(world) + arm
         ball = pybullet.createMultiBody(mass, basePosition=position.tolist(), physicsClientId=world.client)
         pybullet.changeDynamics(ball, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=world.client)
-        hand = pybullet.getLinkState(world.robot, SENSOR_JOINT, physicsClientId=world.client)
-        inverse = pybullet.invertTransform(hand[0], hand[1])  # centre-of-mass frame of the hand
+        gripper = pybullet.getLinkState(world.robot, SENSOR_JOINT, physicsClientId=world.client)
+        inverse = pybullet.invertTransform(gripper[0], gripper[1])  # centre-of-mass frame of the gripper
         anchor, _ = pybullet.multiplyTransforms(*inverse, position.tolist(), (0.0, 0.0, 0.0, 1.0))
         pybullet.createConstraint(
             world.robot, SENSOR_JOINT, ball, -1, pybullet.JOINT_POINT2POINT, (0, 0, 0), anchor, (0, 0, 0),
@@ -81,13 +81,13 @@ def test_a_push_reads_its_force_and_its_moment_about_the_sensor(world: World, mo
     np.testing.assert_allclose(yielded, expected, atol=0.02 * np.linalg.norm(expected))
 
 
-def test_unloaded_it_reads_the_weight_of_the_hand(world: World):
-    hand_mass = 0.81 + 2 * 0.1  # panda.urdf
-    np.testing.assert_allclose(world.wrench[-10:].mean(axis=0), [0, 0, -9.81 * hand_mass, 0, 0, 0], atol=5e-3)
+def test_unloaded_it_reads_the_weight_of_the_gripper(world: World):
+    gripper_mass = 0.81 + 2 * 0.1  # panda.urdf
+    np.testing.assert_allclose(world.wrench[-10:].mean(axis=0), [0, 0, -9.81 * gripper_mass, 0, 0, 0], atol=5e-3)
 
 
 def test_a_bar_held_off_its_centre_reads_its_weight_and_moment(world: World):
-    """What a closed gripper holds is felt as well as what hangs on the hand: no torque gets lost between the pads."""
+    """What a closed gripper holds is felt as well as what hangs on it: no torque gets lost between the pads."""
     mass, offset = 0.2, 0.03
     bar = world.add_box((0.08, 0.015, 0.015), (0.55 + offset, 0.0, 0.015), 0.0, mass, friction=1.0)
     world.tare()

@@ -7,7 +7,7 @@ import pybullet
 import pytest
 
 from collectors.simulation import CameraConfig, NoiseConfig, World, WorldConfig
-from collectors.tasks.hand import Hand
+from collectors.tasks.gripper import Gripper
 from collectors.tasks.task import MAX_STEPS, Task
 
 AGAIN = 80
@@ -30,7 +30,7 @@ def perform(task: Task, seed: int = 0, noise: float = 1.0, steps: int = MAX_STEP
 
     `disturb` is called after every step with the number of steps so far.
     """
-    moves = task.expert(Hand(task.world, np.random.default_rng(seed), noise))
+    moves = task.expert(Gripper(task.world, np.random.default_rng(seed), noise))
     for step in range(1, steps + 1):
         if (action := next(moves, None)) is None:
             return None

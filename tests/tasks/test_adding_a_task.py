@@ -13,7 +13,7 @@ from collectors.environment import Environment
 from collectors.simulation import CameraConfig, NoiseConfig, World, WorldConfig
 from collectors.sources.expert import ExpertCollector
 from collectors.tasks import TASKS, task_class
-from collectors.tasks.hand import Hand
+from collectors.tasks.gripper import Gripper
 
 PAGE = Path(__file__).parents[2] / "docs" / "adding-a-task.md"
 
@@ -48,9 +48,9 @@ def test_an_impact_is_no_success(documented):
     """A threshold of force must hold for a while: one reading above it does not do the task."""
     with World(WorldConfig(noise=NoiseConfig.none(), cameras={"front": CameraConfig(24, 24)})) as world:
         task = task_class(documented).begin(world, np.random.SeedSequence([3]))
-        hand = Hand(world, np.random.default_rng(0), noise=0.0)
+        gripper = Gripper(world, np.random.default_rng(0), noise=0.0)
         world.finger_contacts = lambda body: (True, True)  # what is felt alone decides
-        for action in task.expert(hand):
+        for action in task.expert(gripper):
             before = len(world.wrench)
             world.step(action)
             felt = world.wrench[before:, 2] - world.tare_offset[2]

@@ -5,7 +5,7 @@ import pytest
 
 from collectors.simulation.centering import FINGERTIP
 from collectors.tasks.block_centering import AROUND, CENTRED, BlockCentering
-from collectors.tasks.hand import Hand
+from collectors.tasks.gripper import Gripper
 from tests.simulation.conftest import hold, move
 from tests.tasks.conftest import begin, perform, place
 
@@ -14,7 +14,7 @@ from tests.tasks.conftest import begin, perform, place
     ("beside", "deep", "achieved"), [(-0.001, 0.002, True), (0.001, 0.002, False), (-0.001, -0.002, False)]
 )
 def test_success_from_both_sides_of_both_thresholds(world, beside, deep, achieved):
-    """The block is put where the open hand is or is not centred, around it or still above."""
+    """The block is put where the open gripper is or is not centred, around it or still above."""
     task = begin(BlockCentering, world, 3)
     place(world, task.body, (0.7, 0.15, task.scene.block_half))
     height = 2 * task.scene.block_half + FINGERTIP - AROUND - deep
@@ -29,7 +29,7 @@ def test_success_from_both_sides_of_both_thresholds(world, beside, deep, achieve
 def test_the_expert_feels_the_block_before_it_centres(world):
     task = begin(BlockCentering, world, 5)
     forces = []
-    moves = task.expert(Hand(world, np.random.default_rng(0)))
+    moves = task.expert(Gripper(world, np.random.default_rng(0)))
     while not task.success():
         world.step(next(moves))
         touched = any(world.finger_contacts(task.body))

@@ -53,7 +53,7 @@ def test_the_expert_succeeds_and_its_demonstrations_differ(world):
 
 
 def test_the_expert_tries_again_after_a_slip(world):
-    """The block is taken out of the closed hand and put down elsewhere."""
+    """The block is taken out of the closed gripper and put down elsewhere."""
     task = begin(BlockPicking, world, 2)
     x, y = task.scene.xy
     taken = []

@@ -11,11 +11,11 @@ import pytest
 from collectors.recording.loop import OBJECT
 from collectors.simulation import World
 from collectors.tasks import PAPER, TASKS, task_class
-from collectors.tasks.hand import Hand
+from collectors.tasks.gripper import Gripper
 from collectors.tasks.task import Task
 from tests.tasks.conftest import begin, perform
 
-HAND = 0.81 + 2 * 0.1  # [kg], panda.urdf
+GRIPPER = 0.81 + 2 * 0.1  # [kg], panda.urdf
 
 
 @pytest.fixture(params=TASKS)
@@ -24,7 +24,7 @@ def task(request, world) -> Task:
 
 
 def held_mass(task: Task) -> float:
-    """Mass of what is in the hand from the start, [kg]."""
+    """Mass of what is in the gripper from the start, [kg]."""
     if not task.world.holds(task.body):
         return 0.0
     return pybullet.getDynamicsInfo(task.body, -1, physicsClientId=task.world.client)[0]
@@ -35,7 +35,7 @@ def test_there_are_the_papers_nine():
 
 
 def test_at_home_the_wrist_reads_the_weight_and_tared_nothing(task):
-    mass = HAND + held_mass(task)
+    mass = GRIPPER + held_mass(task)
     np.testing.assert_allclose(task.world.wrench[-10:, :3].mean(axis=0), [0, 0, -9.81 * mass], atol=0.02 * 9.81 * mass)
     tared = task.world.wrench[-25:] - task.world.tare_offset
     assert np.abs(tared[:, :3]).max() < 0.1
@@ -43,15 +43,15 @@ def test_at_home_the_wrist_reads_the_weight_and_tared_nothing(task):
 
 
 @pytest.mark.parametrize("direction", [(0, 0, 1), (1, 0, 0), (0, 1, 0)], ids="zxy")
-def test_setting_the_hand_in_motion_takes_its_momentum(task, direction):
+def test_setting_the_gripper_in_motion_takes_its_momentum(task, direction):
     """The integral of the tared force over time is minus mass times velocity: F = m g - m a, with m g tared away."""
     world = task.world
-    mass, opening = HAND + held_mass(task), 0.0 if held_mass(task) else 1.0
+    mass, opening = GRIPPER + held_mass(task), 0.0 if held_mass(task) else 1.0
     count = len(world.wrench)
     for _ in range(2):
         world.step([opening, *(0.02 * np.array(direction)), 0.0])
     impulse = (world.wrench[count:, :3] - world.tare_offset[:3]).sum(axis=0, dtype=np.float64) * 0.002
-    momentum = mass * np.array(world._panda.hand_velocity)
+    momentum = mass * np.array(world._panda.gripper_velocity)
     assert np.linalg.norm(momentum) > 0.2
     np.testing.assert_allclose(impulse, -momentum, atol=0.05 * np.linalg.norm(momentum))
 
@@ -59,7 +59,7 @@ def test_setting_the_hand_in_motion_takes_its_momentum(task, direction):
 def test_the_expert_asks_for_what_an_action_can_be(task):
     """However noisy; what is recorded is then what is carried out."""
     limit = np.array([1.0, *task.world.action_bound]) * (1 + 1e-6)
-    moves = task.expert(Hand(task.world, np.random.default_rng(0), noise=2.0))
+    moves = task.expert(Gripper(task.world, np.random.default_rng(0), noise=2.0))
     for action, _ in zip(moves, range(25), strict=False):
         assert (np.abs(action) <= limit).all()
         assert action[0] >= 0

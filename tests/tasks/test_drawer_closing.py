@@ -17,7 +17,7 @@ def test_it_begins_open_and_stays_so(world):
     assert np.abs(world.wrench[-50:] - world.tare_offset).max() < 0.05
 
 
-def test_the_hand_comes_down_within_the_workspace(world):
+def test_the_gripper_comes_down_within_the_workspace(world):
     for seed in range(100):
         scene = DrawerClosing.draw(np.random.default_rng(seed), world)
         ahead = 0.10 + TOUCH + 0.02
@@ -35,7 +35,7 @@ def test_success_is_less_than_2_cm(world):
     assert task.success()
 
 
-def test_a_hand_above_the_handle_shuts_nothing(world):
+def test_a_gripper_above_the_handle_shuts_nothing(world):
     task = begin(DrawerClosing, world, 1)
     theta = np.arctan(np.tan(task.scene.yaw))
     move(world, (*task.at(TOUCH + 0.02, 0.0), PUSH_Z + 0.05, theta), opening=0.0)
@@ -52,7 +52,7 @@ def test_the_expert_succeeds_with_forces_of_tens_of_newtons(world):
 
 
 def test_the_expert_pushes_again(world):
-    """The drawer is pulled open under its hand, half way: the fingers are now behind the handle."""
+    """The drawer is pulled open under its gripper, half way: the fingers are now behind the handle."""
     task = begin(DrawerClosing, world, 2)
     opened = []
 

@@ -78,7 +78,7 @@ def test_the_state_is_the_pose_of_the_moving_part(world):
     np.testing.assert_allclose(state["drawer"], [0.07], atol=1e-6)
 
 
-def test_a_hand_above_the_handle_opens_nothing(world):
+def test_a_gripper_above_the_handle_opens_nothing(world):
     task = begin(DrawerOpening, world, 1)
     theta = np.arctan(np.tan(task.scene.yaw))
     move(world, (*task.at(0.02, 0.0), HOOK_Z + 0.05, theta), opening=0.0)
@@ -101,7 +101,7 @@ def test_the_expert_succeeds_with_forces_of_tens_of_newtons(world):
 
 
 def test_the_expert_catches_the_handle_again(world):
-    """The drawer is shut under its hand, half way."""
+    """The drawer is shut under its gripper, half way."""
     task = begin(DrawerOpening, world, 2)
     shut = []
 

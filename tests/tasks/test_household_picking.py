@@ -78,7 +78,7 @@ def test_scenes_cover_the_ranges_and_parts(world):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_objects_lie_at_rest_and_the_hand_feels_nothing(world, seed):
+def test_objects_lie_at_rest_and_the_gripper_feels_nothing(world, seed):
     task = begin(HouseholdPicking, world, seed)
     before = world.pose(task.body)
     for _ in range(4):
@@ -112,7 +112,7 @@ def test_the_expert_succeeds_and_its_demonstrations_differ(world):
 
 
 def test_the_expert_tries_again_after_a_slip(world):
-    """The object is taken out of the closed hand and put down elsewhere."""
+    """The object is taken out of the closed gripper and put down elsewhere."""
     task = begin(HouseholdPicking, world, 2)
     start = world.pose(task.body)
     taken = []

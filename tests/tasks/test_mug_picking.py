@@ -28,7 +28,7 @@ def risen(task: MugPicking) -> float:
 
 
 def grasp(task: MugPicking, at, height: float, theta: float) -> None:
-    """Close the hand round a point of the mesh, the TCP at `height` [m]."""
+    """Close the gripper round a point of the mesh, the TCP at `height` [m]."""
     x, y, _ = task.in_base(at)
     move(task.world, (x, y, task.scene.scale * RIM + 0.03, theta))
     move(task.world, (x, y, height, theta), stride=0.5)
@@ -68,7 +68,7 @@ def test_the_handle_is_where_the_collision_mesh_has_it():
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0])
 def test_the_mug_rests_where_it_was_drawn(world, yaw):
-    """It neither drops nor slides nor touches the hand; its frame is the mesh's."""
+    """It neither drops nor slides nor touches the gripper; its frame is the mesh's."""
     task = set_up(world, scene(yaw))
     hold(world, 4)
     assert np.abs(task.in_base((0.0, 0.0, 0.0)) - [*task.scene.xy, 0.0]).max() < 0.001
@@ -124,7 +124,7 @@ def test_the_expert_succeeds_any_way_round_and_its_demonstrations_differ(world):
 
 
 def test_the_expert_tries_again_after_a_slip(world):
-    """The mug is taken out of the closed hand and put down elsewhere, turned."""
+    """The mug is taken out of the closed gripper and put down elsewhere, turned."""
     task = begin(MugPicking, world, 2)
     taken = []
 

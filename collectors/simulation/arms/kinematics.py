@@ -27,7 +27,7 @@ def joint_motion(
     Args:
         jacobian: Geometric Jacobian of the TCP, (6, 7), linear rows first, base axes.
         motion: Small motion of the TCP, (6,), [m] and [rad].
-        posture: Joint motion that is done as far as the hand does not notice, (7,), [rad].
+        posture: Joint motion that is done as far as the gripper does not notice, (7,), [rad].
         damping: Keeps the step finite near singular postures, [m] and [rad].
 
     Returns:
@@ -73,8 +73,8 @@ def jacobian_array(linear: tuple[Nine, Nine, Nine], angular: tuple[Nine, Nine, N
 
 
 @compiled
-def hand_velocity(jacobian: NDArray[np.float64], rates: Nine, above: float) -> tuple[float, float, float]:
-    """Velocity of a point above the TCP of a hand that points down.
+def gripper_velocity(jacobian: NDArray[np.float64], rates: Nine, above: float) -> tuple[float, float, float]:
+    """Velocity of a point above the TCP of a gripper that points down.
 
     Args:
         jacobian: (6, 7), base axes.

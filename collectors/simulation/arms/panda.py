@@ -1,4 +1,4 @@
-"""The Franka Emika Panda with its hand, in PyBullet: loading, reading and driving it."""
+"""The Franka Emika Panda with its gripper, in PyBullet: loading, reading and driving it."""
 
 import math
 import re
@@ -12,7 +12,7 @@ import numpy as np
 import pybullet_data
 from numpy.typing import NDArray
 
-from collectors.simulation.arms.kinematics import POSTURE, hand_velocity, jacobian_array, joint_motion
+from collectors.simulation.arms.kinematics import POSTURE, gripper_velocity, jacobian_array, joint_motion
 from collectors.simulation.arms.servo import Servo, ServoConfig, rotation_error
 from collectors.simulation.bounds import NotNegative, Positive
 from collectors.simulation.bullet import pybullet
@@ -61,7 +61,7 @@ def urdf_text(full_meshes: bool) -> str:
     keep their fine meshes: a person must recognise them.
 
     The fingers collide as boxes of the mesh's size. The tips of the mesh, tilted by 0.3 mm, touch a flat block with
-    one corner, on the same side of both fingers, which turns the lever arm felt at the wrist by 6 degrees: a hand
+    one corner, on the same side of both fingers, which turns the lever arm felt at the wrist by 6 degrees: a gripper
     that is not its own mirror image.
 
     The stops of the fingers are moved out by 1 mm, so that an open or closed gripper does not lean on them: PyBullet's
@@ -92,7 +92,7 @@ class Panda:
 
     - `joints`, `rates`: seven arm joints [rad], left and right finger [m], and their rates;
     - `position` and `quat` (xyzw): pose of the TCP;
-    - `hand_velocity`: velocity (x, y, z) of the centre of mass of hand and fingers, [m/s];
+    - `gripper_velocity`: velocity (x, y, z) of the centre of mass of gripper and fingers, [m/s];
     - `reaction`: raw joint reaction at the sensor, six numbers, see `wrist_sensor`.
 
     It is kept as tuples, as PyBullet gives and takes it: converting to arrays 500 times a second costs more than what
@@ -100,7 +100,7 @@ class Panda:
     """
 
     def __init__(self, config: PandaConfig, client: int, dt: float, home: NDArray[np.float64]) -> None:
-        """Load the robot and put it at home at once, hand down with yaw 0, gripper open.
+        """Load the robot and put it at home at once, gripper down with yaw 0, gripper open.
 
         Args:
             config: Surface and gains.
@@ -112,7 +112,7 @@ class Panda:
         self._dt = dt
         self._stroke = config.gripper.stroke
         self.body = self._load(config)
-        self._measure_hand()
+        self._measure_gripper()
         self._place(home)
         self._servo = Servo(config.servo, dt, np.array(self.joints[:7]))
         self._gripper = Gripper(config.gripper, dt)
@@ -146,15 +146,15 @@ class Panda:
         pybullet.enableJointForceTorqueSensor(body, SENSOR_JOINT, True, physicsClientId=client)
         return body
 
-    def _measure_hand(self) -> None:
+    def _measure_gripper(self) -> None:
         """Mass of what hangs on the sensor, and the height of its centre of mass above the TCP when pointing down."""
         masses, depths = [], []
         for link, joint_depth in zip(DISTAL, (0.0, 0.0584, 0.0584), strict=True):  # depths of panda.urdf
             info = pybullet.getDynamicsInfo(self.body, link, physicsClientId=self._client)
             masses.append(info[0])
             depths.append(joint_depth + info[3][2])
-        self.hand_mass: float = sum(masses)
-        self._com_above_tcp = 0.105 - float(np.dot(masses, depths)) / self.hand_mass
+        self.gripper_mass: float = sum(masses)
+        self._com_above_tcp = 0.105 - float(np.dot(masses, depths)) / self.gripper_mass
 
     def _place(self, position: NDArray[np.float64]) -> None:
         joints = np.array([*POSTURE, self._stroke, self._stroke])
@@ -182,11 +182,11 @@ class Panda:
             self.body, TCP_LINK, STILL[:3], self.joints, STILL, STILL, physicsClientId=self._client
         )
         self._jacobian = jacobian_array(linear, angular)
-        self.hand_velocity = hand_velocity(self._jacobian, self.rates, self._com_above_tcp)
+        self.gripper_velocity = gripper_velocity(self._jacobian, self.rates, self._com_above_tcp)
 
     @property
     def theta(self) -> float:
-        """Yaw of the hand, [rad], in (-pi, pi]; 0 when the fingers open along base y."""
+        """Yaw of the gripper, [rad], in (-pi, pi]; 0 when the fingers open along base y."""
         x, y, _, _ = self.quat
         return math.atan2(2.0 * x * y, x * x - y * y)
 

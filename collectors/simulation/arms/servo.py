@@ -20,7 +20,7 @@ class ServoConfig:
         correction: Fraction of the TCP's pose error that is added to the joint command in each physics step: it takes
             out the give of the joints under load and the drift of the differential kinematics.
         ik_damping: Damping of the differential inverse kinematics, [m] and [rad].
-        posture_rate: How fast the elbow returns to its posture without moving the hand, [1/s].
+        posture_rate: How fast the elbow returns to its posture without moving the gripper, [1/s].
     """
 
     bandwidth: Positive = 60.0
@@ -31,7 +31,7 @@ class ServoConfig:
 
 
 def rotation_error(theta: float, quat: tuple[float, float, float, float]) -> tuple[float, float, float]:
-    """Small rotation vector in base axes that turns a hand at `quat` into one pointing down with yaw `theta`, [rad].
+    """Small rotation vector in base axes that turns a gripper at `quat` into one pointing down with yaw `theta`, [rad].
 
     The wanted orientation is Rz(theta) Rx(pi), as quat_xyzw (cos theta/2, sin theta/2, 0, 0). The vector is twice the
     vector part of the product wanted * conjugate(quat); exact to second order.

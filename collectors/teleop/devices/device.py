@@ -61,10 +61,10 @@ class Device(ABC):
         """An event of the window, if there is one and the device lives on them."""
 
     def begin(self, opened: bool) -> None:  # noqa: B027
-        """An episode begins: the hand is at home, open or holding something."""
+        """An episode begins: the gripper is at home, open or holding something."""
 
     def touch(self, newtons: float) -> None:  # noqa: B027
-        """The hand has come into contact: let it be felt, if the device can."""
+        """The gripper has come into contact: let it be felt, if the device can."""
 
     def close(self) -> None:  # noqa: B027
         """Let go of the device."""

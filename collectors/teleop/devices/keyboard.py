@@ -47,7 +47,7 @@ class Keyboard(Device):
         elif event.type == pygame.KEYUP:
             self._held.discard(event.scancode)
         elif event.type == pygame.WINDOWFOCUSLOST:
-            self._held.clear()  # the release would go to another window, and the hand would not stop
+            self._held.clear()  # the release would go to another window, and the gripper would not stop
 
     def read(self) -> NDArray[np.float32]:
         """What is held, or was tapped since the last reading."""

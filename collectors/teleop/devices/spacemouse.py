@@ -28,7 +28,7 @@ class SpaceMouse(Device):
 
     name = "spacemouse"
     controls = (
-        ("cap", "push it where the hand shall go"),
+        ("cap", "push it where the gripper shall go"),
         ("twist", "turn"),
         ("left button", "open or close the gripper"),
     )

@@ -85,7 +85,7 @@ def alignment(network: LatentNetwork, frames: Frames, encoded: Encoded, seed: in
 
 @torch.no_grad()
 def _shown(network: LatentNetwork, encoded: Encoded, image: Tensor, wrench: Tensor) -> Tensor:
-    """Probability of alignment of frames `image` with the wrenches of frames `wrench`; image and hand go together."""
+    """Probability of alignment of frames `image` with the wrenches of frames `wrench`; proprio is the image's."""
     logits = []
     for some_image, some_wrench in zip(image.split(CHUNK), wrench.split(CHUNK), strict=True):
         parts = {name: part[some_wrench if name == "wrench" else some_image] for name, part in encoded.parts.items()}

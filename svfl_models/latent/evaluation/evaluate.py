@@ -11,11 +11,11 @@ from svfl_models.latent.evaluation.attention import Attention, attention, looks,
 from svfl_models.latent.evaluation.contact import detection
 from svfl_models.latent.evaluation.episodes import material, some, whole
 from svfl_models.latent.evaluation.experts import experts
-from svfl_models.latent.evaluation.following import next_hand
+from svfl_models.latent.evaluation.following import next_gripper
 from svfl_models.latent.evaluation.frames import Encoded, Followed, Frames, encode, encoded, follow, frames_of, spread
 from svfl_models.latent.evaluation.probing.probing import Probing
 from svfl_models.latent.evaluation.reconstruction import mean_picture, pictures, reconstruction
-from svfl_models.latent.evaluation.results import SampleFigures, Evaluation
+from svfl_models.latent.evaluation.results import Evaluation, SampleFigures
 from svfl_models.latent.evaluation.symmetry import symmetry
 from svfl_models.latent.networks.network import LatentNetwork
 from svfl_models.latent.networks.poe import PoEEncoder
@@ -100,7 +100,7 @@ def evaluate(
         contact=detection(seen.contact, frames.contact) if "contact" in trained else None,
         next_contact=detection(next_contact, came) if "next_contact" in trained else None,
         alignment=aligned,
-        next_hand=next_hand(network, followed) if "next_proprio" in trained else None,
+        next_gripper=next_gripper(network, followed) if "next_proprio" in trained else None,
         probes=readings,
         missing=remaining,
         attention=_attention(encoder, seen, frames) if isinstance(encoder, VTTEncoder) else None,

@@ -11,7 +11,7 @@ from svfl_models.latent.networks.network import LatentNetwork
 
 
 @dataclass(frozen=True)
-class HandError:
+class GripperError:
     """Mean absolute errors.
 
     Attributes:
@@ -29,20 +29,20 @@ class HandError:
 
 @dataclass(frozen=True)
 class NextHand:
-    """Errors of different guesses about the next frame's hand.
+    """Errors of different guesses about the next frame's gripper.
 
     Attributes:
         predicted: The model's, from state and action.
-        unchanged: The hand stays as it is.
-        commanded: The hand does exactly what it is told to.
+        unchanged: The gripper stays as it is.
+        commanded: The gripper does exactly what it is told to.
     """
 
-    predicted: HandError
-    unchanged: HandError
-    commanded: HandError
+    predicted: GripperError
+    unchanged: GripperError
+    commanded: GripperError
 
 
-def next_hand(network: LatentNetwork, followed: Sequence[Followed]) -> NextHand:
+def next_gripper(network: LatentNetwork, followed: Sequence[Followed]) -> NextHand:
     """Compare guesses over all steps of followed episodes."""
     normalization = network.inputs.normalization
     before, after, action, predicted = [], [], [], []
@@ -56,14 +56,14 @@ def next_hand(network: LatentNetwork, followed: Sequence[Followed]) -> NextHand:
         action.append(one.batch["action"][0].numpy())
     was, truth, told = (np.concatenate(kind) for kind in (before, after, action))
     commanded = np.concatenate([told[:, :1], was[:, 1:] + told[:, 1:]], axis=1)
-    return NextHand(*(hand_error(guess, truth) for guess in (np.concatenate(predicted), was, commanded)))
+    return NextHand(*(gripper_error(guess, truth) for guess in (np.concatenate(predicted), was, commanded)))
 
 
-def hand_error(guess: np.ndarray, truth: np.ndarray) -> HandError:
+def gripper_error(guess: np.ndarray, truth: np.ndarray) -> GripperError:
     """Compare proprioception (N, 5): opening, x, y, z in [m], yaw in [rad]."""
     off = guess - truth
     yaw = np.abs((off[:, 4] + np.pi / 2) % np.pi - np.pi / 2)
-    return HandError(
+    return GripperError(
         opening=float(np.abs(off[:, 0]).mean()),
         xy_mm=1000 * float(np.linalg.norm(off[:, 1:3], axis=1).mean()),
         z_mm=1000 * float(np.abs(off[:, 3]).mean()),

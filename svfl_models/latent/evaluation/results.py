@@ -33,7 +33,7 @@ class Evaluation:
         contact: Of the frame.
         next_contact: Of the next one.
         alignment: Of image and wrench.
-        next_hand: Prediction of the next proprioception.
+        next_gripper: Prediction of the next proprioception.
         probes: Of features.
         missing: Each subset of the modalities.
         attention: Of VTT.
@@ -54,7 +54,7 @@ class Evaluation:
     contact: Detection | None
     next_contact: Detection | None
     alignment: Alignment | None
-    next_hand: NextHand | None
+    next_gripper: NextHand | None
     probes: list[Reading]
     missing: list[Remaining]
     attention: Attention | None

@@ -10,9 +10,9 @@ things are measured that need none, for elements of D4, which move pixels exactl
   feature has 0. It need not be 0: the feature has to tell where things are.
 - ``contact``, ``alignment``: mean absolute change of these probabilities, which the truth does not change by.
 
-The whole world turns about the middle of the picture and of the workspace: image, wrench window and hand together. The
-camera looks at the workspace from one side, so that the turned pictures are not exactly those of a turned scene; the
-same is taken for a symmetry everywhere in this package.
+The whole world turns about the middle of the picture and of the workspace: image, wrench window and gripper together.
+The camera looks at the workspace from one side, so that the turned pictures are not exactly those of a turned scene;
+the same is taken for a symmetry everywhere in this package.
 """
 
 from collections.abc import Callable

@@ -21,7 +21,7 @@ class Encoding:
 
     Attributes:
         feature: Shape (B, F).
-        contact: Logit that the hand is in contact, shape (B,).
+        contact: Logit that the gripper is in contact, shape (B,).
         alignment: Logit that image and wrench belong together, shape (B,).
         posterior: Distribution that `feature` stems from, where the encoder has one.
     """

@@ -15,7 +15,8 @@ from svfl_models.latent.networks.encoder import SLOPE, Encoder, Encoding, Parts,
 class VTTEncoder(Encoder):
     """Self-attention over the tokens of one frame (Chen et al., CoRL 2022, with the sizes of the published code).
 
-    Tokens: alignment, contact, the image's patches row by row, the wrench window's pieces oldest first, the hand. Each
+    Tokens: alignment, contact, the image's patches row by row, the wrench window's pieces oldest first, the gripper.
+        Each
     has a learned position of its own, which also says of which modality it is. Frames are independent of each other.
 
     Args:

@@ -38,9 +38,9 @@ def test_a_sequence_is_what_the_episode_holds(folder):
             window, _ = wrench_window(episode, start + frame)
             expected = act(camera.image_axes, window, WRENCH_PARTS)
             torch.testing.assert_close(batch["wrench"][row, frame], torch.from_numpy(expected))
-        hand = episode.proprio[start : start + 5].copy()
-        hand[:, 1:3] -= episode.centre
-        np.testing.assert_allclose(batch["proprio"][row], act(camera.image_axes, hand, PROPRIO_PARTS), rtol=1e-6)
+        gripper = episode.proprio[start : start + 5].copy()
+        gripper[:, 1:3] -= episode.centre
+        np.testing.assert_allclose(batch["proprio"][row], act(camera.image_axes, gripper, PROPRIO_PARTS), rtol=1e-6)
         action = act(camera.image_axes, episode.action[start : start + 4], ACTION_PARTS)
         np.testing.assert_allclose(batch["action"][row], action, rtol=1e-6)
         color = camera.color[start : start + 5, 6:70, 6:70]

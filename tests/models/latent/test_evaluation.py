@@ -125,7 +125,7 @@ def test_the_command(model, data, tmp_path, capsys):
     assert (found["attention"] is not None) == (model == "vtt")
     assert (found["experts"] is not None) == (model == "poe")
     page = (out / "report.md").read_text()
-    for name in ("Reconstruction", "Contact", "Alignment", "Next hand", "Probes", "Missing modalities", "Symmetry"):
+    for name in ("Reconstruction", "Contact", "Alignment", "Next gripper", "Probes", "Missing modalities", "Symmetry"):
         assert f"## {name}" in page
     pictures = {path.name for path in out.glob("*.png")}
     assert {"reconstructions.png", "curves.png", "probes.png", "missing_modalities.png"} <= pictures

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from svfl_models.latent.evaluation.contact import detection
-from svfl_models.latent.evaluation.following import hand_error
+from svfl_models.latent.evaluation.following import gripper_error
 from svfl_models.latent.evaluation.probing.probes import Probe, Target, readings
 from svfl_models.latent.evaluation.probing.ridge import fit_ridge
 from svfl_models.latent.evaluation.reconstruction import fidelity, mean_picture
@@ -86,10 +86,10 @@ def test_r_squared_of_the_truth_the_mean_and_a_constant():
     assert r_squared(truth, np.ones((30, 2))) is None
 
 
-def test_yaws_of_a_hand_are_half_a_turn_from_themselves():
+def test_yaws_of_a_gripper_are_half_a_turn_from_themselves():
     truth = np.array([[1.0, 0.1, 0.2, 0.3, 1.5]])
     guess = np.array([[0.5, 0.103, 0.204, 0.301, -1.6]])  # turned by 3.1 rad: nearly pi
-    off = hand_error(guess, truth)
+    off = gripper_error(guess, truth)
     assert (off.opening, off.xy_mm, off.z_mm) == pytest.approx((0.5, 5.0, 1.0))
     assert off.yaw_deg == pytest.approx(np.rad2deg(np.pi - 3.1))
 

@@ -11,7 +11,7 @@ from svfl_models.latent.evaluation.attention import Attention
 from svfl_models.latent.evaluation.experts import Experts, Share
 from svfl_models.latent.evaluation.missing import Remaining
 from svfl_models.latent.evaluation.pages.sample_figures import reconstructions, where_contact_looks
-from svfl_models.latent.evaluation.results import SampleFigures, Evaluation
+from svfl_models.latent.evaluation.results import Evaluation, SampleFigures
 from svfl_models.training.figures import WIDTH_IN, save
 
 # Okabe and Ito's palette, as in the figures of experiments.
@@ -90,7 +90,7 @@ def probes(found: Evaluation, path: Path) -> Path:
 def missing(found: list[Remaining], path: Path) -> Path:
     """Bars for every subset of the modalities."""
     names = ["".join(LETTERS[name] for name in one.modalities) for one in found]
-    targets = [name for name in ("force", "hand x, y", "object x, y") if name in found[0].probe_r2]
+    targets = [name for name in ("force", "gripper x, y", "object x, y") if name in found[0].probe_r2]
     kinds: dict[str, list[float | None]] = {
         "PSNR of colour, dB": [one.psnr_db for one in found],
         "depth error, mm": [one.depth_mae_mm for one in found],

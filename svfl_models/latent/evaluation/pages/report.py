@@ -8,7 +8,7 @@ from svfl_data.errors import StorageError
 from svfl_data.system.printable import markdown
 from svfl_models.latent.evaluation.pages import figures
 from svfl_models.latent.evaluation.pages.tables import tables
-from svfl_models.latent.evaluation.results import SampleFigures, Evaluation
+from svfl_models.latent.evaluation.results import Evaluation, SampleFigures
 from svfl_models.training.writing import write_json, write_text
 
 NUMBERS, PAGE = "evaluation.json", "report.md"

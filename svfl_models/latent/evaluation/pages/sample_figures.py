@@ -58,7 +58,9 @@ def where_contact_looks(samples: SampleFigures, path: Path) -> Path:
         below.set_xlabel(f"image {total:.0f} %", fontsize=9)
         above.set_title(_title(samples, column), fontsize=9)
     figure.colorbar(shown, ax=axes[:, -1], label="share of attention, %", shrink=0.9)
-    figure.suptitle(f"Episode {samples.episode}: where the contact token looks, last layer, mean over heads", fontsize=11)
+    figure.suptitle(
+        f"Episode {samples.episode}: where the contact token looks, last layer, mean over heads", fontsize=11
+    )
     write_figure(figure, path, DPI)
     return path
 

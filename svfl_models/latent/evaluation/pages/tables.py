@@ -45,7 +45,13 @@ def percent(value: float | None) -> str:
 
 def tables(found: Evaluation) -> list[Table]:
     """All that was evaluated."""
-    made = [_reconstruction(found), _contact(found), _alignment(found), _next_hand(found.next_hand), _probes(found)]
+    made = [
+        _reconstruction(found),
+        _contact(found),
+        _alignment(found),
+        _next_gripper(found.next_gripper),
+        _probes(found),
+    ]
     made += [_missing(found), _attention(found), _experts(found), _symmetry(found)]
     return [one for one in made if one is not None]
 
@@ -88,14 +94,14 @@ def _alignment(found: Evaluation) -> Table | None:
     return Table("Alignment", ("wrench from", "rejected", "AUROC against own", "pairs"), rows, note)
 
 
-def _next_hand(found: NextHand | None) -> Table | None:
+def _next_gripper(found: NextHand | None) -> Table | None:
     if found is None:
         return None
     named = (("predicted", found.predicted), ("unchanged", found.unchanged), ("as commanded", found.commanded))
     rows = [
         (name, number(one.opening, 3), number(one.xy_mm), number(one.z_mm), number(one.yaw_deg)) for name, one in named
     ]
-    return Table("Next hand, mean absolute error", ("guess", "opening", "x, y, mm", "z, mm", "yaw, deg"), rows)
+    return Table("Next gripper, mean absolute error", ("guess", "opening", "x, y, mm", "z, mm", "yaw, deg"), rows)
 
 
 def _probes(found: Evaluation) -> Table:
@@ -111,7 +117,7 @@ def _probes(found: Evaluation) -> Table:
     ]
     note = (
         f"Ridge regression on {found.learned_frames} training frames, evaluated on held-out episodes. Raw: the same "
-        "from 4 x 16 x 16 pixels, 9 wrenches and the hand, so that what is an input itself is read off at once."
+        "from 4 x 16 x 16 pixels, 9 wrenches and the gripper, so that what is an input itself is read off at once."
     )
     columns = ("linear probe", "R^2", "R^2, raw", "error", "error, raw", "error of the mean", "unit")
     return Table("Probes", columns, rows, note)
@@ -122,7 +128,9 @@ def _errors(*errors: float) -> tuple[str, ...]:
 
 
 def _missing(found: Evaluation) -> Table:
-    shown = [name for name in ("force", "hand x, y", "object x, y", "object yaw") if name in found.missing[0].probe_r2]
+    shown = [
+        name for name in ("force", "gripper x, y", "object x, y", "object yaw") if name in found.missing[0].probe_r2
+    ]
     columns = (
         "modalities",
         "PSNR, dB",
@@ -203,9 +211,9 @@ def compact(found: Evaluation) -> Sequence[tuple[str, str]]:
     if found.alignment is not None and (told := found.alignment.other_episodes) is not None:
         words = f"own accepted {percent(found.alignment.accepted)}, other episodes' rejected {percent(told.rejected)}"
         rows.append(("alignment", words))
-    if found.next_hand is not None:
-        hand, still = found.next_hand.predicted, found.next_hand.unchanged
-        rows.append(("next hand", f"x, y {hand.xy_mm:.1f} mm off (unchanged {still.xy_mm:.1f} mm)"))
+    if found.next_gripper is not None:
+        gripper, still = found.next_gripper.predicted, found.next_gripper.unchanged
+        rows.append(("next gripper", f"x, y {gripper.xy_mm:.1f} mm off (unchanged {still.xy_mm:.1f} mm)"))
     rows += [(f"probe: {name}", f"R^2 {number(one.r2)}, {one.error:.3g} {one.unit} off") for name, one in r2.items()]
     if found.experts is not None:
         shares = ", ".join(f"{name} {percent(share)}" for name, share in found.experts.every.items())

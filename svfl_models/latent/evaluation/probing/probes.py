@@ -1,4 +1,4 @@
-"""What can be read off a feature by a linear map: wrench, hand, and the pose of the object."""
+"""What can be read off a feature by a linear map: wrench, gripper, and the pose of the object."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -94,9 +94,9 @@ class Probe:
 
 
 def targets_of(frames: Frames, poses: np.ndarray | None, repeats: int) -> list[Target]:
-    """What probes read: last wrench reading, hand, and the object's pose where it is known.
+    """What probes read: last wrench reading, gripper, and the object's pose where it is known.
 
-    The yaw of the hand is that of two fingers, which look the same after half a turn.
+    The yaw of the gripper is that of two fingers, which look the same after half a turn.
 
     Args:
         frames: Where from.
@@ -109,9 +109,9 @@ def targets_of(frames: Frames, poses: np.ndarray | None, repeats: int) -> list[T
         Target("force", "N", wrench[:, :3]),
         Target("torque", "N m", wrench[:, 3:]),
         Target("gripper opening", "-", proprio[:, :1]),
-        Target("hand x, y", "mm", 1000 * proprio[:, 1:3]),
-        Target("hand z", "mm", 1000 * proprio[:, 3:4]),
-        Target("hand yaw", "deg", _circle(proprio[:, 4], 2), 2),
+        Target("gripper x, y", "mm", 1000 * proprio[:, 1:3]),
+        Target("gripper z", "mm", 1000 * proprio[:, 3:4]),
+        Target("gripper yaw", "deg", _circle(proprio[:, 4], 2), 2),
     ]
     if poses is None:
         return targets
@@ -145,7 +145,7 @@ def readings(
 
 @torch.no_grad()
 def raw_inputs(network: LatentNetwork, frames: Frames) -> np.ndarray:
-    """The networks' own inputs, shrunken and flattened, shape (F, 1084): 4 x 16 x 16 pixels, 9 wrenches, the hand.
+    """The networks' own inputs, shrunken and flattened, shape (F, 1084): 4 x 16 x 16 pixels, 9 wrenches, the gripper.
 
     The wrenches are the means of eight readings each, and the last reading.
     """

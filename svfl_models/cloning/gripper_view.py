@@ -1,9 +1,10 @@
-"""The camera's picture with the hand in its middle: what a policy sees is where things are from the hand.
+"""The camera's picture with the gripper in its middle: what a policy sees is where things are from the gripper.
 
-Actions are displacements of the hand, so a scene that is shifted together with the hand asks for the same action, and a
-scene that is turned about the hand for the turned one. A picture of the whole table leaves a policy to find the hand
-in it first; one around the hand has both symmetries in its frame. The middle is the point of the table below the TCP,
-projected through the camera's calibration, so what lies under the hand is in the middle at whatever height.
+Actions are displacements of the gripper, so a scene that is shifted together with the gripper asks for the same action,
+and a scene that is turned about the gripper for the turned one. A picture of the whole table leaves a policy to find
+the gripper in it first; one around the gripper has both symmetries in its frame. The middle is the point of the table
+below the TCP, projected through the camera's calibration, so what lies under the gripper is in the middle at whatever
+height.
 
 The paper crops about the middle of the workspace; `docs/cloning.md` has both.
 """

@@ -13,7 +13,7 @@ Moves = Iterator[NDArray[np.float32]]
 
 RAMP = (
     1 / 3
-)  # of full speed that is gained or lost per step: 3.3 m/s^2, which the hand's inertia shows as a few newtons
+)  # of full speed that is gained or lost per step: 3.3 m/s^2, which the gripper's inertia shows as a few newtons
 JITTER = np.array([0.0008, 0.0008, 0.0008, 0.012])  # [m], [rad] of a step at noise 1, standard deviation
 LOOSE = np.array([0.008, 0.008, 0.010, 0.08])  # [m], [rad] of a loose waypoint at noise 1, standard deviation
 SLOWEST = 0.75  # of full speed, of the slowest episodes at noise 1
@@ -37,7 +37,7 @@ class Lasting:
 
 
 def nearest_turn(theta: float, period: float, near: float = 0.0) -> float:
-    """The angle nearest to `near` that equals `theta` up to multiples of `period` and that the hand can turn to.
+    """The angle nearest to `near` that equals `theta` up to multiples of `period` and that the gripper can turn to.
 
     Args:
         theta: Wanted yaw, [rad].
@@ -48,21 +48,21 @@ def nearest_turn(theta: float, period: float, near: float = 0.0) -> float:
     return turned if abs(turned) <= math.pi / 2 else turned - math.copysign(period, turned)
 
 
-class Hand:
-    """Moves the commanded pose of a world's hand, with a soft start and stop.
+class Gripper:
+    """Moves the commanded pose of a world's gripper, with a soft start and stop.
 
     Every movement is a generator of actions, to be used with ``yield from``. It may look at the true state between two
     actions.
 
     Attributes:
-        world: The world whose hand it is.
+        world: The world whose gripper it is.
         rng: Source of the variety.
         noise: How much demonstrations differ: 0 not at all, 1 as expert_action, more at your own risk.
         opening: Gripper opening that goes with every action, 0 closed to 1 open.
     """
 
     def __init__(self, world: World, rng: np.random.Generator, noise: float = 1.0, opening: float = 1.0) -> None:
-        """Take a hand, at rest.
+        """Take a gripper, at rest.
 
         Args:
             world: The world.
@@ -98,8 +98,8 @@ class Hand:
             until: Ends the movement early; asked before every action.
 
         Yields:
-            Actions. Gives up after twice the steps that a free hand takes, since a command cannot get far from a
-            blocked hand.
+            Actions. Gives up after twice the steps that a free gripper takes, since a command cannot get far from a
+            blocked gripper.
         """
         given = [x, y, z, theta]
         goal = np.array([t if g is None else g for g, t in zip(given, self.world.target, strict=True)])
@@ -136,7 +136,7 @@ class Hand:
 
         Args:
             opening: Gripper opening from now on, 0 closed to 1 open.
-            steps: How long the hand rests meanwhile; full travel takes 4.
+            steps: How long the gripper rests meanwhile; full travel takes 4.
             until: Ends the wait early, when it holds after two steps in a row: fingers may touch and part again.
         """
         self.opening = opening
