@@ -20,8 +20,8 @@ test: env lint  ## ruff, mypy and the whole test suite
 quick: env  ## the tests without the slow ones: under two minutes on two idle cores
 	$(BIN)/python -m pytest -n 2 -m "not slow"
 
-test-cpus: env  ## the quick tests as other processors would run them (tests/cpu_settings.py)
-	$(BIN)/python -m tests.cpu_settings -n 2 -m "not slow"
+test-cpus: env  ## the quick tests as other processors would run them (tests/helpers/cpu_settings.py)
+	$(BIN)/python -m tests.helpers.cpu_settings -n 2 -m "not slow"
 
 bench: env data/centering data/block_picking  ## every benchmark; figures for docs/benchmarks.md
 	$(BIN)/python benchmarks/collect.py

@@ -157,3 +157,9 @@ def test_the_page_shows_rooms_arrows_and_ways_as_they_are():
     text = PAGE.read_text()
     assert all(f"<!-- {name} -->" in text for name in generated())
     assert page(text) == text, "run: python docs/architecture.py --write"
+
+
+def test_no_test_module_imports_another():
+    """What two of them share lies in tests/helpers."""
+    for file in (ROOT / "tests").rglob("*.py"):
+        assert not [name for name in modules(file) if name.startswith("tests.") and ".test_" in name], file

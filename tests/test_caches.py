@@ -13,7 +13,7 @@ import pytest
 from collectors.simulation.compiled import compiled
 from svfl_data.system.cache_folder import VARIABLE
 from svfl_data.system.library_caches import FOLDERS, confine_caches
-from tests.command_lines import COMMANDS, commands_of, make_data
+from tests.helpers.command_lines import COMMANDS, commands_of, make_data
 
 pytestmark = pytest.mark.slow
 

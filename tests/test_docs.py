@@ -13,7 +13,7 @@ from svfl_data.cli import main
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.schema.fields import markdown_table
 from svfl_data.storage.store import read_episode, write_episode
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "Makefile", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from svfl_data.system.extras import EXTRAS
-from tests.base_only import OURS, PROJECT, base, distribution
-from tests.command_lines import COMMANDS, commands_of, make_data
+from tests.helpers.base_only import OURS, PROJECT, base, distribution
+from tests.helpers.command_lines import COMMANDS, commands_of, make_data
 
 pytestmark = pytest.mark.slow
 
@@ -24,7 +24,7 @@ WITHOUT_EXTRAS = {"svfl-data": {"plot", "topdown", "view", "card"}, "svfl-train"
 
 IMPORT_ALL = """
 import importlib, json, sys
-from tests.base_only import hide
+from tests.helpers.base_only import hide
 hide()
 said = {}
 for module in json.loads(sys.stdin.read()):
@@ -38,7 +38,7 @@ print(json.dumps(said))
 RUN_ALL = """
 import io, json, sys
 from contextlib import redirect_stderr, redirect_stdout
-from tests.base_only import hide
+from tests.helpers.base_only import hide
 hide()
 from collectors import cli as collect
 from svfl_data import cli as data
@@ -126,7 +126,7 @@ def imported(file: Path) -> set[str]:
 @pytest.mark.parametrize("asking", ["import torch", "import importlib.util; importlib.util.find_spec('torch')"])
 def test_other_libraries_find_out_for_themselves_what_there_is(asking):
     script = f"""
-from tests.base_only import hide
+from tests.helpers.base_only import hide
 hide()
 import svfl_data
 try:

@@ -30,7 +30,7 @@ from svfl_models.experiments.figures import panels
 from svfl_models.experiments import error_analysis
 from svfl_models.latent.evaluation.pages import sample_figures
 from svfl_models.training.figures import save
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 out = Path(sys.argv[1])
 plot.save(make_episode(), out / "episode.png")

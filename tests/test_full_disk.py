@@ -43,10 +43,10 @@ from svfl_models.latent.train import train_latent
 from svfl_models.programs import exported_policy
 from svfl_models.training import progress, run_folder, writing
 from svfl_models.training.checkpoint_plugin import WholeCheckpoints
-from tests.builders import make_episode
-from tests.data.replay_episodes import agent_buffer
-from tests.models.demonstrations import demonstrations
-from tests.models.latent.small import SIZES, lifting, written
+from tests.helpers.builders import make_episode
+from tests.helpers.demonstrations import demonstrations
+from tests.helpers.latent_small import SIZES, lifting, written
+from tests.helpers.replay_episodes import agent_buffer
 
 ROOT = Path(__file__).parents[1]
 BEFORE = b"what was there before"

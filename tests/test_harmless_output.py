@@ -19,9 +19,9 @@ from svfl_data.system import command_line
 from svfl_data.system.printable import ESCAPED, markdown, printable, say
 from svfl_data.viewer import show
 from svfl_data.viewer.episode_source import EpisodeSource
-from tests.builders import make_episode
-from tests.command_lines import data_commands
-from tests.test_output_errors import EACH, refused  # noqa: F401 - a fixture
+from tests.helpers.builders import make_episode
+from tests.helpers.command_lines import data_commands
+from tests.helpers.refusals import EACH, refused  # noqa: F401 - a fixture
 
 pytestmark = pytest.mark.slow
 

@@ -5,46 +5,17 @@ import functools
 import os
 import subprocess
 import sys
-from argparse import _SubParsersAction
 from pathlib import Path
 
 import pytest
 
-from collectors.cli import build_parser as collect
-from svfl_data.cli import build_parser as data
-from svfl_data.system import command_line
 from svfl_data.system.refused import POSSIBLE, refusal
-from svfl_models.cli import build_parser as train
-from tests.command_lines import COMMANDS, commands_of, data_commands, make_data
+from tests.helpers.command_lines import data_commands, make_data
+from tests.helpers.refusals import EACH
 
 ROOT = Path(__file__).parents[1]
-PARSERS = {"svfl-data": data, "svfl-train": train, "svfl-collect": collect}
 REFUSED = sorted({*POSSIBLE, errno.ENOENT, errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTEMPTY})
-EACH = [(program, command) for program in COMMANDS for command in sorted(commands_of(program))]
 PROGRAM = "import sys; from svfl_data.cli import main; sys.exit(main())"
-
-
-def command_parser(program, command):
-    """A program's command line and the part of it that is a command's."""
-    root = PARSERS[program]()
-    (commands,) = (action for action in root._actions if isinstance(action, _SubParsersAction))
-    return root, commands.choices[command]
-
-
-@pytest.fixture
-def refused(monkeypatch, tmp_path, capsys):
-    """Run a command whose work raises an error; gives exit code and standard error."""
-
-    def run(program, command, error):
-        root, parser = command_parser(program, command)
-
-        def work(_):
-            raise error
-
-        parser.set_defaults(command=work)
-        return command_line.main(root, COMMANDS[program](tmp_path / "data", tmp_path)[command]), capsys.readouterr().err
-
-    return run
 
 
 @pytest.mark.parametrize(("program", "command"), EACH)

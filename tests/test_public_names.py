@@ -16,7 +16,7 @@ import svfl_data
 import svfl_models
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.storage.store import write_episode
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = {package.__name__: package for package in (svfl_data, svfl_models, collectors)}

@@ -12,7 +12,7 @@ from collectors.simulation import CameraConfig, WorldConfig
 from collectors.sources.expert import ExpertCollector
 from svfl_data.errors import CollectError
 from svfl_data.schema.episode import Episode
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 SMALL = WorldConfig(cameras={"front": CameraConfig(height=16, width=16)})
 

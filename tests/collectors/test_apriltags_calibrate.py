@@ -19,8 +19,8 @@ from collectors.simulation.camera import CAMERAS, calibration
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError, DatasetError, FormatError, UsageError
 from svfl_data.storage.store import write_episode
-from tests.builders import make_episode
-from tests.collectors.apriltag_scenes import COLUMNS, ROWS, SIZE_MM, board_picture, camera
+from tests.helpers.apriltag_scenes import COLUMNS, ROWS, SIZE_MM, board_picture, camera
+from tests.helpers.builders import make_episode
 
 TRUE = camera((0.95, 0.15, 0.55), fov_deg=40.0)
 BOARD = Layout.grid(COLUMNS, ROWS, 1e-3 * SIZE_MM, 1e-3 * cell_mm("tag36h11", SIZE_MM))

@@ -19,7 +19,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError, UsageError
 from svfl_data.storage.store import episode_bytes
 from tests.collectors.conftest import SMALL
-from tests.collectors.test_collect_command import collect
+from tests.helpers.collecting import collect
 
 pytestmark = pytest.mark.slow
 

@@ -31,8 +31,8 @@ from svfl_models.networks.squashed_gaussian import SCALE
 from svfl_models.programs import exported_policy
 from svfl_models.symmetry.layers import SymmetricConv
 from svfl_models.training import run_folder
-from tests.models.synthetic import centering_samples
-from tests.models.trained import untrained, write
+from tests.helpers.synthetic import centering_samples
+from tests.helpers.trained import untrained, write
 
 pytestmark = pytest.mark.slow
 

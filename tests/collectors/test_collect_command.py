@@ -5,7 +5,6 @@ import resource
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -13,24 +12,13 @@ from pathlib import Path
 import pytest
 
 from svfl_data.datasets.dataset import Dataset
-from tests.patience import PATIENCE
+from tests.helpers.collecting import collect, command, contents
+from tests.helpers.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = 24  # a second's work for two workers: long enough to be stopped in the middle
-
-
-def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-c", "from collectors.cli import main; raise SystemExit(main())", *map(str, arguments)]
-
-
-def collect(*arguments: object, **kwargs) -> subprocess.CompletedProcess:
-    return subprocess.run(command(*arguments), cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, **kwargs)
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
 
 
 @pytest.fixture(scope="module")

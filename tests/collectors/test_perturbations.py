@@ -12,7 +12,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.sampling.samples import ACTION, Samples
 from svfl_data.storage.store import episode_bytes, write_episode
 from tests.collectors.conftest import SMALL
-from tests.collectors.test_collect_command import collect
+from tests.helpers.collecting import collect
 
 BOUND = np.array([0.025, 0.025, 0.025, np.pi / 16])
 

@@ -16,7 +16,7 @@ from svfl_data.schema.robot import Frame, Observation
 from svfl_data.storage.store import episode_bytes
 from svfl_models.programs.exported_policy import load, save
 from tests.collectors.conftest import SMALL, contents
-from tests.collectors.test_collect_command import collect
+from tests.helpers.collecting import collect
 
 pytestmark = pytest.mark.slow
 

@@ -19,7 +19,7 @@ from collectors.sources.expert import ExpertCollector
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError
 from tests.collectors.conftest import SMALL, Made, contents
-from tests.patience import PATIENCE
+from tests.helpers.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
 

@@ -23,8 +23,8 @@ from collectors.teleop.window import Window
 from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
 from tests.collectors.conftest import SMALL
-from tests.collectors.test_collect_command import command
-from tests.collectors.typist import wait_for
+from tests.helpers.collecting import command
+from tests.helpers.typist import wait_for
 
 pytestmark = pytest.mark.slow
 

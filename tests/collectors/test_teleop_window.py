@@ -18,9 +18,9 @@ from collectors.teleop.session import ATTEMPT, Session, Teleoperation
 from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
 from tests.collectors.conftest import SMALL
-from tests.collectors.test_collect_command import command
-from tests.collectors.typist import PACE, Typist, display, needs_display, wait_for
-from tests.patience import PATIENCE
+from tests.helpers.collecting import command
+from tests.helpers.patience import PATIENCE
+from tests.helpers.typist import PACE, Typist, display, needs_display, wait_for
 
 pytestmark = pytest.mark.slow
 

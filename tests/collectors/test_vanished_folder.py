@@ -14,10 +14,10 @@ from svfl_data.maintenance.repair import repair_dataset
 from svfl_data.recording.index_locks import NEXT
 from svfl_data.recording.writer import EpisodeWriter
 from svfl_data.storage.store import episode_bytes
-from tests.builders import make_episode
-from tests.collectors.test_collect_command import command
-from tests.collectors.typist import wait_for
-from tests.data.test_writer import append_all, constants_of
+from tests.helpers.builders import make_episode
+from tests.helpers.collecting import command
+from tests.helpers.recording import append_all, constants_of
+from tests.helpers.typist import wait_for
 
 
 def renamed(folder: Path) -> None:

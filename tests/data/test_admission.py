@@ -26,7 +26,7 @@ from svfl_data.storage.header import forget, header, know_own
 from svfl_data.storage.reader import EpisodeReader, read_episode, read_unsealed
 from svfl_data.storage.seal import SEAL_SIZE, seal
 from svfl_data.storage.store import episode_bytes, write_episode
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 SECRET = b"root:x:0:0:a line of the password file\n"
 MIB = 2**20

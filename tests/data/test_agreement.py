@@ -20,7 +20,7 @@ from svfl_data.sampling.samples import Samples
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.schema.fields import field_at
 from svfl_data.storage.store import write_episode
-from tests.builders import episode_arrays, make_episode
+from tests.helpers.builders import episode_arrays, make_episode
 
 POSE = "cameras/front/T_base_camera"
 

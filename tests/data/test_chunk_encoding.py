@@ -15,7 +15,7 @@ from svfl_data.storage import store
 from svfl_data.storage.chunk_encoding import LARGE, Encoding, stored
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.storage.store import episode_bytes, write_sealed
-from tests.builders import episode_arrays, make_episode
+from tests.helpers.builders import episode_arrays, make_episode
 
 KINDS = ["u1", "u2", "i2", "i4", "f4", "f8", "i8", "c8", "S3", "?"]
 

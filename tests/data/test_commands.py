@@ -14,7 +14,7 @@ from svfl_data.schema.episode import Episode, Meta
 from svfl_data.signals.contact import ContactRule, contact_annotations
 from svfl_data.signals.transforms import processed_wrench
 from svfl_data.storage.store import read_episode, write_episode
-from tests.builders import episode_arrays
+from tests.helpers.builders import episode_arrays
 
 NAMES = (
     "info", "view", "plot", "validate", "repair", "relabel", "filter", "merge", "split", "stats", "pack", "unpack",

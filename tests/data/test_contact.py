@@ -4,7 +4,7 @@ import pytest
 from svfl_data.errors import UsageError
 from svfl_data.schema.episode import Episode
 from svfl_data.signals.contact import ContactRule, contact_annotations, contact_intervals
-from tests.builders import episode_arrays, make_episode
+from tests.helpers.builders import episode_arrays, make_episode
 
 MS = 1_000_000
 SHARP = ContactRule(threshold_n=5.0, release_n=3.0, min_duration_s=0.0, cutoff_hz=0.0)

@@ -6,7 +6,7 @@ import pytest
 
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.storage.store import write_episode
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 
 @pytest.fixture

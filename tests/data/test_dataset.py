@@ -14,7 +14,7 @@ from svfl_data.sampling.split import train_test_split
 from svfl_data.sampling.windows import wrench_window
 from svfl_data.schema.episode import Episode
 from svfl_data.storage.store import write_episode
-from tests.builders import episode_arrays, make_episode
+from tests.helpers.builders import episode_arrays, make_episode
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.maintenance.pack import pack
 from svfl_data.sampling.split import split_episodes
 from svfl_data.storage.store import write_episode
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 COMMANDS = (
     ("info",), ("validate",), ("merge", "NEW"), ("filter", "NEW", "--success", "yes"), ("stats",), ("pack", "NEW"),

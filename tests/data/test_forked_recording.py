@@ -14,9 +14,9 @@ from svfl_data.errors import DatasetError, UsageError
 from svfl_data.maintenance.repair import repair_dataset
 from svfl_data.recording.writer import EpisodeWriter
 from svfl_data.storage.store import episode_bytes
-from tests.builders import make_episode
-from tests.data.test_reliability import in_child
-from tests.data.test_writer import append_all, start
+from tests.helpers.builders import make_episode
+from tests.helpers.child import in_child
+from tests.helpers.recording import append_all, start
 
 REFUSED, OTHER = 7, 8
 

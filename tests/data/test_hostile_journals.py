@@ -17,8 +17,8 @@ from svfl_data.recording.index_locks import NEXT
 from svfl_data.recording.journal import HEADER, MAGIC, read_journal
 from svfl_data.recording.writer import EpisodeWriter
 from svfl_data.storage.store import read_episode
-from tests.builders import make_episode
-from tests.data.test_writer import append_all, constants_of
+from tests.helpers.builders import make_episode
+from tests.helpers.recording import append_all, constants_of
 
 
 def record(label: object, content: bytes = b"") -> bytes:

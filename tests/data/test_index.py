@@ -14,7 +14,7 @@ from svfl_data.datasets.index import INDEX, append_index, entries, summary
 from svfl_data.errors import StorageError
 from svfl_data.maintenance.pack import pack
 from svfl_data.storage.store import write_episode
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 
 @pytest.fixture

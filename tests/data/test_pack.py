@@ -17,7 +17,7 @@ from svfl_data.sampling.samples import Samples
 from svfl_data.sampling.split import load_split, split_episodes
 from svfl_data.sampling.statistics import compute_statistics, load_statistics, save_statistics
 from svfl_data.storage.store import write_episode
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 INDICES = [0, 1, 2, 5, 6, 9, 1_000_000]
 

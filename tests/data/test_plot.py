@@ -12,7 +12,7 @@ from svfl_data.reports.dataset_card import write_card
 from svfl_data.sampling.split import split_episodes
 from svfl_data.schema.episode import Episode
 from svfl_data.storage.store import write_episode
-from tests.builders import episode_arrays, make_episode
+from tests.helpers.builders import episode_arrays, make_episode
 
 CONTACT = {"name": "contact", "start_ns": 300_000_000, "end_ns": 350_000_000}
 

@@ -19,7 +19,7 @@ from svfl_data.storage.header import forget
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.storage.seal import seal
 from svfl_data.storage.store import episode_bytes, read_episode, write_episode
-from tests.builders import episode_arrays, make_episode
+from tests.helpers.builders import episode_arrays, make_episode
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ from svfl_data.maintenance.repair import repair_dataset
 from svfl_data.recording.index_locks import NEXT
 from svfl_data.recording.writer import EpisodeWriter
 from svfl_data.storage.store import episode_bytes, read_episode
-from tests.builders import episode_arrays, make_episode
-from tests.data.test_writer import append_all, constants_of, groups_of, start
+from tests.helpers.builders import episode_arrays, make_episode
+from tests.helpers.recording import append_all, constants_of, groups_of, start
 
 MS = 1_000_000
 

@@ -11,8 +11,8 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import StorageError
 from svfl_data.maintenance.repair import repair_dataset
 from svfl_data.storage.store import episode_bytes
-from tests.builders import make_episode
-from tests.data.test_writer import append_all, start
+from tests.helpers.builders import make_episode
+from tests.helpers.recording import append_all, start
 
 ERRORS = [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.ESTALE, errno.ENOLCK, errno.EIO]
 

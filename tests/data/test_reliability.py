@@ -31,9 +31,10 @@ from svfl_data.recording.writer import EpisodeWriter
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.storage.seal import SEAL_SIZE, seal
 from svfl_data.storage.store import episode_bytes, read_episode, write_episode
-from tests.builders import episode_arrays, make_episode
-from tests.data.test_writer import append_all, constants_of, start
-from tests.patience import PATIENCE
+from tests.helpers.builders import episode_arrays, make_episode
+from tests.helpers.child import in_child
+from tests.helpers.patience import PATIENCE
+from tests.helpers.recording import append_all, constants_of, start
 
 pytestmark = pytest.mark.slow
 
@@ -49,18 +50,6 @@ CUTS = 1000 if CAMPAIGN else 30
 def report(title: str, counts: dict) -> None:
     if CAMPAIGN:
         print(f"\n{title}: {', '.join(f'{count} {what}' for what, count in sorted(counts.items()))}")
-
-
-def in_child(work) -> int:
-    """Run in a process of its own; its exit code, negative for the signal that ended it."""
-    child = os.fork()
-    if child == 0:
-        code = 99
-        try:
-            code = work()
-        finally:
-            os._exit(code)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
 @pytest.fixture

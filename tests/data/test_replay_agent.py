@@ -11,7 +11,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, UsageError
 from svfl_data.replay import ReplayBuffer, ReplayConfig
 from svfl_data.replay.episode_builder import unseen
-from tests.data.replay_episodes import live_through, make_demo, observation, small, spec_of, store
+from tests.helpers.replay_episodes import live_through, make_demo, observation, small, spec_of, store
 
 
 def moved(up: float) -> np.ndarray:

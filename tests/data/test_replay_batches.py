@@ -10,9 +10,9 @@ from svfl_data.replay.batches import PARTS
 from svfl_data.replay.stored_episode import StoredEpisode
 from svfl_data.sampling.windows import wrench_window
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act, act_on_image, dihedral
-from tests.data.replay_episodes import agent_buffer, live_through, make_demo, small, store
+from tests.helpers.lengths import LENGTHS
+from tests.helpers.replay_episodes import agent_buffer, live_through, make_demo, small, store
 
-LENGTHS = (4, 7, 1, 5)
 D4 = dihedral(4)
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from svfl_data.errors import DatasetError, UsageError
 from svfl_data.replay import ReplayBuffer
-from tests.data.replay_episodes import agent_buffer, live_through, make_demo, small, spec_of, store
+from tests.helpers.replay_episodes import agent_buffer, live_through, make_demo, small, spec_of, store
 
 
 def counts(buffer: ReplayBuffer, draws: int) -> np.ndarray:

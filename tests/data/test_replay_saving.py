@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from svfl_data.errors import FormatError, StorageError
 from svfl_data.replay import ReplayBuffer
-from tests.data.replay_episodes import agent_buffer, live_through, make_demo, small, store
+from tests.helpers.replay_episodes import agent_buffer, live_through, make_demo, small, store
 
 
 def used(**settings) -> ReplayBuffer:

@@ -8,8 +8,8 @@ from svfl_data.replay.batches import PARTS
 from svfl_data.replay.symmetry_augmentation import SymmetryAugmentation, between, seen
 from svfl_data.sampling.samples import Samples
 from svfl_data.symmetry import act, act_on_image, dihedral, element
-from tests.data.replay_episodes import agent_buffer, live_through, make_demo, small, store
-from tests.data.test_replay_batches import LENGTHS
+from tests.helpers.lengths import LENGTHS
+from tests.helpers.replay_episodes import agent_buffer, live_through, make_demo, small, store
 
 K = 3
 NAMES = ("wrench", "proprio", "next_wrench", "next_proprio", "action")

@@ -13,7 +13,7 @@ from svfl_data.sampling.samples import Samples
 from svfl_data.sampling.windows import wrench_window
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.storage.store import write_episode
-from tests.builders import episode_arrays, make_episode
+from tests.helpers.builders import episode_arrays, make_episode
 
 MS = 1_000_000
 

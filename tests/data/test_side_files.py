@@ -21,7 +21,7 @@ from svfl_data.storage.metadata import JSON_ATTRIBUTES, checked_meta, parse_meta
 from svfl_data.storage.seal import seal
 from svfl_data.storage.store import resealed_bytes, write_episode
 from svfl_data.system.side_files import BITS_LIMIT, DEPTH_LIMIT, parse_json, plain
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 LEAVES = st.one_of(
     st.none(), st.booleans(), st.integers(-(2**200), 2**200), st.floats(), st.text(max_size=8),

@@ -10,7 +10,7 @@ import time
 import pytest
 
 from svfl_data.system import command_line
-from tests.patience import PATIENCE
+from tests.helpers.patience import PATIENCE
 
 COMMAND = """
 import os, signal, subprocess, sys, time

@@ -22,7 +22,7 @@ from svfl_data.schema.episode import Episode
 from svfl_data.schema.fields import OF_EPISODE
 from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import ACTION_PARTS, WRENCH_PARTS, Part, act, dihedral
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 SHARES = {"train": 0.6, "valid": 0.2, "test": 0.2}
 

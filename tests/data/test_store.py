@@ -22,7 +22,7 @@ from svfl_data.schema.fields import CAMERA, FIELDS
 from svfl_data.storage.seal import seal
 from svfl_data.storage.store import episode_bytes, read_episode, write_episode
 from svfl_data.system.atomic_io import write_atomically
-from tests.builders import episode_arrays, make_episode
+from tests.helpers.builders import episode_arrays, make_episode
 
 
 def needs(path, name):
@@ -261,7 +261,7 @@ WRITER = """
 import sys
 from pathlib import Path
 from svfl_data.storage.store import write_episode
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 folder = Path(sys.argv[1])
 for index in range(100_000):
     write_episode(make_episode(index, steps=3), folder / f"episode_{index:06d}.hdf5")

@@ -13,7 +13,7 @@ import pytest
 from svfl_data.errors import FormatError
 from svfl_data.replay import ReplayBuffer
 from svfl_data.system.stored_zip import Stored, stored
-from tests.data.replay_episodes import agent_buffer
+from tests.helpers.replay_episodes import agent_buffer
 
 
 def archive(**members):

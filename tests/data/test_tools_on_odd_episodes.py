@@ -1,30 +1,15 @@
 """What is valid, however odd, every tool shows or refuses in one line; what is invalid, all refuse alike."""
 
-import os
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from svfl_data.datasets.dataset import Dataset
-from svfl_data.schema.episode import Meta
-from svfl_data.storage.store import write_sealed
-from tests.builders import episode_arrays
-from tests.data.spoiled import INVALID, put, without
+from tests.helpers.builders import episode_arrays
+from tests.helpers.sealed import META, dataset_of
+from tests.helpers.spoiled import INVALID, put, without
 
 CAMERA = "cameras/front"
-META = Meta("centering", 0, 0, "expert", True)
-
-
-def dataset_of(folder, arrays, meta=META):
-    """A dataset of one episode that is sealed whatever it holds, as another program would."""
-    dataset = Dataset.create_or_resume(folder, "centering", 0, {})
-    descriptor = os.open(dataset.episode_path(0), os.O_RDWR | os.O_CREAT)
-    try:
-        write_sealed(descriptor, meta, arrays)
-    finally:
-        os.close(descriptor)
-    return folder
 
 
 def rows(count, *groups):

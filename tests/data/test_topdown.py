@@ -14,7 +14,7 @@ from svfl_data.signals.top_view import EYE_M, TopView
 from svfl_data.signals.topdown import topdown, topdown_frame
 from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import act_on_image, dihedral
-from tests.builders import IMAGE_AXES, episode_arrays, make_episode
+from tests.helpers.builders import IMAGE_AXES, episode_arrays, make_episode
 
 WORKSPACE = np.array([[0.35, 0.75], [-0.2, 0.2], [-0.01, 0.25]])
 CENTRE = np.array([0.55, 0.0])

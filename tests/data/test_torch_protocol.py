@@ -11,7 +11,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.sampling.samples import Samples
 from svfl_data.sampling.torch_samples import TorchSamples
 from svfl_data.storage.store import write_episode
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import pytest
 from svfl_data.errors import FormatError, UsageError
 from svfl_data.schema.episode import Episode
 from svfl_data.signals.transforms import GRAVITY, Gravity, LowPass, Tare, as_record, from_record, processed_wrench
-from tests.builders import episode_arrays, make_episode
+from tests.helpers.builders import episode_arrays, make_episode
 
 OFFSET = (1.0, 2.0, 3.0, 0.1, 0.2, 0.3)
 

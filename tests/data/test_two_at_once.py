@@ -14,7 +14,7 @@ from svfl_data.maintenance.relabel import relabel, relabel_file, with_annotation
 from svfl_data.storage.store import write_episode
 from svfl_data.system.atomic_io import write_atomically, written_aside
 from svfl_data.system.leftovers import clear_files, clear_folders, folder_aside
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 FORK = multiprocessing.get_context("fork")
 

@@ -10,8 +10,8 @@ from svfl_data.checks import check_dataset, check_episode, check_file
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.storage.store import write_episode
-from tests.builders import episode_arrays, make_episode
-from tests.data.spoiled import (
+from tests.helpers.builders import episode_arrays, make_episode
+from tests.helpers.spoiled import (
     COLOR,
     DEPTH,
     FRAMES,

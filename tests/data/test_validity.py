@@ -13,9 +13,9 @@ from svfl_data.schema.episode import Camera, Episode, Meta
 from svfl_data.schema.fields import FIELDS, field_at
 from svfl_data.schema.validity import faults
 from svfl_data.storage.reader import EpisodeReader
-from tests.builders import make_episode
-from tests.data.spoiled import INVALID, fresh
-from tests.data.test_tools_on_odd_episodes import META, dataset_of
+from tests.helpers.builders import make_episode
+from tests.helpers.sealed import META, dataset_of
+from tests.helpers.spoiled import INVALID, fresh
 
 EVERY = pytest.mark.parametrize(("spoil", "field", "words"), INVALID.values(), ids=INVALID)
 

@@ -19,7 +19,8 @@ from svfl_data.viewer import plots, recording, scene, show
 from svfl_data.viewer.blueprint import axis_range
 from svfl_data.viewer.episode_source import EpisodeSource
 from svfl_data.viewer.summary_text import summary_text
-from tests.builders import episode_arrays, make_episode
+from tests.helpers.builders import episode_arrays, make_episode
+from tests.helpers.rerun_files import encoded, entities, logged
 
 RERUN = Path(sys.executable).parent / "rerun"
 
@@ -43,28 +44,6 @@ def save(episode, path, root=""):
 
 def without(episode, *paths):
     return Episode(episode.meta, {path: array for path, array in episode.arrays.items() if path not in paths})
-
-
-def entities(path):
-    return {chunk.entity_path for chunk in RrdReader(path).stream().to_chunks()}
-
-
-def logged(path, entity, component, timed=True):
-    """Rows of one component and their times, as written in the file."""
-    for chunk in RrdReader(path).stream().to_chunks():
-        batch = chunk.to_record_batch()
-        if chunk.entity_path == f"/{entity}" and component in batch.schema.names and chunk.is_static != timed:
-            rows = batch.column(component).to_pylist()
-            return (batch.column("time").cast("int64").to_numpy(), np.array(rows)) if timed else rows[0]
-    raise AssertionError(f"{entity} has no {component}")
-
-
-def encoded(path, entity, component):
-    for chunk in RrdReader(path).stream().to_chunks():
-        batch = chunk.to_record_batch()
-        if chunk.entity_path == f"/{entity}" and component in batch.schema.names and not chunk.is_static:
-            return [bytes(row[0]) for row in batch.column(component).to_pylist()]
-    raise AssertionError(f"{entity} has no {component}")
 
 
 @pytest.fixture(scope="module")

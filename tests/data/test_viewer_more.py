@@ -22,9 +22,9 @@ from svfl_data.viewer import compare, predictions, show
 from svfl_data.viewer.episode_source import EpisodeSource
 from svfl_data.viewer.live import GAP_NS, Live
 from svfl_data.viewer.predictions import Prediction
-from tests.builders import make_episode
-from tests.data.test_viewer import entities, logged
-from tests.patience import PATIENCE
+from tests.helpers.builders import make_episode
+from tests.helpers.patience import PATIENCE
+from tests.helpers.rerun_files import entities, logged
 
 pytestmark = pytest.mark.slow
 

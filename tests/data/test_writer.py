@@ -15,9 +15,10 @@ from svfl_data.recording.growth import grows
 from svfl_data.recording.index_locks import NEXT
 from svfl_data.recording.writer import EpisodeWriter
 from svfl_data.schema.episode import Episode
-from svfl_data.schema.fields import FIELDS, field_at
+from svfl_data.schema.fields import FIELDS
 from svfl_data.storage.store import episode_bytes, read_episode
-from tests.builders import episode_arrays, make_episode
+from tests.helpers.builders import episode_arrays, make_episode
+from tests.helpers.recording import append_all, constants_of, groups_of, start
 
 RATES = {"streams/wrench": 500, "cameras/front": 20}
 
@@ -25,38 +26,6 @@ RATES = {"streams/wrench": 500, "cameras/front": 20}
 @pytest.fixture
 def dataset(tmp_path) -> Dataset:
     return Dataset.create_or_resume(tmp_path / "recorded", "centering", 0, {})
-
-
-def constants_of(arrays):
-    return {path: array for path, array in arrays.items() if (field := field_at(path)) and not grows(field)}
-
-
-def groups_of(arrays):
-    groups: dict[str, dict[str, np.ndarray]] = {}
-    for path, array in arrays.items():
-        field = field_at(path)
-        if field is None or grows(field):
-            group, _, name = path.rpartition("/")
-            groups.setdefault(group, {})[name] = array
-    return groups
-
-
-def append_all(writer, arrays, pieces=3, rng=None):
-    """Append every group in pieces of random sizes, the groups taking turns as they do on a robot."""
-    rng = rng or np.random.default_rng(0)
-    for piece in range(pieces):
-        for group, columns in groups_of(arrays).items():
-            rows = len(next(iter(columns.values())))
-            cuts = np.sort(np.random.default_rng([rows, pieces]).integers(0, rows + 1, pieces - 1))
-            start, stop = np.concatenate([[0], cuts, [rows]])[piece : piece + 2]
-            writer.append(group, **{name: array[start:stop] for name, array in columns.items()})
-        if rng.random() < 0.5:
-            writer.flush()
-
-
-def start(dataset, episode=None, **kwargs):
-    episode = episode or make_episode()
-    return EpisodeWriter(dataset, replace(episode.meta, index=NEXT), constants_of(episode.arrays), **kwargs)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 
 from svfl_data.recording.journal import HEADER, MAGIC
-from tests.builders import episode_arrays
+from tests.helpers.builders import episode_arrays
 from tests.hostile.json_attributes import HIDDEN
 from tests.hostile.kind import add, outside
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from unittest import mock
 
 from svfl_data.cli import main
-from tests.models.demonstrations import demonstrations
+from tests.helpers.demonstrations import demonstrations
 
 EPISODES = 10
 

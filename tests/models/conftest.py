@@ -2,7 +2,7 @@ import pytest
 import torch
 
 import svfl_models.symmetry.planar_escnn  # noqa: F401 - before any test imports escnn itself
-from tests.models.synthetic import centering_samples, gripper_states
+from tests.helpers.synthetic import centering_samples, gripper_states
 
 
 @pytest.fixture(autouse=True)

@@ -18,7 +18,7 @@ from svfl_models.symmetry.actions import (
     augment,
 )
 from svfl_models.symmetry.groups import GROUPS
-from tests.models.lifetime import SYMMETRIC, named
+from tests.helpers.lifetime import SYMMETRIC, named
 
 laws = settings(max_examples=40, deadline=None)
 every_group = pytest.mark.parametrize("group", SYMMETRIC, ids=named)

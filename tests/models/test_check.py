@@ -17,8 +17,8 @@ from svfl_models.centering.check import EXACT, PRECISIONS, check, expect_symmetr
 from svfl_models.centering.compatibility import expect_fit
 from svfl_models.commands import check as command
 from svfl_models.symmetry.groups import GROUPS
-from tests.builders import make_episode
-from tests.models.trained import untrained, write
+from tests.helpers.builders import make_episode
+from tests.helpers.trained import untrained, write
 
 
 def checked(samples, precision="32", elements=None, **choices):

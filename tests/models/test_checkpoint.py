@@ -11,7 +11,7 @@ from svfl_models.centering.checkpoint import configuration, load_classifier
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.data import CenteringData
 from svfl_models.centering.module import CenteringModule
-from tests.models.trained import contents, untrained, write
+from tests.helpers.trained import contents, untrained, write
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from svfl_models.cloning.loss import action_error
 from svfl_models.cloning.metrics import COLUMNS, MetricsFile
 from svfl_models.networks.squashed_gaussian import CENTRE, SCALE, SquashedGaussian, to_physical
 from svfl_models.training import run_folder
-from tests.models.demonstrations import demonstrations
+from tests.helpers.demonstrations import demonstrations
 
 pytestmark = pytest.mark.slow
 

@@ -17,8 +17,8 @@ from svfl_models.cloning.data import CloningData
 from svfl_models.cloning.deployment_spec import deployment_of
 from svfl_models.cloning.gripper_view import JITTER
 from svfl_models.networks.policy import Policy
-from tests.builders import IMAGE_AXES
-from tests.models.demonstrations import demonstration, demonstrations, write
+from tests.helpers.builders import IMAGE_AXES
+from tests.helpers.demonstrations import demonstration, demonstrations, write
 
 CONFIG = CloningConfig(data="", episodes=6, preset="tiny", view="camera", image_size=8, valid=1 / 3)
 

@@ -20,10 +20,10 @@ from svfl_models.experiments.cloning_table import Rate
 from svfl_models.experiments.runs.folder import held
 from svfl_models.experiments.runs.grid import Grid
 from svfl_models.training import run_folder
-from tests.models.demonstrations import demonstrations
-from tests.models.pretend import is_running
-from tests.models.pretend_cloning import SUCCESS, Diverging, Endless, Quick
-from tests.patience import PATIENCE
+from tests.helpers.demonstrations import demonstrations
+from tests.helpers.patience import PATIENCE
+from tests.helpers.pretend import is_running
+from tests.helpers.pretend_cloning import SUCCESS, Diverging, Endless, Quick
 
 pytestmark = pytest.mark.slow
 

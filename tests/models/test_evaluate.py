@@ -21,8 +21,8 @@ from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.evaluate import Evaluation, environment_of, evaluate
 from svfl_models.training import run_folder
-from tests.builders import IMAGE_AXES
-from tests.models.demonstrations import demonstrations
+from tests.helpers.builders import IMAGE_AXES
+from tests.helpers.demonstrations import demonstrations
 
 pytestmark = pytest.mark.slow
 

@@ -22,9 +22,9 @@ from svfl_models.experiments.results import Cell, Mean, Results, Run
 from svfl_models.experiments.runs.progress_bar import Bar
 from svfl_models.experiments.runs.training import Training
 from svfl_models.latent.config import MODELS
-from tests.builders import make_episode
-from tests.models import pretend
-from tests.models.pretrained import write_latent
+from tests.helpers import pretend
+from tests.helpers.builders import make_episode
+from tests.helpers.pretrained import write_latent
 
 pytestmark = pytest.mark.slow
 

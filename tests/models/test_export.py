@@ -33,8 +33,8 @@ from svfl_models.symmetry.actions import act_on_hidden
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.symmetry.layers import SymmetricConv, SymmetricLinear
 from svfl_models.symmetry.testing import assert_equivariant, equivariance_error
-from tests.builders import make_episode
-from tests.models.trained import untrained, write
+from tests.helpers.builders import make_episode
+from tests.helpers.trained import untrained, write
 
 pytestmark = pytest.mark.slow
 

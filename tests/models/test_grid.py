@@ -18,9 +18,9 @@ from svfl_models.experiments.runs.grid import Grid
 from svfl_models.experiments.runs.progress_bar import Bar
 from svfl_models.experiments.runs.training import Training, run_name
 from svfl_models.experiments.runs.worker import devices
-from tests.models import pretend
-from tests.models.pretend import is_running
-from tests.patience import PATIENCE
+from tests.helpers import pretend
+from tests.helpers.patience import PATIENCE
+from tests.helpers.pretend import is_running
 
 pytestmark = pytest.mark.slow
 
@@ -31,7 +31,8 @@ import pathlib, sys
 from rich.console import Console
 from svfl_data.system import command_line
 from svfl_models.experiments.runs import grid
-from tests.models import pretend, test_grid
+from tests.models import test_grid
+from tests.helpers import pretend
 
 grid.devices = lambda: [None]  # torch takes seconds to import
 jobs = test_grid.jobs(pathlib.Path(sys.argv[1]), test_grid.runs(0, 1, 2), pretend.train_for_ever)

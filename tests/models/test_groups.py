@@ -4,7 +4,7 @@ import pytest
 from svfl_data.errors import TrainingError
 from svfl_data.symmetry import act_on_image
 from svfl_models.symmetry.groups import GROUPS, group_named
-from tests.models.lifetime import named
+from tests.helpers.lifetime import named
 
 every_group = pytest.mark.parametrize("group", GROUPS.values(), ids=named)
 

@@ -20,8 +20,8 @@ from svfl_data.storage.store import write_episode
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.data import CloningData
 from svfl_models.latent.recordings import load_recordings
-from tests.data.spoiled import INVALID, SPOILERS, black_image, drop_outs, fresh, saturation
-from tests.data.test_tools_on_odd_episodes import dataset_of
+from tests.helpers.sealed import dataset_of
+from tests.helpers.spoiled import INVALID, SPOILERS, black_image, drop_outs, fresh, saturation
 
 WRENCH, CAMERA, LABELS = "streams/wrench/", "cameras/front/", "labels/"
 

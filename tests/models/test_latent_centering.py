@@ -24,9 +24,9 @@ from svfl_models.latent.checkpoint import load_latent
 from svfl_models.latent.config import MODELS, plain
 from svfl_models.latent.recordings import load_recordings
 from svfl_models.networks.inputs import INPUTS
-from tests.models.latent.small import SIZES, lifting, written
-from tests.models.pretrained import STEPS, write_latent
-from tests.models.trained import untrained, write
+from tests.helpers.latent_small import SIZES, lifting, written
+from tests.helpers.pretrained import STEPS, write_latent
+from tests.helpers.trained import untrained, write
 
 pytestmark = pytest.mark.slow
 

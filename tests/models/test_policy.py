@@ -17,7 +17,7 @@ from svfl_models.symmetry.groups import GROUPS
 from svfl_models.symmetry.ordinary import plain
 from svfl_models.symmetry.testing import TOLERANCE, assert_equivariant
 from svfl_models.training.trainer import parameter_count
-from tests.models.lifetime import SYMMETRIC, assert_equivariant_for_life, named, take_a_step
+from tests.helpers.lifetime import SYMMETRIC, assert_equivariant_for_life, named, take_a_step
 
 D4 = GROUPS["D4"]
 FRONT, MIRRORED = [[0.0, 1.0], [-1.0, 0.0]], [[0.0, 1.0], [1.0, 0.0]]

@@ -19,7 +19,7 @@ from svfl_models.symmetry.representations import (
     stored,
     wrench_parts,
 )
-from tests.models.lifetime import SYMMETRIC, named
+from tests.helpers.lifetime import SYMMETRIC, named
 
 ALL_PARTS = {**PARTS, "policy": POLICY_PARTS}
 every_group = pytest.mark.parametrize("group", SYMMETRIC, ids=named)

@@ -24,9 +24,9 @@ from svfl_models.cloning.module import CloningModule
 from svfl_models.deployment import predictions
 from svfl_models.latent.checkpoint import load_latent
 from svfl_models.training.checkpoint_plugin import WholeCheckpoints
-from tests.models.pretrained import write_latent
-from tests.models.synthetic import centering_samples
-from tests.models.trained import contents, untrained
+from tests.helpers.pretrained import write_latent
+from tests.helpers.synthetic import centering_samples
+from tests.helpers.trained import contents, untrained
 
 DEPLOYMENT = {
     "task": "block_picking", "camera": "front", "image_axes": [[1.0, 0.0], [0.0, 1.0]],

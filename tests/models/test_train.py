@@ -20,8 +20,8 @@ from svfl_models.centering.evaluate import evaluate
 from svfl_models.centering.train import train_centering
 from svfl_models.symmetry.testing import assert_equivariant
 from svfl_models.training.progress import COLUMNS, MetricsFile, ProgressLine
-from tests.builders import make_episode
-from tests.models.synthetic import centering_samples
+from tests.helpers.builders import make_episode
+from tests.helpers.synthetic import centering_samples
 
 pytestmark = pytest.mark.slow
 

@@ -7,7 +7,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.storage.store import write_episode
 from svfl_models import cli
 from svfl_models.centering import paper_figures
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 
 def command(*arguments):

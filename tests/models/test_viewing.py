@@ -15,11 +15,11 @@ from svfl_models.cloning.deployment_spec import deployment_of
 from svfl_models.cloning.module import CloningModule
 from svfl_models.deployment import predictions
 from svfl_models.networks.squashed_gaussian import SCALE
-from tests.builders import make_episode
-from tests.models.demonstrations import demonstration, write
-from tests.models.synthetic import centering_samples
-from tests.models.trained import contents, untrained
-from tests.models.trained import write as write_checkpoint
+from tests.helpers.builders import make_episode
+from tests.helpers.demonstrations import demonstration, write
+from tests.helpers.synthetic import centering_samples
+from tests.helpers.trained import contents, untrained
+from tests.helpers.trained import write as write_checkpoint
 
 pytestmark = pytest.mark.slow
 

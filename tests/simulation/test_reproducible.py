@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cpu_settings import SETTINGS
+from tests.helpers.cpu_settings import SETTINGS
 
 ROOT = Path(__file__).parents[2]
 DIFFER = set(

@@ -5,9 +5,9 @@ import numpy as np
 from collectors.simulation import World
 from collectors.tasks.drawer_closing import PUSH_Z, SHUT, TOUCH, DrawerClosing
 from collectors.tasks.drawer_opening import DrawerOpening
+from tests.helpers.drawers import slide
 from tests.simulation.conftest import hold, move
 from tests.tasks.conftest import begin, perform
-from tests.tasks.test_drawer_opening import slide
 
 
 def test_it_begins_open_and_stays_so(world):

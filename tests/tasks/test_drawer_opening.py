@@ -7,13 +7,9 @@ import pytest
 from collectors.simulation import World
 from collectors.tasks.drawer import DAMPING, FRICTION, GAP, TRAVEL
 from collectors.tasks.drawer_opening import HOOK_Z, OPEN, DrawerOpening
+from tests.helpers.drawers import slide
 from tests.simulation.conftest import hold, move
 from tests.tasks.conftest import AGAIN, begin, perform
-
-
-def slide(task, opening: float, speed: float = 0.0) -> None:
-    """Put the drawer somewhere at once."""
-    pybullet.resetJointState(task.body, 0, opening, speed, physicsClientId=task.world.client)
 
 
 def pull(task, force: float, seconds: float) -> float:

@@ -15,7 +15,7 @@ from svfl_models.latent.data import Leg, Sequences, fit, sequences_of
 from svfl_models.latent.inputs import Inputs
 from svfl_models.latent.labels import pressed, rewards, touched
 from svfl_models.latent.recordings import load_recordings
-from tests.models.latent.small import LIFT_FROM, lifting, written
+from tests.helpers.latent_small import LIFT_FROM, lifting, written
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@ import torch
 
 from svfl_models.latent.networks.decoder import DEPTH_UNIT
 from svfl_models.latent.networks.dynamics import LatentDynamics
-from tests.models.latent.small import SIZES, batch, network
+from tests.helpers.latent_small import SIZES, batch, network
 
 
 def dynamics(train: bool = False) -> LatentDynamics:

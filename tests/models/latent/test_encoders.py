@@ -9,7 +9,7 @@ from svfl_models.latent.networks.network import ENCODERS, LatentNetwork
 from svfl_models.latent.networks.trunks import WrenchTrunk
 from svfl_models.latent.networks.vtt import VTTEncoder
 from svfl_models.training.trainer import parameter_count
-from tests.models.latent.small import SIZES, frames, network
+from tests.helpers.latent_small import SIZES, frames, network
 
 
 def said(model: str, seen: dict[str, torch.Tensor]) -> torch.Tensor:

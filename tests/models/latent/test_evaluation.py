@@ -16,8 +16,8 @@ from svfl_models.latent.evaluation.frames import encode, encoded, follow, frames
 from svfl_models.latent.evaluation.pages.report import plain
 from svfl_models.latent.evaluation.probing.poses import object_poses, repeats_per_turn
 from svfl_models.latent.recordings import load_recordings
-from tests.models.latent.evaluated import dataset, trained
-from tests.models.latent.small import lifting, written
+from tests.helpers.latent_evaluated import dataset, trained
+from tests.helpers.latent_small import lifting, written
 
 pytestmark = pytest.mark.slow
 

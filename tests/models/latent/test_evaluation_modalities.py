@@ -8,8 +8,8 @@ from svfl_models.latent.evaluation.experts import experts
 from svfl_models.latent.evaluation.frames import Encoded, encode
 from svfl_models.latent.evaluation.missing import SUBSETS, left, mean_inputs
 from svfl_models.latent.mismatch import allowed_pairs
-from tests.models.latent import small
-from tests.models.latent.test_evaluation_symmetry import drawn_frames
+from tests.helpers import latent_small as small
+from tests.helpers.drawn_frames import drawn_frames
 
 
 def parts_of(network, frames):

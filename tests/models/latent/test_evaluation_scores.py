@@ -10,7 +10,7 @@ from svfl_models.latent.evaluation.probing.probes import Probe, Target, readings
 from svfl_models.latent.evaluation.probing.ridge import fit_ridge
 from svfl_models.latent.evaluation.reconstruction import fidelity, mean_picture
 from svfl_models.latent.evaluation.scores import auroc, f1, psnr, r_squared
-from tests.models.latent.test_evaluation_symmetry import drawn_frames
+from tests.helpers.drawn_frames import drawn_frames
 
 
 def test_auroc_of_a_perfect_a_reversed_and_a_constant_score():

@@ -2,17 +2,11 @@ import numpy as np
 import pytest
 import torch
 
-from svfl_models.latent.evaluation.frames import Encoded, Frames
+from svfl_models.latent.evaluation.frames import Encoded
 from svfl_models.latent.evaluation.symmetry import CYCLIC, MOVES, symmetry
 from svfl_models.symmetry.actions import act_on_batch
 from svfl_models.symmetry.groups import GROUPS
-from tests.models.latent import small
-
-
-def drawn_frames(count, seed=0):
-    touching = torch.arange(count) % 3 == 0
-    observations = small.frames(count, seed)
-    return Frames(observations, torch.arange(count) // 8, torch.arange(count) % 8, touching, touching)
+from tests.helpers.drawn_frames import drawn_frames
 
 
 def forces(batch):

@@ -8,7 +8,7 @@ from svfl_data.errors import TrainingError
 from svfl_models.latent.config import MODELS, PRESETS, TERMS, LatentConfig
 from svfl_models.latent.losses import SIGMA, Objective
 from svfl_models.latent.networks.decoder import DEPTH_UNIT
-from tests.models.latent.small import SIZES, batch, network
+from tests.helpers.latent_small import SIZES, batch, network
 
 ALL = dict.fromkeys(TERMS, 1.0)
 

@@ -7,7 +7,7 @@ from torch.distributions import Normal, kl_divergence
 from svfl_data.errors import TrainingError
 from svfl_models.latent.config import MODALITIES
 from svfl_models.latent.networks.gaussian import SMALLEST, Gaussian, product
-from tests.models.latent.small import frames, network
+from tests.helpers.latent_small import frames, network
 
 NUMBERS = st.lists(st.tuples(st.floats(-3, 3), st.floats(0.05, 5)), min_size=1, max_size=4)
 

@@ -15,7 +15,7 @@ from svfl_models.latent.config import MODELS, TERMS, LatentConfig
 from svfl_models.latent.progress import StepsBar
 from svfl_models.training import run_folder
 from svfl_models.training.writing import read_numbers
-from tests.models.latent.small import SIZES, frames, lifting, written
+from tests.helpers.latent_small import SIZES, frames, lifting, written
 
 pytestmark = pytest.mark.slow
 

@@ -10,7 +10,7 @@ from svfl_data.replay import ReplayBuffer, ReplayConfig, ReplaySpec
 from svfl_data.sampling.windows import WINDOW, wrench_window
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.storage.store import write_episode
-from tests.builders import episode_arrays
+from tests.helpers.builders import episode_arrays
 
 SMALL = ReplayConfig(crop=12)
 WORLD = {"world": {"max_move": 0.025, "max_turn": 0.2}}

@@ -1,4 +1,4 @@
-"""The suite as other processors would run it: `make test-cpus`, or ``python -m tests.cpu_settings [words for pytest]``.
+"""The suite as other processors would run it: `make test-cpus`, or ``python -m tests.helpers.cpu_settings [WORDS]``.
 
 Libraries choose their machine code by what the processor has, and each has a variable to have less. What a processor
 lacks cannot be had this way: the settings stand for older machines than the one they run on.

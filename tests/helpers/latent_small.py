@@ -9,7 +9,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.storage.store import write_episode
 from svfl_models.latent.config import Sizes, plain
 from svfl_models.latent.networks.network import LatentNetwork
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 SIZES = Sizes(
     feature=16, z1=4, z2=8, hidden=16, dim=16, depth=2, heads=2, token=(8, 4), joined=16, image=(2, 2, 4, 4),

@@ -17,7 +17,7 @@ from collectors.simulation.camera import CAMERAS, calibration
 from collectors.simulation.config import WorldConfig
 from collectors.teleop.action_mapper import ActionMapper
 from collectors.teleop.devices.device import Command
-from tests.patience import PATIENCE
+from tests.helpers.patience import PATIENCE
 
 PACE = 0.5
 CONFIG = WorldConfig()

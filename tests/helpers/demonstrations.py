@@ -7,7 +7,7 @@ import numpy as np
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.schema.episode import Episode
 from svfl_data.storage.store import write_episode
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 BOUND = np.array([0.025, 0.025, 0.025, np.pi / 16])
 

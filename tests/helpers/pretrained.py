@@ -5,7 +5,7 @@ import torch
 
 from svfl_models.latent.config import LatentConfig, plain
 from svfl_models.latent.module import LatentModule
-from tests.models.latent.small import SIZES
+from tests.helpers.latent_small import SIZES
 
 STEPS = 7
 

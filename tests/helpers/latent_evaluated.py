@@ -8,7 +8,7 @@ from svfl_models.latent import config as presets
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.train import train_latent
 from svfl_models.training import run_folder
-from tests.models.latent.small import SIZES, lifting, written
+from tests.helpers.latent_small import SIZES, lifting, written
 
 
 def dataset(folder, count=5, first=0):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tests.builders import episode_arrays
+from tests.helpers.builders import episode_arrays
 
 WRENCH_T, WRENCH, TARE = "streams/wrench/t_ns", "streams/wrench/wrench", "streams/wrench/tare"
 FRAMES, COLOR, DEPTH = "cameras/front/t_ns", "cameras/front/color", "cameras/front/depth"

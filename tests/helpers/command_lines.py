@@ -4,7 +4,7 @@ from pathlib import Path
 
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.storage.store import write_episode
-from tests.builders import make_episode
+from tests.helpers.builders import make_episode
 
 
 def make_data(folder: Path, episodes: int = 3) -> Path:

@@ -1,0 +1,21 @@
+"""Running ``svfl-collect`` as a program."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.helpers.patience import PATIENCE
+
+ROOT = Path(__file__).parents[2]
+
+
+def command(*arguments: object) -> list[str]:
+    return [sys.executable, "-c", "from collectors.cli import main; raise SystemExit(main())", *map(str, arguments)]
+
+
+def collect(*arguments: object, **kwargs) -> subprocess.CompletedProcess:
+    return subprocess.run(command(*arguments), cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, **kwargs)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
