@@ -3,9 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from collectors.simulation.bounds import NotNegative, Positive
+from collectors.simulation.bounds import NotNegative, Positive, Vector3
 
-Vector3 = tuple[float, float, float]
 ZERO: Vector3 = (0.0, 0.0, 0.0)
 
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from collectors.simulation.bounds import Vector3
 from collectors.simulation.bullet import pybullet
 from svfl_data.system.own_process import OwnProcess
 
-Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
 RED: Vector3 = (0.8, 0.2, 0.2)

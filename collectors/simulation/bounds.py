@@ -13,6 +13,7 @@ Positive = Annotated[float, Meta(ge=1e-9, le=1e9)]
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 Count = Annotated[int, Meta(ge=1, le=1000)]
 Pixels = Annotated[int, Meta(ge=1, le=4096)]
+Vector3 = tuple[float, float, float]
 Nanoseconds = Annotated[int, Meta(ge=1000, le=100_000_000)]
 Degrees = Annotated[float, Meta(ge=0.0, le=180.0)]
 

@@ -5,7 +5,6 @@ entry-point group ``svfl.policies``, under the file's suffix without its dot.
 """
 
 import hashlib
-import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -24,6 +23,7 @@ from collectors.tasks import task_class
 from collectors.tasks.task import MAX_STEPS
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, UsageError
+from svfl_data.reports.success_rate import wilson
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.schema.robot import Observation, Policy
 from svfl_data.system.regular_file import open_regular
@@ -103,17 +103,3 @@ def summary(dataset: Dataset) -> str:
         f"{dataset.path}: {sum(successes)} of {len(successes)} episodes succeeded, {np.mean(successes):.1%} "
         f"(95 % interval {low:.1%} to {high:.1%})"
     )
-
-
-def wilson(successes: int, trials: int, z: float = 1.959964) -> tuple[float, float]:
-    """Interval of a success rate (E. B. Wilson, JASA 22, 1927, p. 209).
-
-    Args:
-        successes: How many.
-        trials: Of how many, at least 1.
-        z: Quantile of the normal distribution; the default gives 95 %.
-    """
-    rate, share = successes / trials, z * z / trials
-    centre = rate + share / 2
-    reach = math.sqrt(share * (rate * (1 - rate) + share / 4))
-    return max(0.0, (centre - reach) / (1 + share)), min(1.0, (centre + reach) / (1 + share))

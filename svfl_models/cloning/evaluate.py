@@ -1,7 +1,6 @@
 """How often a trained policy succeeds, in the gymnasium environment of its task."""
 
 import json
-import math
 import multiprocessing
 import os
 import signal
@@ -18,6 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from svfl_data.errors import StorageError, TrainingError
+from svfl_data.reports.success_rate import wilson
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
 from svfl_models.cloning.acting import acting
@@ -26,8 +26,6 @@ from svfl_models.cloning.deployment_spec import OTHER_RATE, DeploymentSpec
 
 ATTEMPT = 20
 """Number of the attempt whose scenes policies are tried in; no demonstration is made in them (docs/decisions.md)."""
-QUANTILE = 1.959964
-"""Of the normal distribution: an interval of 95 %."""
 
 
 @dataclass(frozen=True)
@@ -80,13 +78,6 @@ class Evaluation:
         """
         derived = {"rate": self.rate, "interval": self.interval, "median_steps": self.median_steps}
         write_atomically(file, (json.dumps(asdict(self) | derived, indent=2) + "\n").encode())
-
-
-def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """Interval of 95 % of a rate of success (E. B. Wilson, JASA 22, 1927, p. 209)."""
-    rate, share = successes / trials, QUANTILE**2 / trials
-    centre, reach = rate + share / 2, math.sqrt(share * (rate * (1 - rate) + share / 4))
-    return max(0.0, (centre - reach) / (1 + share)), min(1.0, (centre + reach) / (1 + share))
 
 
 def environment_of(task: str) -> str:

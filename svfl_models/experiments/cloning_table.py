@@ -154,6 +154,6 @@ class Rate:
     @property
     def interval(self) -> tuple[float, float]:
         """Of `share`, 95 %, for scenes drawn anew; seeds' differences are not in it."""
-        from svfl_models.cloning.evaluate import wilson
+        from svfl_data.reports.success_rate import wilson
 
         return wilson(self.successes, self.trials)

@@ -7,11 +7,12 @@ import pytest
 import torch
 
 from collectors.sources.expert import ExpertCollector
-from collectors.sources.policy import PolicyCollector, wilson
+from collectors.sources.policy import PolicyCollector
 from collectors.sources.replay import replay
 from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, TrainingError
+from svfl_data.reports.success_rate import wilson
 from svfl_data.schema.robot import Frame, Observation
 from svfl_data.storage.store import episode_bytes
 from svfl_models.programs.exported_policy import load, save

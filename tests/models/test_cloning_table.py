@@ -10,10 +10,11 @@ from dataclasses import replace
 import pytest
 
 from svfl_data.errors import DatasetError, StorageError, TrainingError
+from svfl_data.reports.success_rate import wilson
 from svfl_models import cli
 from svfl_models.cloning import evaluate, train
 from svfl_models.cloning.config import CloningConfig
-from svfl_models.cloning.evaluate import Evaluation, wilson
+from svfl_models.cloning.evaluate import Evaluation
 from svfl_models.cloning.metrics import MetricsFile
 from svfl_models.experiments import cloning_table, cloning_table_page
 from svfl_models.experiments.cloning_table import Rate

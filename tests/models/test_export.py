@@ -21,7 +21,7 @@ from svfl_data.symmetry import DIRECTIONS
 from svfl_models import cli
 from svfl_models.centering.classifier import CenteringClassifier
 from svfl_models.centering.config import TARGETS
-from svfl_models.centering.evaluate import judge
+from svfl_models.centering.evaluate import evaluate
 from svfl_models.deployment import export
 from svfl_models.networks.heads import Actor, Critic
 from svfl_models.networks.inputs import ENCODERS
@@ -246,8 +246,8 @@ def test_the_example_runs_without_the_networks(dataset, exported, tmp_path):
     assert done.returncode == 0, done.stderr
 
     one = samples.take(np.array([2]))
-    class_ = DIRECTIONS[judge(module, one, replace(config, target="direction")).predicted[0]]
-    right, up = 1000 * judge(asked, one, config).guess[0]
+    class_ = DIRECTIONS[evaluate(module, one, replace(config, target="direction")).predicted[0]]
+    right, up = 1000 * evaluate(asked, one, config).guess[0]
     scores, same, offset = (line for line in done.stdout.splitlines() if line.startswith("network:"))
     assert scores.startswith(f"network: {class_}, scores ")
     assert same.startswith(f"network: {class_}, scores ")
