@@ -48,6 +48,8 @@ from tests.helpers.demonstrations import demonstrations
 from tests.helpers.latent_small import SIZES, lifting, written
 from tests.helpers.replay_episodes import agent_buffer
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 BEFORE = b"what was there before"
 QUIET = Console(quiet=True)

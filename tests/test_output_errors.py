@@ -13,6 +13,8 @@ from svfl_data.system.refused import POSSIBLE, refusal
 from tests.helpers.command_lines import data_commands, make_data
 from tests.helpers.refusals import EACH
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 REFUSED = sorted({*POSSIBLE, errno.ENOENT, errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTEMPTY})
 PROGRAM = "import sys; from svfl_data.cli import main; sys.exit(main())"

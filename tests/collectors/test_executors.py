@@ -12,6 +12,8 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError, StorageError
 from tests.collectors.conftest import Made, contents
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def dataset(tmp_path) -> Dataset:

@@ -14,6 +14,8 @@ from svfl_data.storage.store import episode_bytes, write_episode
 from tests.collectors.conftest import SMALL
 from tests.helpers.collecting import collect
 
+pytestmark = pytest.mark.slow
+
 BOUND = np.array([0.025, 0.025, 0.025, np.pi / 16])
 
 

@@ -19,6 +19,8 @@ from tests.helpers.collecting import command
 from tests.helpers.recording import append_all, constants_of
 from tests.helpers.typist import wait_for
 
+pytestmark = pytest.mark.slow
+
 
 def renamed(folder: Path) -> None:
     folder.rename(folder.with_name("elsewhere"))

@@ -308,6 +308,7 @@ def measured(words, output: Path) -> dict:
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bomb", BOMBS, ids=lambda bomb: bomb.__name__)
 def test_a_file_takes_no_more_memory_than_it_is_worth(tmp_path, bomb):
     dataset = Dataset.create_or_resume(tmp_path / "d", "centering", 0, {})
@@ -346,6 +347,7 @@ def test_the_limit_can_be_raised_and_the_message_says_how(tmp_path, monkeypatch)
         read_episode(tmp_path / "e.hdf5")
 
 
+@pytest.mark.slow
 def test_mutated_metadata_crashes_and_hangs_nobody(tmp_path):
     """Sealed correctly, so that HDF5 gets to see it; many of these end its process or never return."""
     whole = bytearray(episode_bytes(make_episode(steps=1, size=8))[:-SEAL_SIZE])
@@ -410,6 +412,7 @@ def test_forks_threads_and_pickled_readers_each_find_an_examiner(tmp_path):
     assert os.waitpid(child, 0)[1] == 0
 
 
+@pytest.mark.slow
 def test_a_fork_while_another_thread_asks(tmp_path):
     files = []
     for number in range(30):

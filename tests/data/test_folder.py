@@ -202,6 +202,7 @@ def test_a_split_whose_episodes_are_gone_says_which_and_how_to_go_on(dataset, co
     assert command("split", dataset.path, "--name", "other", "--ratios", "train=0.5", "test=0.5")[0] == 0
 
 
+@pytest.mark.slow
 def test_a_split_of_all_episodes_gone_names_only_some(dataset, command):
     for index in range(4, 40):
         write_episode(make_episode(index, steps=1), dataset.episode_path(index))

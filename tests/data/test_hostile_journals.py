@@ -20,6 +20,8 @@ from svfl_data.storage.store import read_episode
 from tests.helpers.builders import make_episode
 from tests.helpers.recording import append_all, constants_of
 
+pytestmark = pytest.mark.slow
+
 
 def record(label: object, content: bytes = b"") -> bytes:
     words = label if isinstance(label, bytes) else json.dumps(label).encode()

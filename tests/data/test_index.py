@@ -118,6 +118,7 @@ def append(folder, number):
         append_index(folder, dataset.episode_path(number))
 
 
+@pytest.mark.slow
 def test_writers_do_not_mix_their_lines(dataset, opened):
     context = multiprocessing.get_context("fork")
     writers = [context.Process(target=append, args=(dataset.path, number)) for number in range(4)]

@@ -14,6 +14,8 @@ from svfl_data.storage.store import episode_bytes
 from tests.helpers.builders import make_episode
 from tests.helpers.recording import append_all, start
 
+pytestmark = pytest.mark.slow
+
 ERRORS = [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.ESTALE, errno.ENOLCK, errno.EIO]
 
 

@@ -81,6 +81,7 @@ def loaders(dataset):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(4))
 def test_whatever_stands_in_a_side_file_is_read_or_is_one_line(dataset, number):
     file, load = list(loaders(dataset).items())[number]

@@ -9,6 +9,8 @@ from tests.helpers.builders import episode_arrays
 from tests.helpers.sealed import META, dataset_of
 from tests.helpers.spoiled import INVALID, put, without
 
+pytestmark = pytest.mark.slow
+
 CAMERA = "cameras/front"
 
 

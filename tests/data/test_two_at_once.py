@@ -16,6 +16,8 @@ from svfl_data.system.atomic_io import write_atomically, written_aside
 from svfl_data.system.leftovers import clear_files, clear_folders, folder_aside
 from tests.helpers.builders import make_episode
 
+pytestmark = pytest.mark.slow
+
 FORK = multiprocessing.get_context("fork")
 
 

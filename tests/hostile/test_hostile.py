@@ -16,7 +16,7 @@ from tests.hostile.kinds import KINDS
 from tests.hostile.sound import sound_dataset
 
 WHOLE = os.environ.get("SVFL_HOSTILE") == "all"
-QUICK, LONG = 37, 1 if WHOLE else 11
+QUICK, LONG = 97, 1 if WHOLE else 11
 """One kind in so many is tried in the quick suite, and in the long campaign; primes, or families would hide in them."""
 
 
@@ -60,6 +60,7 @@ def test_the_long_campaign(campaign, number):
     obey(campaign, kind, targets(kind, EVERY) if WHOLE else in_turn(number // LONG, kind, EVERY, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", LIGHT, ids=lambda command: command.name)
 def test_every_command_does_its_work_on_sound_files(campaign, command):
     """Else refusing would prove nothing."""

@@ -64,6 +64,7 @@ def test_what_is_felt_alone_may_turn_by_any_element(group, target, samples, coar
     assert len(equivariance_error(lambda b: network.trunk(b), wrench, group, act_on_hidden(group))) == len(group)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoder", ENCODERS)
 def test_the_default_network_is_symmetric_before_and_after_a_training_step(encoder, samples, batch):
     network = classifier(samples, encoder=encoder)

@@ -28,6 +28,8 @@ from tests.helpers.pretrained import write_latent
 from tests.helpers.synthetic import centering_samples
 from tests.helpers.trained import contents, untrained
 
+pytestmark = pytest.mark.slow
+
 DEPLOYMENT = {
     "task": "block_picking", "camera": "front", "image_axes": [[1.0, 0.0], [0.0, 1.0]],
     "projection": [[60.0, 0.0, 38.0, 0.0], [0.0, 60.0, 38.0, 0.0], [0.0, 0.0, 1.0, 1.0]], "centre": [0.5, 0.0],
