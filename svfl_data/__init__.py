@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from svfl_data.maintenance.pack import pack as pack
     from svfl_data.maintenance.pack import unpack as unpack
     from svfl_data.maintenance.repair import repair_dataset as repair_dataset
+    from svfl_data.recording.index_locks import NEXT as NEXT
     from svfl_data.recording.recording_clocks import Gap as Gap
     from svfl_data.recording.writer import EpisodeWriter as EpisodeWriter
     from svfl_data.replay.buffer import ReplayBuffer as ReplayBuffer
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from svfl_data.schema.robot import Frame as Frame
     from svfl_data.schema.robot import Observation as Observation
     from svfl_data.schema.robot import Robot as Robot
+    from svfl_data.schema.robot import image_axes as image_axes
     from svfl_data.signals.contact import ContactRule as ContactRule
     from svfl_data.signals.contact import contact_intervals as contact_intervals
     from svfl_data.signals.topdown import topdown as topdown
@@ -64,12 +66,14 @@ HOMES = {
     "Dataset": "datasets.dataset", "Episode": "schema.episode", "EpisodeReader": "storage.reader",
     "EpisodeWriter": "recording.writer", "FIELDS": "schema.fields", "Field": "schema.fields", "Frame": "schema.robot",
     "Gap": "recording.recording_clocks", "Gravity": "signals.transforms", "LowPass": "signals.transforms",
-    "Meta": "schema.episode", "Observation": "schema.robot", "Part": "symmetry", "ReplayBuffer": "replay.buffer",
+    "Meta": "schema.episode", "NEXT": "recording.index_locks",
+    "Observation": "schema.robot", "Part": "symmetry", "ReplayBuffer": "replay.buffer",
     "ReplayConfig": "replay.config", "Robot": "schema.robot", "Samples": "sampling.samples", "Split": "sampling.split",
     "SvflError": "errors", "Tare": "signals.transforms", "TorchSamples": "sampling.torch_samples", "act": "symmetry",
     "check_dataset": "checks", "check_episode": "checks", "check_file": "checks",
     "compute_statistics": "sampling.statistics", "contact_intervals": "signals.contact",
-    "load_split": "sampling.split", "merge": "maintenance.merge", "open_dataset": "datasets.dataset",
+    "image_axes": "schema.robot", "load_split": "sampling.split",
+    "merge": "maintenance.merge", "open_dataset": "datasets.dataset",
     "pack": "maintenance.pack", "processed_wrench": "signals.transforms", "read_episode": "storage.reader",
     "repair_dataset": "maintenance.repair", "split_episodes": "sampling.split", "topdown": "signals.topdown",
     "unpack": "maintenance.pack", "wrench_window": "sampling.windows", "write_episode": "storage.store",

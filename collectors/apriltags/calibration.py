@@ -5,23 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from svfl_data.errors import FormatError, StorageError
 from svfl_data.schema.robot import Calibration
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.side_files import read_json
-
-
-def image_axes(T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Base xy to image (right, up) of a camera that looks at the table, (2, 2), orthogonal.
-
-    Args:
-        T_base_camera: Its pose, (4, 4).
-    """
-    x, y = T_base_camera[:2, 0] / np.linalg.norm(T_base_camera[:2, 0])
-    above = -np.sign(T_base_camera[2, 2])  # a camera that looks up sees a mirrored table
-    return np.array([[x, y], [-above * y, above * x]])
 
 
 def read_calibrations(path: Path) -> dict[str, Calibration]:

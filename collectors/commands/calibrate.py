@@ -68,13 +68,13 @@ def run(arguments: argparse.Namespace) -> None:
     """
     import numpy as np
 
-    from collectors.apriltags.calibration import image_axes, write_calibration
+    from collectors.apriltags.calibration import write_calibration
     from collectors.apriltags.calibration_pictures import board_pose, of_episode, of_folder, read_poses
     from collectors.apriltags.detector import MEASURE, TagDetector
     from collectors.apriltags.extrinsics import from_gripper_held_board, from_known_board, view
     from collectors.apriltags.layout import Layout
     from svfl_data.errors import CollectError, UsageError
-    from svfl_data.schema.robot import Calibration
+    from svfl_data.schema.robot import Calibration, image_axes
     from svfl_data.system.progress import progress
 
     if not 50.0 < arguments.printed < 200.0:

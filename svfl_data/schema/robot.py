@@ -71,6 +71,22 @@ class Calibration:
     depth_scale: float
 
 
+def image_axes(T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Base xy to image (right, up) of a camera that looks at the table, (2, 2), orthogonal.
+
+    Args:
+        T_base_camera: Its pose, (4, 4).
+
+    Example:
+        >>> looking_down = np.diag([1.0, -1.0, -1.0, 1.0])
+        >>> image_axes(looking_down).tolist()
+        [[1.0, 0.0], [-0.0, 1.0]]
+    """
+    x, y = T_base_camera[:2, 0] / np.linalg.norm(T_base_camera[:2, 0])
+    above = -np.sign(T_base_camera[2, 2])  # a camera that looks up sees a mirrored table
+    return np.array([[x, y], [-above * y, above * x]])
+
+
 class Optics(Protocol):
     """The geometry of a camera: a `Calibration` has it, and so has a recorded `svfl_data.schema.episode.Camera`."""
 

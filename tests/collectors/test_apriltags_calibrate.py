@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from collectors.apriltags import extrinsics
-from collectors.apriltags.calibration import image_axes, read_calibrations
+from collectors.apriltags.calibration import read_calibrations
 from collectors.apriltags.calibration_pictures import board_pose, read_poses
 from collectors.apriltags.detector import TagDetector
 from collectors.apriltags.layout import Layout
@@ -18,6 +18,7 @@ from collectors.cli import build_parser
 from collectors.simulation.camera import CAMERAS, calibration
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError, DatasetError, FormatError, UsageError
+from svfl_data.schema.robot import image_axes
 from svfl_data.storage.store import write_episode
 from tests.helpers.apriltag_scenes import COLUMNS, ROWS, SIZE_MM, board_picture, camera
 from tests.helpers.builders import make_episode
