@@ -62,7 +62,7 @@ def test_a_demonstration_says_what_made_it(picked):
     episode = Dataset.open(picked).read(1)
     meta = episode.meta
     assert (meta.task, meta.index, meta.seed, meta.source, meta.success) == ("block_picking", 1, 0, "expert", True)
-    assert {"task", "noise", "world", "drawn", "index", "attempt", "rejected"} == meta.config.keys()
+    assert {"task", "noise", "perturbations", "world", "drawn", "index", "attempt", "rejected"} == meta.config.keys()
     assert meta.software.keys() == {"svfl", "pybullet", "numpy"}
     assert check_episode(episode) == []
     np.testing.assert_allclose(episode.object_pose[0, :2], meta.config["drawn"]["xy"], atol=1e-4)
