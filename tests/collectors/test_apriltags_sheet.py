@@ -14,6 +14,8 @@ from collectors.apriltags.print_layout import GAP, LETTER, PAPERS, RULER, board_
 from collectors.cli import build_parser
 from svfl_data.errors import UsageError
 
+pytestmark = pytest.mark.slow
+
 DPI = 100
 
 

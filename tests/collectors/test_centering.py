@@ -18,6 +18,8 @@ from svfl_data.schema.episode import Episode
 from svfl_data.storage.store import episode_bytes
 from svfl_data.symmetry import OFFSET_PARTS, WRENCH_PARTS, act, border_distance, element, nearest_direction
 
+pytestmark = pytest.mark.slow
+
 SAMPLES = 8
 
 

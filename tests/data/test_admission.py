@@ -28,6 +28,8 @@ from svfl_data.storage.seal import SEAL_SIZE, seal
 from svfl_data.storage.store import episode_bytes, write_episode
 from tests.helpers.builders import make_episode
 
+pytestmark = pytest.mark.slow
+
 SECRET = b"root:x:0:0:a line of the password file\n"
 MIB = 2**20
 

@@ -22,6 +22,8 @@ from svfl_data.schema.fields import field_at
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import episode_arrays, make_episode
 
+pytestmark = pytest.mark.slow
+
 POSE = "cameras/front/T_base_camera"
 
 

@@ -12,6 +12,8 @@ from svfl_data.sampling.split import split_episodes
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import make_episode
 
+pytestmark = pytest.mark.slow
+
 COMMANDS = (
     ("info",), ("validate",), ("merge", "NEW"), ("filter", "NEW", "--success", "yes"), ("stats",), ("pack", "NEW"),
     ("split", "--name", "default", "--seed", "5"), ("relabel", "--contact"), ("card",), ("repair",),

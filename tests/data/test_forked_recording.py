@@ -18,6 +18,8 @@ from tests.helpers.builders import make_episode
 from tests.helpers.child import in_child
 from tests.helpers.recording import append_all, start
 
+pytestmark = pytest.mark.slow
+
 REFUSED, OTHER = 7, 8
 
 

@@ -16,6 +16,8 @@ from svfl_data.maintenance.pack import pack
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import make_episode
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def dataset(tmp_path):

@@ -14,6 +14,8 @@ from svfl_data.schema.episode import Episode
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import episode_arrays, make_episode
 
+pytestmark = pytest.mark.slow
+
 CONTACT = {"name": "contact", "start_ns": 300_000_000, "end_ns": 350_000_000}
 
 

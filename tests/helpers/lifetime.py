@@ -5,6 +5,7 @@ import io
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import pytest
 import torch
 from torch import Tensor, nn
 
@@ -13,6 +14,9 @@ from svfl_models.symmetry.groups import GROUPS, Group
 from svfl_models.symmetry.testing import assert_equivariant
 
 SYMMETRIC = [group for group in GROUPS.values() if len(group) > 1]
+FEW = ("C4", "D4")
+TRIED = [group if group.name in FEW else pytest.param(group, marks=pytest.mark.slow) for group in SYMMETRIC]
+"""The symmetric groups as parameters of a test; the quick suite tries those that map pixels onto pixels."""
 
 
 def named(group: Group) -> str:

@@ -20,6 +20,8 @@ from svfl_models.symmetry.groups import GROUPS
 from tests.helpers.builders import make_episode
 from tests.helpers.trained import untrained, write
 
+pytestmark = pytest.mark.slow
+
 
 def checked(samples, precision="32", elements=None, **choices):
     module, config = untrained(samples, **{"image_size": 16} | choices)

@@ -20,6 +20,8 @@ from svfl_models.networks.policy import Policy
 from tests.helpers.builders import IMAGE_AXES
 from tests.helpers.demonstrations import demonstration, demonstrations, write
 
+pytestmark = pytest.mark.slow
+
 CONFIG = CloningConfig(data="", episodes=6, preset="tiny", view="camera", image_size=8, valid=1 / 3)
 
 

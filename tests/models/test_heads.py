@@ -12,11 +12,11 @@ from svfl_models.symmetry.actions import act_on_invariant, act_on_parts
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.symmetry.testing import assert_equivariant, equivariance_error
 from svfl_models.training.trainer import parameter_count
-from tests.helpers.lifetime import SYMMETRIC, assert_equivariant_for_life, named
+from tests.helpers.lifetime import TRIED, assert_equivariant_for_life, named
 
 D4 = GROUPS["D4"]
 SMALL = Widths((2, 2, 2, 2, 2, 2), force=2, heads=1, proprio=(4, 4, 4), latent=8)
-every_group = pytest.mark.parametrize("group", SYMMETRIC, ids=named)
+every_group = pytest.mark.parametrize("group", TRIED, ids=named)
 act_on_action = act_on_parts(ACTION_PARTS)
 
 

@@ -23,6 +23,8 @@ from svfl_models.latent.recordings import load_recordings
 from tests.helpers.sealed import dataset_of
 from tests.helpers.spoiled import INVALID, SPOILERS, black_image, drop_outs, fresh, saturation
 
+pytestmark = pytest.mark.slow
+
 WRENCH, CAMERA, LABELS = "streams/wrench/", "cameras/front/", "labels/"
 
 

@@ -13,6 +13,8 @@ from svfl_models.symmetry.layers import SymmetricConv, SymmetricLinear, low_rank
 from svfl_models.symmetry.planar_escnn import R2Conv
 from svfl_models.symmetry.representations import direction_type, restricted
 
+pytestmark = pytest.mark.slow
+
 every_group = pytest.mark.parametrize(
     "group", [group for group in GROUPS.values() if len(group) > 1], ids=lambda g: g.name
 )

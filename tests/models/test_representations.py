@@ -19,10 +19,10 @@ from svfl_models.symmetry.representations import (
     stored,
     wrench_parts,
 )
-from tests.helpers.lifetime import SYMMETRIC, named
+from tests.helpers.lifetime import TRIED, named
 
 ALL_PARTS = {**PARTS, "policy": POLICY_PARTS}
-every_group = pytest.mark.parametrize("group", SYMMETRIC, ids=named)
+every_group = pytest.mark.parametrize("group", TRIED, ids=named)
 
 
 def elements(group):

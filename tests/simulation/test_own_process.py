@@ -18,6 +18,8 @@ from collectors.sources.expert import ExpertCollector
 from svfl_data.errors import UsageError
 from svfl_data.storage.store import episode_bytes
 
+pytestmark = pytest.mark.slow
+
 SMALL = WorldConfig(cameras={"front": CameraConfig(height=24, width=24)})
 STILL = np.array([1.0, 0.0, 0.0, 0.0, 0.0], np.float32)
 USES: dict[type, list[Callable[[Any], Any]]] = {

@@ -15,6 +15,8 @@ from collectors.simulation import World, WorldConfig
 from svfl_data.symmetry import ACTION_PARTS, WRENCH_PARTS, Part, act, element
 from tests.simulation.conftest import hold, move
 
+pytestmark = pytest.mark.slow
+
 HALF = 0.025
 TOP = 2 * HALF + 0.0072  # TCP height at which a fingertip reaches the block's top
 ELEMENTS = [(90 * k, flip) for flip in (False, True) for k in range(4)][1:]

@@ -8,6 +8,8 @@ from collectors.simulation import World
 from collectors.simulation.arms.panda import SENSOR_JOINT
 from tests.simulation.conftest import hold, move
 
+pytestmark = pytest.mark.slow
+
 PLACES = [(0.55, 0.0, 0.2, 0.0), (0.4, 0.15, 0.1, 0.7), (0.7, -0.18, 0.15, -1.3)]
 
 

@@ -15,6 +15,8 @@ from collectors.tasks.gripper import Gripper
 from collectors.tasks.task import Task
 from tests.tasks.conftest import begin, perform
 
+pytestmark = pytest.mark.slow
+
 GRIPPER = 0.81 + 2 * 0.1  # [kg], panda.urdf
 
 

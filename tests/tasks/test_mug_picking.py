@@ -11,6 +11,8 @@ from collectors.tasks.mug_picking import CUP, GRASP, HANDLE, LIFTED, MASS_CENTRE
 from tests.simulation.conftest import hold, move
 from tests.tasks.conftest import AGAIN, begin, perform, place
 
+pytestmark = pytest.mark.slow
+
 
 def scene(yaw: float = 0.0, scale: float = 0.8) -> Scene:
     return Scene(xy=(0.55, 0.02), yaw=yaw, scale=scale, mass=0.3, friction=0.7)
