@@ -17,7 +17,7 @@ demo: env  ## collect 200 samples, train the classifier, write report and viewer
 test: env lint  ## ruff, mypy and the whole test suite
 	$(BIN)/python -m pytest -n 2
 
-quick: env  ## the tests without the slow ones: under two minutes on two idle cores
+quick: env  ## the tests without the slow ones: about two minutes on two idle cores
 	$(BIN)/python -m pytest -n 2 -m "not slow"
 
 test-cpus: env  ## the quick tests as other processors would run them (tests/helpers/cpu_settings.py)

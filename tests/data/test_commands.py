@@ -16,6 +16,8 @@ from svfl_data.signals.transforms import processed_wrench
 from svfl_data.storage.store import read_episode, write_episode
 from tests.helpers.builders import episode_arrays
 
+pytestmark = pytest.mark.slow
+
 NAMES = (
     "info", "view", "plot", "validate", "repair", "relabel", "filter", "merge", "split", "stats", "pack", "unpack",
     "card", "topdown",

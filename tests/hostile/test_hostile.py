@@ -48,6 +48,7 @@ FEW = [number for number in range(0, len(KINDS), QUICK) if not KINDS[number].slo
 MANY = range(0, len(KINDS), LONG)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", FEW, ids=[KINDS[number].name for number in FEW])
 def test_a_hostile_file_is_refused_in_one_line(campaign, number):
     obey(campaign, KINDS[number], in_turn(number // QUICK, KINDS[number], LIGHT, 1))

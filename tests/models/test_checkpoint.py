@@ -83,7 +83,15 @@ def test_of_something_else(tmp_path, found, message):
 
 
 @pytest.mark.parametrize(
-    "change", [{"group": "C4"}, {"group": "D8"}, {"group": "none"}, {"window": 32}, {"encoder": "v"}, {"group": "E8"}]
+    "change",
+    [
+        {"group": "C4"},
+        pytest.param({"group": "D8"}, marks=pytest.mark.slow),
+        {"group": "none"},
+        {"window": 32},
+        {"encoder": "v"},
+        {"group": "E8"},
+    ],
 )
 def test_weights_of_another_network(trained, tmp_path, change):
     found = contents(trained[0])

@@ -115,7 +115,7 @@ def test_a_plain_policy_is_caught(scene):
             assert_equivariant(policy, scene, D4, act_on_output, function=function)
 
 
-@pytest.mark.parametrize("group", GROUPS.values(), ids=named)
+@pytest.mark.parametrize("group", [GROUPS["none"], *TRIED], ids=named)
 def test_shapes_bounds_and_shared_deviations(group, scene):
     policy = Policy(group)
     of = policy.act(scene)
@@ -127,7 +127,7 @@ def test_shapes_bounds_and_shared_deviations(group, scene):
     assert values(policy, scene).shape == (8, 2)
 
 
-@pytest.mark.parametrize("group", GROUPS.values(), ids=named)
+@pytest.mark.parametrize("group", [GROUPS["none"], *TRIED], ids=named)
 def test_values_are_two_opinions_about_every_component(group, scene):
     policy = Policy(group)
     action = scene["action"].clone().requires_grad_()

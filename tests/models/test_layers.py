@@ -79,7 +79,7 @@ def test_initial_weights_have_the_deviations_of_escnn(group, monkeypatch):
         torch.testing.assert_close(ours.sort().values, expected.sort().values)
 
 
-@pytest.mark.parametrize("group", GROUPS.values(), ids=named)
+@pytest.mark.parametrize("group", [GROUPS["none"], *TRIED], ids=named)
 def test_initial_weights_keep_the_variance(group):
     layers = layer_factory(group)
     layer = layers.linear(layers.hidden(32), layers.hidden(32))

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from collectors.simulation import WorldConfig
 from collectors.simulation.reference import Reference
 
+pytestmark = pytest.mark.slow
+
 TICK, DT, BOUND = 25, 0.002, np.array([0.025, 0.025, 0.025, np.pi / 16])
 A = WorldConfig().max_acceleration
 SMOOTHING = WorldConfig().smoothing_steps

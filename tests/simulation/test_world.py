@@ -48,6 +48,7 @@ def test_the_seed_decides_every_byte():
     assert episode(3) != episode(4)
 
 
+@pytest.mark.slow
 def test_another_process_gives_the_same_bytes():
     code = "from tests.simulation.test_world import episode; print(episode(3))"
     other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
