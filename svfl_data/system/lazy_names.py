@@ -3,7 +3,6 @@
 import importlib
 import sys
 from collections.abc import Callable, Mapping
-from importlib.metadata import PackageNotFoundError, version
 
 
 def lazy_names(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
@@ -35,6 +34,8 @@ def lazy_names(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], 
 
 def distribution_version() -> str:
     """The version of this software; "unknown" where its files lie somewhere without having been installed."""
+    from importlib.metadata import PackageNotFoundError, version  # takes as long as all the rest of an import
+
     try:
         return version("svfl")
     except PackageNotFoundError:
