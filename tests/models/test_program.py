@@ -261,6 +261,7 @@ def test_json_that_is_changed_anywhere_is_one_line_or_a_policy(content, tmp_path
             exported_policy.load(path)
         except FormatError:
             refused(path, marker)
+        assert not marker.exists()
 
 
 def test_json_as_deep_as_one_likes_is_one_line(content, tmp_path, marker):

@@ -26,7 +26,7 @@ class Detection:
 
 
 def detection(probability: Tensor, truth: Tensor) -> Detection:
-    """Evaluate answers.
+    """Compare answers with the truth.
 
     Args:
         probability: Of yes, shape (F,).

@@ -1,4 +1,4 @@
-"""What an evaluation found: numbers, and an samples of one episode."""
+"""What an evaluation found: numbers, and samples of one episode for its figures."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
