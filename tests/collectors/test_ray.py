@@ -95,10 +95,10 @@ def test_a_cluster_of_its_own_is_heard_by_this_machine_only_and_ends_with_sigter
         [sys.executable, "-c", command], cwd=Path(__file__).parents[2], env=environment, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
-    begun = ""
-    while "1/1000" not in begun and (line := running.stdout.readline()):
+    begun = ""  # how many samples the first line of progress counts depends on the machine
+    while "/1000" not in begun and (line := running.stdout.readline()):
         begun += line
-    assert "1/1000" in begun
+    assert "/1000" in begun
     family = [psutil.Process(running.pid), *psutil.Process(running.pid).children(recursive=True)]
     heard = listening(family)
     running.send_signal(signal.SIGTERM)
