@@ -3,11 +3,11 @@
     import gymnasium
     import collectors.environment
 
-    env = gymnasium.make("svfl/BlockPicking-v0")
+    env = gymnasium.make("svfl/block_picking-v0")
     observation, info = env.reset(seed=0)
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
 
-``gymnasium.make("collectors.environment:svfl/BlockPicking-v0")`` does the import by itself.
+``gymnasium.make("collectors.environment:svfl/block_picking-v0")`` does the import by itself.
 """
 
 from typing import Any, Literal
@@ -213,11 +213,9 @@ def normalised(env: gymnasium.Env) -> gymnasium.Env:
 
 
 def register() -> None:
-    """Make every task known to gymnasium as ``svfl/<class>-v0``."""
-    for name, class_name in TASKS.items():
-        gymnasium.register(
-            id=f"svfl/{class_name}-v0", entry_point="collectors.environment:Environment", kwargs={"task": name}
-        )
+    """Make every task known to gymnasium as ``svfl/<task>-v0``."""
+    for task in TASKS:
+        gymnasium.register(f"svfl/{task}-v0", "collectors.environment:Environment", kwargs={"task": task})
 
 
 register()

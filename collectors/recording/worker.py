@@ -22,8 +22,6 @@ FAILURES = "failures"
 DEATHS = 3
 """Workers that may die one after the other; the last one ends the collection."""
 
-SHARED_MEMORY = "workers need free space in /dev/shm"
-
 
 @dataclass(frozen=True)
 class Collected:

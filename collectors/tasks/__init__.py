@@ -21,7 +21,7 @@ TASKS = {
     "drawer_closing": "DrawerClosing",
     "block_centering": "BlockCentering",
 }
-"""Name of every task, which is also its file in this folder, and its class; gymnasium's id is ``svfl/<class>-v0``."""
+"""Name of every task, which is also its file in this folder, and its class; gymnasium's id is ``svfl/<task>-v0``."""
 
 PAPER = tuple(task for task in TASKS if task not in ("household_picking_heldout", "block_centering"))
 """The nine tasks of the paper: what ``--task all`` means."""

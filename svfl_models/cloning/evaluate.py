@@ -1,13 +1,10 @@
 """How often a trained policy succeeds, in the gymnasium environment of its task."""
 
 import json
-import multiprocessing
-import os
-import signal
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections import deque
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +13,11 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from svfl_data.errors import StorageError, TrainingError
+from svfl_data.errors import TrainingError
 from svfl_data.reports.success_rate import wilson
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
+from svfl_data.system.worker_processes import Died, run_jobs
 from svfl_models.cloning.acting import acting
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.deployment_spec import OTHER_RATE, DeploymentSpec
@@ -81,8 +79,8 @@ class Evaluation:
 
 
 def environment_of(task: str) -> str:
-    """Gymnasium's id of a task, with the module that declares it."""
-    return f"collectors.environment:svfl/{''.join(word.capitalize() for word in task.split('_'))}-v0"
+    """Gymnasium's id of a task's environment, with the module that declares it."""
+    return f"collectors.environment:svfl/{task}-v0"
 
 
 def evaluate(
@@ -103,13 +101,14 @@ def evaluate(
     environment = environment_of(load_policy(checkpoint).deployment.task)
     console = console or Console(stderr=True)
     columns = (TextColumn("episode"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
-    success, steps = [], []
+    outcomes: dict[int, tuple[bool, int]] = {}
     with Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal) as bar:
         shown = bar.add_task("", total=episodes)
-        for succeeded, length in _episodes(checkpoint, environment, seed, range(episodes), workers):
-            success.append(succeeded)
-            steps.append(length)
-            bar.update(shown, advance=1, description=f"{sum(success)} of {len(success)} succeeded")
+        for index, outcome in _outcomes(checkpoint, environment, seed, episodes, workers):
+            outcomes[index] = outcome
+            succeeded = sum(success for success, _ in outcomes.values())
+            bar.update(shown, advance=1, description=f"{succeeded} of {len(outcomes)} succeeded")
+    success, steps = (list(values) for values in zip(*(outcomes[index] for index in range(episodes)), strict=True))
     return Evaluation(str(checkpoint), environment, seed, success, steps)
 
 
@@ -182,42 +181,29 @@ def _expect_same(environment: Any, deployment: DeploymentSpec, name: str) -> Non
         )
 
 
-_trial: Trial  # of this worker process
+def _outcomes(
+    checkpoint: Path, environment: str, seed: int, episodes: int, workers: int
+) -> Iterator[tuple[int, tuple[bool, int]]]:
+    """Number and outcome of each episode, as they end.
 
-
-def _episodes(
-    checkpoint: Path, environment: str, seed: int, indices: Sequence[int], workers: int
-) -> Iterator[tuple[bool, int]]:
-    """Outcomes of episodes, in their order."""
+    Raises:
+        TrainingError: If a worker process dies.
+    """
     if workers == 1:
         trial = Trial(checkpoint, environment, seed)
         try:
-            yield from map(trial, indices)
+            yield from ((index, trial(index)) for index in range(episodes))
         finally:
             trial.environment.close()
         return
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # workers inherit it: one core each
-    try:
-        pool = ProcessPoolExecutor(min(workers, len(indices)), multiprocessing.get_context("spawn"), _start_worker)
-    except OSError as error:
-        raise StorageError(f"cannot start workers, which need room in /dev/shm: {error.strerror or error}") from error
-    try:
-        jobs = [pool.submit(_try, checkpoint, environment, seed, index) for index in indices]
-        for job in jobs:
-            yield job.result()
-    except BrokenProcessPool as error:
-        raise TrainingError(f"{checkpoint}: a worker process died (killed, or out of memory)") from error
-    finally:
-        pool.shutdown(cancel_futures=True)
+    prepare = partial(_prepare, checkpoint, environment, seed)
+    for index, outcome in run_jobs(prepare, deque(range(episodes)), workers, finish=False):
+        if isinstance(outcome, Died):
+            raise TrainingError(f"{checkpoint}: a worker process died (killed, or out of memory)")
+        yield index, outcome
 
 
-def _start_worker() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-
-
-def _try(checkpoint: Path, environment: str, seed: int, index: int) -> tuple[bool, int]:
-    global _trial
-    if "_trial" not in globals():
-        torch.set_num_threads(1)
-        _trial = Trial(checkpoint, environment, seed)
-    return _trial(index)
+def _prepare(checkpoint: Path, environment: str, seed: int, place: int) -> Callable[[int], tuple[bool, int]]:
+    """Return what tries the policy in this process, on one core."""
+    torch.set_num_threads(1)
+    return Trial(checkpoint, environment, seed)

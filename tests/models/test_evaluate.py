@@ -1,11 +1,8 @@
 """How often a policy succeeds is counted right, in an environment that is declared here."""
 
-import errno
 import json
 import os
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import synchronize
+import signal
 
 import gymnasium
 import numpy as np
@@ -13,7 +10,9 @@ import pytest
 from gymnasium import spaces
 from rich.console import Console
 
-from svfl_data.errors import StorageError, TrainingError
+import collectors.environment  # noqa: F401 - declares the environments
+from collectors.tasks import TASKS
+from svfl_data.errors import TrainingError
 from svfl_models import cli
 from svfl_models.cloning import evaluate as module
 from svfl_models.cloning import train
@@ -57,8 +56,16 @@ class Countdown(gymnasium.Env):
         return {name: np.zeros(shape, np.float32) for name, shape in zeros.items()}
 
 
+class Deadly(Countdown):
+    """Kills its process at the first step."""
+
+    def step(self, action):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
 if "test/Countdown-v0" not in gymnasium.registry:  # this module is imported once more, by its own name
     gymnasium.register("test/Countdown-v0", "tests.models.test_evaluate:Countdown")
+    gymnasium.register("test/Deadly-v0", "tests.models.test_evaluate:Deadly")
     gymnasium.register("test/Turned-v0", "tests.models.test_evaluate:Countdown", kwargs={"axes": np.eye(2)})
 COUNTDOWN = "tests.models.test_evaluate:test/Countdown-v0"
 
@@ -119,17 +126,8 @@ def test_other_environments_are_one_clear_line(checkpoint):
         module._expect_same(gymnasium.make("test/Turned-v0"), seen, "policy")
 
 
-class Broken(ProcessPoolExecutor):
-    """A pool whose processes die at once."""
-
-    def submit(self, *work):
-        broken = Future()
-        broken.set_exception(BrokenProcessPool())
-        return broken
-
-
-def test_a_worker_that_dies_is_one_clear_line(checkpoint, countdown, monkeypatch):
-    monkeypatch.setattr(module, "ProcessPoolExecutor", Broken)
+def test_a_worker_that_dies_is_one_clear_line(checkpoint, monkeypatch):
+    monkeypatch.setattr(module, "environment_of", lambda task: "tests.models.test_evaluate:test/Deadly-v0")
     with pytest.raises(TrainingError, match="a worker process died"):
         evaluate(checkpoint, 4, workers=2, console=QUIET)
 
@@ -140,15 +138,6 @@ def test_a_file_that_is_no_policy(tmp_path, capsys):
 
 
 def test_every_task_has_its_id():
-    assert environment_of("block_corner_pulling") == "collectors.environment:svfl/BlockCornerPulling-v0"
-
-
-def test_no_room_for_the_workers_is_one_line(monkeypatch, tmp_path):
-    """Processes share locks in /dev/shm, which can be full."""
-
-    def full(*_, **__):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(synchronize._multiprocessing, "SemLock", full)
-    with pytest.raises(StorageError, match="cannot start workers, which need room in /dev/shm: No space left"):
-        list(module._episodes(tmp_path / "checkpoint.ckpt", "none", 0, range(4), workers=2))
+    assert environment_of("block_corner_pulling") == "collectors.environment:svfl/block_corner_pulling-v0"
+    for task in TASKS:
+        assert gymnasium.spec(environment_of(task).partition(":")[2]).kwargs == {"task": task}

@@ -15,9 +15,9 @@ from svfl_models.centering.config import TrainingConfig
 from svfl_models.experiments.runs.cost import cost
 from svfl_models.experiments.runs.folder import claimed
 from svfl_models.experiments.runs.grid import Grid
+from svfl_models.experiments.runs.job import devices
 from svfl_models.experiments.runs.progress_bar import Bar
 from svfl_models.experiments.runs.training import Training, run_name
-from svfl_models.experiments.runs.worker import devices
 from tests.helpers import pretend
 from tests.helpers.patience import PATIENCE
 from tests.helpers.pretend import is_running

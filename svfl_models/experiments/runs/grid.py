@@ -1,16 +1,16 @@
 """Many runs, side by side, each of them once."""
 
-import os
 from collections import deque
 from collections.abc import Mapping
-from multiprocessing import connection
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 
 from svfl_data.errors import TrainingError
+from svfl_data.system.worker_processes import Died, run_jobs
+from svfl_models.experiments.runs.job import Job, devices, prepare
 from svfl_models.experiments.runs.progress_bar import Bar
-from svfl_models.experiments.runs.worker import Job, Worker, devices
 
 LOG = "workers.log"
 TOLD = 3
@@ -52,30 +52,13 @@ class Grid:
             SvflError: If what has happened would happen to every run, such as a full disk.
             KeyboardInterrupt: If the user stopped it; finished runs are kept.
         """
-        waiting = deque(self.unfinished())
+        waiting = self.unfinished()
         if not waiting:
             return
-        os.environ.setdefault("OMP_NUM_THREADS", "1")  # workers inherit it: one core each
-        names = devices()
-        crew: dict[int, Worker] = {}
-        try:
-            with Bar(self.jobs, waiting, console) as bar:
-                while waiting or any(one.name for one in crew.values()):
-                    for place in range(workers):
-                        if waiting and place not in crew:
-                            crew[place] = Worker(names[place % len(names)], self.log)
-                        if waiting and crew[place].name is None:
-                            name = waiting.popleft()
-                            crew[place].begin(name, self.jobs[name])
-                    busy = {one.connection: place for place, one in crew.items() if one.name}
-                    for ready in connection.wait(list(busy)):
-                        name, words = self._end(crew, busy[ready])  # type: ignore[index] # what was given comes back
-                        bar.ended(name, words)
-        finally:
-            for one in crew.values():
-                one.process.terminate()  # all at once, for `end` waits
-            for one in crew.values():
-                one.end()
+        jobs = deque((name, self.jobs[name]) for name in waiting)
+        with Bar(self.jobs, waiting, console) as bar:
+            for (name, _), error in run_jobs(partial(prepare, devices(), self.log), jobs, workers, finish=False):
+                bar.ended(name, self._note(name, error))
 
     def raise_failures(self) -> None:
         """Name the runs that failed, if any did.
@@ -90,18 +73,12 @@ class Grid:
         count = f"{len(self.failed)} of {len(self.jobs)} runs"
         raise TrainingError(f"{count} failed ({named}{more}); the same command tries them again")
 
-    def _end(self, crew: dict[int, Worker], place: int) -> tuple[str, str]:
-        """Note how a run ended; returns its name and that in words. A worker that died leaves its place."""
-        name = str(crew[place].name)
-        try:
-            error = crew[place].outcome()
-        except EOFError:
-            dead = crew.pop(place)
-            error = TrainingError(f"its process died with exit code {dead.exit_code()}, see {self.log}")
-            dead.end()
+    def _note(self, name: str, error: TrainingError | Died | None) -> str:
+        """Note how a run ended; returns that in words."""
         if error is None:
-            return name, self.jobs[name].words() or "no result"
-        if not isinstance(error, TrainingError):
-            raise error
-        self.failed[name] = str(error)
-        return name, "failed"
+            return self.jobs[name].words() or "no result"
+        if isinstance(error, Died):
+            self.failed[name] = f"its process died with exit code {error.exit_code}, see {self.log}"
+        else:
+            self.failed[name] = str(error)
+        return "failed"

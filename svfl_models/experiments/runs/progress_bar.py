@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from svfl_data.system.printable import printable
-from svfl_models.experiments.runs.worker import Job
+from svfl_models.experiments.runs.job import Job
 
 DAY_S = 86400.0
 
