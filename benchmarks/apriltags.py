@@ -24,12 +24,11 @@ from collectors.simulation.bullet import pybullet
 from collectors.simulation.camera import Camera, CameraConfig, calibration
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
-from collectors.sources.simulated import attempt_seed
 from collectors.sources.tagged_block import largest_tag, wear_tags
 from collectors.sources.tagged_expert import watched
 from collectors.tasks import task_class
 from collectors.tasks.gripper import Gripper
-from collectors.tasks.task import MAX_STEPS
+from collectors.tasks.task import MAX_STEPS, attempt_seed
 from svfl_data.schema.robot import Calibration
 
 HALF, DISTANCE = 0.025, 0.6  # [m] of the cube, and from it to the camera

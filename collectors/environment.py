@@ -21,7 +21,7 @@ from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
 from collectors.tasks import TASKS, task_class
 from collectors.tasks.gripper import Gripper, Moves
-from collectors.tasks.task import MAX_STEPS, Task
+from collectors.tasks.task import MAX_STEPS, POLICY_ATTEMPT, Task, attempt_seed
 from svfl_data.errors import UsageError
 from svfl_data.sampling.windows import WINDOW
 from svfl_data.schema.robot import Observation
@@ -120,12 +120,18 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
 
         Args:
             seed: Seed of this episode, and of those after it that are begun without one.
-            options: ``{"seed_sequence": numpy.random.SeedSequence}`` gives a dataset's episode instead.
+            options: ``{"scene": (seed, index)}`` gives instead the scene with this index among those of this seed in
+                which policies are tried; no demonstration shows one of them. ``{"seed_sequence":
+                numpy.random.SeedSequence}`` gives the scene that is drawn from it, such as a demonstration's.
         """
         self.check_process()
         super().reset(seed=seed)
         drawn = np.random.SeedSequence(int(self.np_random.integers(2**63)))
-        self.task = self._task_class.begin(self.world, (options or {}).get("seed_sequence", drawn))
+        chosen = options or {}
+        if "scene" in chosen:
+            policy_seed, index = chosen["scene"]
+            drawn = attempt_seed(policy_seed, index, POLICY_ATTEMPT)
+        self.task = self._task_class.begin(self.world, chosen.get("seed_sequence", drawn))
         self._steps = 0
         return self._observe(), {"success": self.task.success()}
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from collectors.recording.loop import watching
-from collectors.recording.worker import Collector
+import numpy as np
+from numpy.typing import NDArray
+
+from collectors.recording.loop import Watcher, unwatched
+from collectors.recording.worker import Collector, forget
 from svfl_data.schema.episode import Episode
+from svfl_data.schema.robot import Observation, Robot
 
 if TYPE_CHECKING:
     from svfl_data.viewer.live import Live
@@ -29,26 +33,30 @@ class Watched:
     collector: Collector
     address: str
 
-    def __call__(self, index: int, *keep: object) -> Episode:
+    def __call__(self, index: int, *, keep: Callable[[Episode], None] = forget, watch: Watcher = unwatched) -> Episode:
         """Collect the episode of an index; attempts that fail are shown as well."""
-        with shown(self.address, index):
-            return self.collector(index, *keep)
+        with shown(self.address, index) as live:
+
+            def both(robot: Robot, observation: Observation, action: NDArray[np.float32] | None) -> None:
+                live(robot, observation, action)
+                watch(robot, observation, action)
+
+            return self.collector(index, keep=keep, watch=both)
 
 
 @contextmanager
-def shown(address: str, index: int) -> Iterator[None]:
-    """Show the episode of an index on a viewer while it is recorded in this block, whether or not it is kept.
+def shown(address: str, index: int) -> Iterator[Watcher]:
+    """Give what shows the episode of an index on a viewer while it is recorded, whether or not it is kept.
 
     Raises:
         UsageError: If nothing listens there.
     """
     live = viewer(address)
     live.name = f"episode {index}"
-    with watching(live):
-        try:
-            yield
-        finally:
-            live.finish()
+    try:
+        yield live
+    finally:
+        live.finish()
 
 
 @cache

@@ -1,8 +1,6 @@
 """The one recording loop: whoever acts, whatever the robot, an episode is recorded here."""
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,25 +11,12 @@ State = Mapping[str, np.ndarray]
 """True values that only a simulation knows, by name."""
 OBJECT = "object"
 """Name of the state that is the pose of the task's object, (7,): position [m], quat_xyzw, base axes."""
-Watch = Callable[[Robot, Observation, NDArray[np.float32] | None], None]
-"""Is told of every observation and the action that led to it, None at the first; what it does is not recorded."""
+Watcher = Callable[[Robot, Observation, NDArray[np.float32] | None], None]
+"""Is called with every observation and the action that led to it, None at the first, while an episode is recorded."""
 
 
-def _nobody(robot: Robot, observation: Observation, action: NDArray[np.float32] | None) -> None:
-    """Watch nothing."""
-
-
-_watch: ContextVar[Watch] = ContextVar("watch", default=_nobody)
-
-
-@contextmanager
-def watching(watch: Watch) -> Iterator[None]:
-    """Have somebody watch what is recorded in this block, however deep inside."""
-    before = _watch.set(watch)
-    try:
-        yield
-    finally:
-        _watch.reset(before)
+def unwatched(robot: Robot, observation: Observation, action: NDArray[np.float32] | None) -> None:
+    """Show an episode to nobody."""
 
 
 def record(
@@ -40,6 +25,7 @@ def record(
     max_steps: int,
     done: Callable[[], bool] = lambda: False,
     state: Callable[[], State] = dict,
+    watch: Watcher = unwatched,
 ) -> dict[str, np.ndarray]:
     """Run a policy on a robot, which has been homed and tared, and keep everything.
 
@@ -49,6 +35,7 @@ def record(
         max_steps: Actions after which the episode ends, if neither policy nor `done` have ended it.
         done: Whether the task is achieved; asked after each action.
         state: True values of the moment. Those named `OBJECT` become ``streams/object/pose``, others ``extra/state/``.
+        watch: Is told of every observation and action; what it does is not recorded.
 
     Returns:
         The arrays of the episode without labels, by dataset path.
@@ -59,7 +46,6 @@ def record(
         ...     robot.reset(np.random.SeedSequence(0))  # doctest: +SKIP
         ...     arrays = record(robot, lambda observation: np.array([1, 0, 0, -0.01, 0]), max_steps=5)  # doctest: +SKIP
     """
-    watch = _watch.get()
     observations = [robot.observe()]
     watch(robot, observations[-1], None)
     states = [state()]

@@ -6,17 +6,34 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from collectors.recording.loop import Watcher, unwatched
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.held_folder import Identity, check_same
 from svfl_data.errors import CollectError
 from svfl_data.schema.episode import Episode
 from svfl_data.storage.store import write_episode
 
-Collector = Callable[..., Episode]
-"""Produces the episode of an index; depends on nothing but the index and what it was made with.
 
-With a second argument, a function, it hands over every failed attempt to it.
-"""
+def forget(episode: Episode) -> None:
+    """What is done with a failed attempt by default: nothing."""
+
+
+class Collector(Protocol):
+    """Produces episodes; an episode depends on nothing but its index and what the collector was made with."""
+
+    def __call__(self, index: int, *, keep: Callable[[Episode], None] = forget, watch: Watcher = unwatched) -> Episode:
+        """Collect the episode of an index.
+
+        Args:
+            index: Index of the episode.
+            keep: Is given every failed attempt, if the collector makes episodes of those.
+            watch: Is told of every observation and action of every attempt.
+
+        Raises:
+            CollectError: If no attempt succeeds.
+        """
+
+
 FAILURES = "failures"
 """Folder of the dataset of failed attempts, inside that of the demonstrations."""
 DEATHS = 3
@@ -84,8 +101,8 @@ class Worker:
             write_episode(episode, path)
             files.append(str(path.relative_to(self.folder)))
 
-        keep = (lambda failed: write(failed, FAILURES),) if self.keep_failures else ()
-        episode = self.collector(index, *keep)
+        keep = (lambda failed: write(failed, FAILURES)) if self.keep_failures else forget
+        episode = self.collector(index, keep=keep)
         write(episode)
         attempts = 1 + len(episode.meta.config["rejected"])
         return Collected(index, len(episode), episode.meta.success, attempts, tuple(files))

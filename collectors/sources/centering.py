@@ -1,25 +1,27 @@
 """Block-centering samples: attempts that collide as meant become labelled episodes, the others are counted."""
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
 from collectors.recording.collection import software_versions
-from collectors.recording.loop import OBJECT, record
+from collectors.recording.loop import OBJECT, Watcher, record, unwatched
+from collectors.recording.worker import forget
 from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, draw_scene, true_label
 from collectors.simulation.centering_expert import CollisionExpert
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
-from collectors.sources.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
+from collectors.sources.simulated import VERSIONS, Simulated
+from collectors.tasks.task import ATTEMPTS, MAX_STEPS, attempt_seed
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.symmetry import DIRECTIONS
 
 TASK = "centering"
-MAX_STEPS = 50  # longest episode of the paper
 
 
 @dataclass(frozen=True)
@@ -40,15 +42,15 @@ class CenteringCollector(Simulated):
         """Everything that was set, as JSON values."""
         return {"scene": asdict(self.scene), "world": asdict(self.world)}
 
-    def __call__(self, index: int) -> Episode:
-        """Collect one episode.
+    def __call__(self, index: int, *, keep: Callable[[Episode], None] = forget, watch: Watcher = unwatched) -> Episode:
+        """Collect one episode; failed attempts are counted and not kept.
 
         Raises:
             CollectError: If no attempt collides as meant.
         """
         rejected: list[str] = []
         for attempt in range(ATTEMPTS):
-            outcome = self._attempt(index, attempt, rejected)
+            outcome = self._attempt(index, attempt, rejected, watch)
             if isinstance(outcome, Episode):
                 return outcome
             rejected.append(outcome)
@@ -56,12 +58,12 @@ class CenteringCollector(Simulated):
             f"sample {index} (seed {self.seed}): none of {ATTEMPTS} attempts collided as meant: {', '.join(rejected)}"
         )
 
-    def _attempt(self, index: int, attempt: int, rejected: list[str]) -> Episode | str:
+    def _attempt(self, index: int, attempt: int, rejected: list[str], watch: Watcher) -> Episode | str:
         """One attempt: the episode, or why it is rejected."""
         world = self.opened
         scene, block = begin(world, self.scene, self.seed, index, attempt)
         expert = CollisionExpert(scene, touchdown=2 * scene.block_half + FINGERTIP)
-        arrays = record(world, expert, MAX_STEPS, state=lambda: {OBJECT: world.pose(block)})
+        arrays = record(world, expert, MAX_STEPS, state=lambda: {OBJECT: world.pose(block)}, watch=watch)
 
         label = true_label(world, block)
         touching = sum(world.finger_contacts(block))

@@ -8,22 +8,19 @@ from typing import Any
 import numpy as np
 
 from collectors.recording.collection import software_versions
-from collectors.recording.loop import record
+from collectors.recording.loop import Watcher, record, unwatched
+from collectors.recording.worker import forget
 from collectors.simulation.config import WorldConfig
 from collectors.sources.perturbations import Perturbed
-from collectors.sources.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
+from collectors.sources.simulated import VERSIONS, Simulated
 from collectors.tasks import task_class
 from collectors.tasks.gripper import Gripper
-from collectors.tasks.task import MAX_STEPS, Task
+from collectors.tasks.task import ATTEMPTS, MAX_STEPS, Task, attempt_seed
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError
 from svfl_data.sampling.samples import EXPERT_ACTION
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.schema.robot import Policy
-
-
-def forget(episode: Episode) -> None:
-    """What is done with a failed attempt by default: nothing."""
 
 
 @dataclass(frozen=True)
@@ -51,20 +48,21 @@ class ExpertCollector(Simulated):
             "task": self.task, "noise": self.noise, "perturbations": self.perturbations, "world": asdict(self.world),
         }  # fmt: skip
 
-    def __call__(self, index: int, keep: Callable[[Episode], None] = forget) -> Episode:
+    def __call__(self, index: int, *, keep: Callable[[Episode], None] = forget, watch: Watcher = unwatched) -> Episode:
         """Record one demonstration.
 
         Args:
-            index: Of the episode.
-            keep: Gets every failed attempt, as an episode whose index is that of the episode times 20 plus the number
-                of the attempt.
+            index: Index of the episode.
+            keep: Is given every failed attempt, as an episode whose index is that of the episode times 20 plus the
+                number of the attempt.
+            watch: Is told of every observation and action of every attempt.
 
         Raises:
             CollectError: If no attempt succeeds.
         """
         rejected: list[str] = []
         for attempt in range(ATTEMPTS):
-            episode = self._attempt(index, attempt, list(rejected))
+            episode = self._attempt(index, attempt, list(rejected), watch)
             if episode.meta.success:
                 return episode
             keep(episode)
@@ -75,7 +73,7 @@ class ExpertCollector(Simulated):
             + _counted(Counter(rejected))
         )
 
-    def _attempt(self, index: int, attempt: int, rejected: list[str]) -> Episode:
+    def _attempt(self, index: int, attempt: int, rejected: list[str], watch: Watcher) -> Episode:
         seed = attempt_seed(self.seed, index, attempt)
         task = task_class(self.task).begin(self.opened, seed)
         # Children of the seed: the expert's noise and the perturbations have nothing to do with the scene's numbers.
@@ -84,7 +82,7 @@ class ExpertCollector(Simulated):
         )
         moves = task.expert(Gripper(self.opened, rng, self.noise))
         policy = Perturbed(moves, self.opened.action_bound, self.perturbations, perturbations)
-        arrays, success = self._recorded(task, policy)
+        arrays, success = self._recorded(task, policy, watch)
         if self.perturbations:
             arrays[EXPERT_ACTION] = np.array(policy.expert_action, np.float32).reshape(-1, 5)
         facts = {"drawn": task.drawn(), "index": index, "attempt": attempt, "rejected": rejected}
@@ -94,9 +92,9 @@ class ExpertCollector(Simulated):
         )
         return Episode(meta, arrays)
 
-    def _recorded(self, task: Task, policy: Policy) -> tuple[dict[str, np.ndarray], bool]:
+    def _recorded(self, task: Task, policy: Policy, watch: Watcher) -> tuple[dict[str, np.ndarray], bool]:
         """What a policy does at a task that has just been set up, as arrays, and whether it is achieved at the end."""
-        return record(self.opened, policy, MAX_STEPS, task.success, task.state), task.success()
+        return record(self.opened, policy, MAX_STEPS, task.success, task.state, watch), task.success()
 
 
 def summary(dataset: Dataset) -> str:

@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collectors.recording.collection import software_versions
-from collectors.recording.loop import record
+from collectors.recording.loop import Watcher, record, unwatched
+from collectors.recording.worker import forget
 from collectors.simulation.config import WorldConfig
-from collectors.sources.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
+from collectors.sources.simulated import VERSIONS, Simulated
 from collectors.tasks import task_class
-from collectors.tasks.task import MAX_STEPS
+from collectors.tasks.task import MAX_STEPS, POLICY_ATTEMPT, attempt_seed
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, UsageError
 from svfl_data.reports.success_rate import wilson
@@ -77,11 +78,11 @@ class PolicyCollector(Simulated):
         checkpoint = {"name": self.checkpoint.name, "sha256": digest}
         return {"task": self.task, "checkpoint": checkpoint, "world": asdict(self.world)}
 
-    def __call__(self, index: int) -> Episode:
-        """Record one episode."""
-        task = task_class(self.task).begin(self.opened, attempt_seed(self.seed, index, ATTEMPTS))
-        arrays = record(self.opened, self._act, MAX_STEPS, task.success, task.state)
-        facts = {"drawn": task.drawn(), "index": index, "attempt": ATTEMPTS, "rejected": []}
+    def __call__(self, index: int, *, keep: Callable[[Episode], None] = forget, watch: Watcher = unwatched) -> Episode:
+        """Record one episode; there is one attempt, and it is the episode whether or not it succeeds."""
+        task = task_class(self.task).begin(self.opened, attempt_seed(self.seed, index, POLICY_ATTEMPT))
+        arrays = record(self.opened, self._act, MAX_STEPS, task.success, task.state, watch)
+        facts = {"drawn": task.drawn(), "index": index, "attempt": POLICY_ATTEMPT, "rejected": []}
         software = software_versions(*VERSIONS)
         meta = Meta(self.task, index, self.seed, "policy", task.success(), self.config() | facts, software)
         return Episode(meta, arrays)

@@ -14,8 +14,9 @@ from collectors.simulation.centering import CenteringConfig
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
 from collectors.sources import centering
-from collectors.sources.simulated import VERSIONS, attempt_seed
+from collectors.sources.simulated import VERSIONS
 from collectors.tasks import TASKS, task_class
+from collectors.tasks.task import attempt_seed
 from svfl_data.errors import DatasetError, FormatError, UsageError
 from svfl_data.schema.episode import Episode, Meta, canonical_json
 from svfl_data.system.printable import printable

@@ -1,15 +1,11 @@
-"""What collectors in simulation share: one world for all their episodes, and how an episode follows from its seed."""
+"""What collectors in simulation share: one world for all their episodes."""
 
 from dataclasses import fields
 from typing import Any
 
-import numpy as np
-
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
 
-ATTEMPTS = 20
-"""Per episode, of an expert. Attempt number 20 is therefore one that no expert makes: a policy's scenes are its."""
 VERSIONS = ("svfl", "pybullet", "numpy")
 """Packages that a simulated episode depends on."""
 
@@ -33,14 +29,3 @@ class Simulated:
 
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
-
-
-def attempt_seed(seed: int, index: int, attempt: int) -> np.random.SeedSequence:
-    """Where all randomness of an attempt comes from.
-
-    Args:
-        seed: Of the dataset.
-        index: Of the episode.
-        attempt: Number of the attempt.
-    """
-    return np.random.SeedSequence([seed, index, attempt])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from collectors.apriltags.tracker import Tracker
 from collectors.apriltags.watch import Lifted, Reached, Watch
-from collectors.recording.loop import State, record
+from collectors.recording.loop import State, Watcher, record
 from collectors.simulation.camera import Camera, CameraConfig
 from collectors.simulation.world import World
 from collectors.sources.expert import ExpertCollector
@@ -115,11 +115,11 @@ class TaggedCollector(ExpertCollector):
         cameras = {name: asdict(camera) for name, camera in TAG_CAMERAS.items()}
         return super().config() | {"tags": True, "tag_cameras": cameras}
 
-    def _recorded(self, task: Task, policy: Policy) -> tuple[dict[str, np.ndarray], bool]:
-        watch = watched(task)
+    def _recorded(self, task: Task, policy: Policy, watch: Watcher) -> tuple[dict[str, np.ndarray], bool]:
+        tags = watched(task)
 
         def state() -> State:
             return {**task.state(), "achieved": np.array(task.success())}
 
-        arrays = record(self.opened, policy, MAX_STEPS, watch.done, state)
-        return arrays | watch.tracker.arrays(), watch.achieved
+        arrays = record(self.opened, policy, MAX_STEPS, tags.done, state, watch)
+        return arrays | tags.tracker.arrays(), tags.achieved

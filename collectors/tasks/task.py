@@ -18,6 +18,21 @@ DRAWS = 1000
 """Tries to draw a scene, of which the default workspace needs a few."""
 MAX_STEPS = 50
 """Longest episode (Kohler et al., CoRL 2023, section 5.1)."""
+ATTEMPTS = 20
+"""Attempts that an expert makes at an episode; they are numbered from 0."""
+POLICY_ATTEMPT = ATTEMPTS
+"""Number of the attempt whose scenes policies are tried in; no expert makes it, so no demonstration shows its scene."""
+
+
+def attempt_seed(seed: int, index: int, attempt: int) -> np.random.SeedSequence:
+    """Source of all randomness of an attempt.
+
+    Args:
+        seed: Seed of the dataset.
+        index: Index of the episode.
+        attempt: Number of the attempt.
+    """
+    return np.random.SeedSequence([seed, index, attempt])
 
 
 def two_apart(

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from collectors.recording.collection import software_versions
 from collectors.recording.live_view import shown
-from collectors.recording.loop import record
+from collectors.recording.loop import record, unwatched
 from collectors.simulation.config import WorldConfig
-from collectors.sources.simulated import ATTEMPTS, VERSIONS, Simulated, attempt_seed
+from collectors.sources.simulated import VERSIONS, Simulated
 from collectors.tasks import task_class
+from collectors.tasks.task import POLICY_ATTEMPT, attempt_seed
 from collectors.teleop.action_mapper import ActionMapper
 from collectors.teleop.clock import Clock, steadiness
 from collectors.teleop.devices.device import Command, Device, DeviceLostError
@@ -32,7 +33,7 @@ from svfl_data.schema.robot import Observation
 from svfl_data.storage.store import write_episode
 from svfl_data.system.printable import say
 
-ATTEMPT = ATTEMPTS + 1
+ATTEMPT = POLICY_ATTEMPT + 1
 """Number of the attempt in every episode: its scene is one that no expert and no policy has."""
 ENDS = {
     Command.SUCCESS: "marked as success",
@@ -165,10 +166,11 @@ class Session:
         self._clock.begin()
         with EpisodeWriter(self._dataset, meta, constants(self._world)) as writer:
             robot = Journaled(self._world, writer)
-            with shown(self._viewer, self._scene) if self._viewer else nullcontext():
+            with shown(self._viewer, self._scene) if self._viewer else nullcontext(unwatched) as watch:
                 arrays = record(
-                    robot, self._act, self._max_steps, self._task.success, lambda: robot.state(self._task.state())
-                )
+                    robot, self._act, self._max_steps, self._task.success,
+                    lambda: robot.state(self._task.state()), watch,
+                )  # fmt: skip
             if self._task.success():
                 self._end = ACHIEVED
             if len(arrays["actions/action"]) and self._end != ENDS[Command.DISCARD]:

@@ -22,9 +22,6 @@ from svfl_models.cloning.acting import acting
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.deployment_spec import OTHER_RATE, DeploymentSpec
 
-ATTEMPT = 20
-"""Number of the attempt whose scenes policies are tried in; no demonstration is made in them (docs/decisions.md)."""
-
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -139,8 +136,7 @@ class Trial:
     @torch.inference_mode()
     def __call__(self, index: int) -> tuple[bool, int]:
         """Run the episode of a number; returns whether it succeeded, and its length."""
-        drawn = np.random.SeedSequence([self.seed, index, ATTEMPT])
-        observation, _ = self.environment.reset(options={"seed_sequence": drawn})
+        observation, _ = self.environment.reset(options={"scene": (self.seed, index)})
         ended, success, steps = False, False, 0
         while not ended:
             observation, _, terminated, truncated, info = self.environment.step(self._act(observation))

@@ -25,7 +25,7 @@ class Made:
     dies_once: Path | None = None
     fails_at: int | None = None
 
-    def __call__(self, index: int) -> Episode:
+    def __call__(self, index: int, **_) -> Episode:
         if index == self.dies_at and not (self.dies_once and self.dies_once.exists()):
             if self.dies_once:
                 self.dies_once.touch()

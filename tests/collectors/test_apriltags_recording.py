@@ -108,7 +108,7 @@ def test_a_policy_sees_tags_on_the_block_and_nothing_else_of_them(monkeypatch):
     for kind in (TaggedCollector, ExpertCollector):
         collector = kind(0, "block_picking", world=world)
         with pytest.raises(CollectError, match="none of 1 attempts"):
-            collector(0, attempts.append)
+            collector(0, keep=attempts.append)
         collector.opened.close()
     tagged, plain = attempts
     assert tagged.cameras.keys() == {"front"}
@@ -143,7 +143,7 @@ def test_what_tags_do_not_see_does_not_count(monkeypatch):
     monkeypatch.setattr("collectors.sources.expert.ATTEMPTS", 1)
     collector, failed = TaggedCollector(0, "block_picking", world=SMALL), []
     with pytest.raises(CollectError, match="1 x not achieved in 50 steps"):
-        collector(0, failed.append)
+        collector(0, keep=failed.append)
     collector.opened.close()
     assert failed[0].arrays["extra/state/achieved"].any()
     assert not failed[0].has("tags_pose")

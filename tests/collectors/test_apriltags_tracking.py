@@ -13,10 +13,10 @@ from collectors.simulation.bodies import quat_from_yaw
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.camera import calibration as calibration_of
 from collectors.simulation.world import World
-from collectors.sources.simulated import attempt_seed
 from collectors.sources.tagged_block import wear_tags
 from collectors.sources.tagged_expert import TAG_CAMERAS, SimulatedTagCamera, watched
 from collectors.tasks import task_class
+from collectors.tasks.task import attempt_seed
 from svfl_data.errors import CollectError, UsageError
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.storage.store import read_episode, write_episode

@@ -11,7 +11,8 @@ from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, d
 from collectors.simulation.centering_expert import CollisionExpert
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
-from collectors.sources.centering import MAX_STEPS, CenteringCollector, add_block, balanced_direction
+from collectors.sources.centering import CenteringCollector, add_block, balanced_direction
+from collectors.tasks.task import MAX_STEPS
 from svfl_data.errors import CollectError
 from svfl_data.sampling.windows import latest
 from svfl_data.schema.episode import Episode

@@ -16,9 +16,9 @@ from svfl_data.errors import UsageError
 SMALL = WorldConfig(cameras={"front": CameraConfig(height=24, width=24)})
 
 
-@pytest.mark.parametrize("class_name", TASKS.values())
-def test_every_task_passes_gymnasiums_check(class_name):
-    env = gymnasium.make(f"svfl/{class_name}-v0", world=SMALL, render_mode="rgb_array")
+@pytest.mark.parametrize("task", TASKS)
+def test_every_task_passes_gymnasiums_check(task):
+    env = gymnasium.make(f"svfl/{task}-v0", world=SMALL, render_mode="rgb_array")
     with warnings.catch_warnings():
         warnings.filterwarnings("error", category=UserWarning)
         warnings.filterwarnings("ignore", message=r".*(infinity|-inf|inf).*")  # a wrench has no bounds

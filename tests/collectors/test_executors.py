@@ -77,7 +77,7 @@ def test_a_dead_workers_leftovers_are_cleared(dataset, tmp_path):
     leftover = dataset.path / ".episode_000001.hdf5.abc.part"
 
     class Littering(Made):
-        def __call__(self, index):
+        def __call__(self, index, **_):
             leftover.touch()
             return super().__call__(index)
 

@@ -10,9 +10,9 @@ from collectors.recording.worker import FAILURES, Worker
 from collectors.simulation.camera import CAMERAS, CameraConfig
 from collectors.simulation.world import World
 from collectors.sources.expert import ExpertCollector
-from collectors.sources.simulated import ATTEMPTS
 from collectors.tasks import PAPER
 from collectors.tasks.block_picking import BlockPicking
+from collectors.tasks.task import ATTEMPTS
 from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError

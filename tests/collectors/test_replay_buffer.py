@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from collectors.environment import Environment
-from collectors.sources.simulated import attempt_seed
-from collectors.tasks.task import MAX_STEPS
+from collectors.tasks.task import MAX_STEPS, attempt_seed
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.replay import ReplayBuffer, ReplayConfig, ReplaySpec

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from collectors.sources.replay import replay
-from collectors.sources.simulated import attempt_seed
 from collectors.tasks import task_class
 from collectors.tasks.gripper import nearest_turn
+from collectors.tasks.task import attempt_seed
 from collectors.teleop.clock import Clock
 from collectors.teleop.devices.device import Command, Device, DeviceLostError, reading
 from collectors.teleop.devices.keyboard import Keyboard

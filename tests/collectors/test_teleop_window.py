@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from collectors.simulation.world import World
-from collectors.sources.simulated import attempt_seed
 from collectors.tasks.block_picking import BlockPicking
 from collectors.tasks.gripper import nearest_turn
+from collectors.tasks.task import attempt_seed
 from collectors.teleop.clock import Clock
 from collectors.teleop.devices.device import Command
 from collectors.teleop.devices.script import Script

@@ -38,7 +38,7 @@ class Interfering:
     folder: Path
     happens: object
 
-    def __call__(self, index: int):
+    def __call__(self, index: int, **_):
         if index == 2:
             self.happens(self.folder)
         episode = make_episode(index)
