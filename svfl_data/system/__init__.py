@@ -1,1 +1,1 @@
-"""What touches the operating system, the terminal and files of strangers, for all three packages."""
+"""Access to the operating system, the terminal and untrusted files, shared by the three packages."""

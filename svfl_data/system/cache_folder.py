@@ -1,7 +1,7 @@
-"""The one place outside its outputs where this software keeps anything: a folder of the user's own, or none.
+"""The folder in which this software keeps computed results outside its outputs: one of the user's own, or none.
 
-Everything in it can be computed again. It is used only if nobody else can write there, so that what is read back from
-it was written by this user.
+Everything in this folder can be computed again. The folder is used only if nobody else can write to it, so that
+whatever is read back from it was written by this user.
 """
 
 import functools
@@ -14,16 +14,18 @@ VARIABLE = "SVFL_CACHE_DIR"
 
 
 def cache_folder(purpose: str) -> Path | None:
-    """The folder in which one part of the software keeps what it has computed; made if it does not exist.
+    """Return the folder in which one part of the software keeps its computed results, creating it if needed.
 
-    It is the subfolder `purpose` of ``$SVFL_CACHE_DIR``, or else of ``svfl`` in ``$XDG_CACHE_HOME`` or ``~/.cache``.
+    The folder is the subfolder `purpose` of ``$SVFL_CACHE_DIR``, or, without that variable, of ``svfl`` in
+    ``$XDG_CACHE_HOME`` or ``~/.cache``.
 
     Args:
         purpose: Name of the subfolder, such as ``numba``.
 
     Returns:
-        The folder, which belongs to this user and which nobody else can write to; None if there is no such place
-        (no home folder, a read-only disk, a folder of another user), and then nothing is kept.
+        The folder, which belongs to this user and which nobody else can write to. None if there is no such folder (no
+        home folder, a relative ``$SVFL_CACHE_DIR``, a read-only disk, a folder of another user). In that case nothing
+        is kept.
     """
     root = _root()
     if root is None:
@@ -47,7 +49,7 @@ def _root() -> Path | None:
 
 
 def _is_own(folder: Path) -> bool:
-    """Whether a path is a folder, no link, of this user, and only this user can write to it."""
+    """Return whether a path is a folder of this user, not a link, to which only this user can write."""
     try:
         found = folder.lstat()
     except OSError:
@@ -58,10 +60,16 @@ def _is_own(folder: Path) -> bool:
 
 @functools.cache
 def source_hash(*names: str) -> str:
-    """SHA-256 of source code that a kept result depends on: another version may come to another one.
+    """Return the SHA-256 of source code on which a kept result depends.
+
+    A kept result is valid only for the same hash, because another version of the code may compute another result.
 
     Args:
-        names: Files and folders of ``svfl_data``, such as ``checks`` or ``symmetry.py``.
+        names: Files and folders of the package ``svfl_data``, such as ``checks`` or ``symmetry.py``. A folder stands
+            for the ``*.py`` files directly inside it.
+
+    Returns:
+        The hash as 64 hexadecimal digits.
     """
     package, digest = Path(__file__).parents[1], hashlib.sha256()
     for name in names:

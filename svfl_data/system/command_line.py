@@ -1,4 +1,4 @@
-"""What the three commands share: one-line errors, exit codes and ``--help`` with an example."""
+"""Behaviour that all programs of this software share: one-line errors, exit codes and ``--help`` with an example."""
 
 import argparse
 import os
@@ -17,11 +17,17 @@ from svfl_data.system.library_caches import confine_caches
 from svfl_data.system.printable import LONGEST_LINE, printable
 from svfl_data.system.refused import refusal
 
-SIGNALLED = 128  # plus the signal: exit code of a command that one has ended, the shell's convention
+SIGNALLED = 128  # exit code of a command that a signal ended, plus the signal's number, as in shells
 
 
 class Parser(argparse.ArgumentParser):
-    """Argument parser whose mistakes are one line with exit code 2, and whose help ends with examples."""
+    """Argument parser that reports a mistake in one line with exit code 2, and whose help ends with examples.
+
+    Args:
+        example: Command lines that are printed at the end of the help, one per line. No example is printed if it is
+            empty.
+        **kwargs: Further arguments of `argparse.ArgumentParser`.
+    """
 
     def __init__(self, *, example: str = "", **kwargs: Any) -> None:  # noqa: ANN401 - passed on to argparse
         if example:
@@ -29,26 +35,38 @@ class Parser(argparse.ArgumentParser):
         super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
 
     def _print_message(self, message: str, file: Any = None) -> None:  # noqa: ANN401 - as argparse declares it
-        """Print help or a mistake; unlike argparse's own, not in silence if it cannot be written."""
+        """Print help or an error message, and raise an error, unlike argparse, if it cannot be written."""
         if message:
             (file or sys.stderr).write(message)
 
     def error(self, message: str) -> NoReturn:
-        """Print the mistake and where help is, and exit with 2."""
+        """Print the mistake and how to get help, and exit with code 2.
+
+        Raises:
+            SystemExit: Always.
+        """
         self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
 Commands = argparse._SubParsersAction  # what `add_subparsers` returns; argparse has no public name
-"""The commands of a program."""
+"""Type of the object that holds the commands of a program."""
 
 
 def positive(text: str) -> int:
-    """Argument type: an integer of at least 1."""
+    """Parse a command-line argument that must be an integer of at least 1.
+
+    Raises:
+        argparse.ArgumentTypeError: If the text is not such an integer.
+    """
     return _integer(text, 1)
 
 
 def natural(text: str) -> int:
-    """Argument type: an integer of at least 0."""
+    """Parse a command-line argument that must be an integer of at least 0.
+
+    Raises:
+        argparse.ArgumentTypeError: If the text is not such an integer.
+    """
     return _integer(text, 0)
 
 
@@ -63,15 +81,15 @@ def _integer(text: str, least: int) -> int:
 
 
 def main(root: Parser, words: list[str] | None = None) -> int:
-    """Do what a command line asks for.
+    """Run the command that a command line asks for.
 
     Args:
-        root: The program's command line. Each command sets `command`, the function to call, and its name is in
-            `command_name`.
-        words: The command line; None for that of this process.
+        root: Command-line parser of the program. Each command of the parser stores the function to call as `command`,
+            and the parser stores the name of the command as `command_name`.
+        words: Arguments of the command line, without the name of the program. None means the arguments of this process.
 
     Returns:
-        Exit code; see `run`.
+        Exit code, as described in `run`.
 
     Raises:
         SystemExit: After ``--help``, and with code 2 after a mistake in the command line.
@@ -89,19 +107,24 @@ def _called(root: Parser, words: list[str] | None) -> None:
         if not error.name or error.name.partition(".")[0] in OURS:
             raise
         raise SvflError(f"{name} {needs(error.name)}") from error
-    except ImportError as error:  # a library that lacks one of its own, or was built for another machine
+    except ImportError as error:  # a library lacks a dependency, or was built for another machine
         raise SvflError(f"{name} cannot load a library: {error}") from error
 
 
 def run(command: Callable[[], None], program: str) -> int:
-    """Run a command and turn the user's mistakes, and what the system refuses, into one line.
+    """Run a command, and report the user's mistakes and refusals of the operating system in one line.
 
     Args:
-        command: The work to do.
-        program: Name to put before the message.
+        command: Function that does the work.
+        program: Name of the program, which is printed before the message.
 
     Returns:
-        Exit code: 0, the error's own code, or 128 and the signal's number after Ctrl-C, SIGTERM or SIGHUP.
+        Exit code: 0 after success and if the reader of standard output has gone, the error's own code after an
+        `SvflError`, 128 plus the signal's number after Ctrl-C, SIGTERM or SIGHUP, and 1 after any other error that is
+        reported.
+
+    Raises:
+        SystemExit: If the command exits by itself, as argparse does after it has printed help or a mistake.
     """
     standard_streams.prepare()
     try:
@@ -129,7 +152,7 @@ def run(command: Callable[[], None], program: str) -> int:
 
 
 def _flushed(program: str) -> int | None:
-    """None if all output has been written, else the exit code."""
+    """Flush standard output, and return None if all of it has been written, else the exit code."""
     error = standard_streams.flush_output()
     if error is None:
         return None
@@ -144,10 +167,10 @@ def _failed(program: str, message: str, code: int = 1) -> int:
 
 
 class Ended(KeyboardInterrupt):
-    """SIGTERM or SIGHUP asks for the end; wherever Ctrl-C leaves things in order, so does this.
+    """Interrupt that SIGTERM or SIGHUP raises; code that cleans up after Ctrl-C also cleans up after this interrupt.
 
     Attributes:
-        number: Of the signal.
+        number: Number of the signal.
     """
 
     def __init__(self, number: int) -> None:
@@ -157,9 +180,9 @@ class Ended(KeyboardInterrupt):
 
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
-    """Treat SIGTERM and SIGHUP as Ctrl-C is: workers, servers and open files come to their end with the command.
+    """Treat SIGTERM and SIGHUP like Ctrl-C in the block, so that workers, servers and open files end in order.
 
-    A signal that is ignored (nohup) or has a handler already stays as it is, and a forked child is ended as usual.
+    A signal that is ignored (nohup) or already has a handler stays as it is, and a forked child is ended as usual.
     """
     own, signals = os.getpid(), (signal.SIGTERM, signal.SIGHUP)
 
@@ -171,7 +194,7 @@ def _ended_by_signals() -> Iterator[None]:
 
     usual = [number for number in signals if signal.getsignal(number) == signal.SIG_DFL]
     if threading.current_thread() is not threading.main_thread():
-        usual = []  # only the main thread may say what a signal does
+        usual = []  # only the main thread may set signal handlers
     for number in usual:
         signal.signal(number, end)
     try:

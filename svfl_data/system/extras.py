@@ -1,7 +1,8 @@
-"""Which extra of this package installs a library that is not there, said in one line.
+"""One-line errors that say which extra of this package installs a missing library.
 
-Importing `svfl_data` adds a finder behind Python's own: it is asked only for modules that Python has not found, and
-speaks up only if one of our packages imports one, so that other libraries still find out for themselves what there is.
+Importing `svfl_data` adds an import finder after Python's own finders. Python asks this finder only for modules that no
+other finder has found. The finder raises its error only if a module of our packages does the import, so that other
+libraries still see an ordinary failed import.
 """
 
 import sys
@@ -32,7 +33,7 @@ EXTRAS = {
     "scipy": ("models", "real"),
     "torch": ("models",),
 }
-"""Module and the extras of pyproject.toml that install it; a test compares."""
+"""Extras of pyproject.toml that install each module, by the name of the module; a test compares both."""
 OURS = ("svfl_data", "svfl_models", "collectors")
 
 
@@ -41,10 +42,13 @@ class MissingPackageError(SvflError, ModuleNotFoundError):
 
 
 def needs(module: str) -> str:
-    """What is missing and how to install it, to follow the name of who needs it.
+    """Return which library is missing and how to install it, as the end of a message that begins with who needs it.
 
     Args:
-        module: As it is imported; a submodule stands for its library.
+        module: Name of the module as it is imported. A submodule stands for its library.
+
+    Returns:
+        The words, such as ``needs torch, which is not installed; run: pip install 'svfl[models]'``.
     """
     library = module.partition(".")[0]
     ways = " or ".join(f"pip install 'svfl[{extra}]'" for extra in EXTRAS.get(library, ()))
@@ -52,26 +56,27 @@ def needs(module: str) -> str:
 
 
 class Explaining(MetaPathFinder):
-    """The finder that raises `MissingPackageError` where one of our modules imports a library that is not there."""
+    """Import finder that raises `MissingPackageError` if one of our modules imports a library that is not installed."""
 
     def find_spec(self, fullname: str, path: Sequence[str] | None, target: object = None) -> None:
-        """Find nothing, and say so if it was one of us who asked.
+        """Find nothing, and raise an error if one of our modules imports a library that an extra installs.
 
         Raises:
-            MissingPackageError: With who needs it and how to install it.
+            MissingPackageError: If one of our modules asks for such a library. The message says which module needs the
+                library and how to install it.
         """
         if fullname in EXTRAS and (asking := _asking()).partition(".")[0] in OURS:
             raise MissingPackageError(f"{asking} {needs(fullname)}", name=fullname)
 
 
 def explain_missing() -> None:
-    """Put the finder behind all others, once."""
+    """Add the finder `Explaining` after all other import finders, unless it is there already."""
     if not any(isinstance(finder, Explaining) for finder in sys.meta_path):
         sys.meta_path.append(Explaining())
 
 
 def _asking() -> str:
-    """Name of the module whose import statement is being executed."""
+    """Return the name of the module whose import statement is being executed."""
     frame: FrameType | None = sys._getframe(2)
     while frame and frame.f_globals.get("__name__", "").startswith("importlib"):
         frame = frame.f_back

@@ -1,4 +1,4 @@
-"""Names of a package that are imported when somebody asks for them, so that importing the package stays light."""
+"""Import of the public names of a package when they are first used, so that importing the package stays fast."""
 
 import importlib
 import sys
@@ -6,14 +6,15 @@ from collections.abc import Callable, Mapping
 
 
 def lazy_names(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
-    """What a package's ``__getattr__`` and ``__dir__`` are to be (PEP 562).
+    """Return the functions ``__getattr__`` and ``__dir__`` of a package that imports its names lazily (PEP 562).
 
     Args:
-        package: Its name.
-        homes: The module of each name, relative to the package.
+        package: Name of the package.
+        homes: Module of each public name, relative to the package.
 
     Returns:
-        Both functions. ``__version__`` is the version of the distribution.
+        The functions ``__getattr__`` and ``__dir__``. Besides the names in `homes` they know ``__version__``, the
+        version of the distribution.
     """
 
     def find(name: str) -> object:
@@ -23,7 +24,7 @@ def lazy_names(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], 
             found = getattr(importlib.import_module(f"{package}.{homes[name]}"), name)
         else:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        setattr(sys.modules[package], name, found)  # the next access finds it at once
+        setattr(sys.modules[package], name, found)  # the next access finds the name without this function
         return found
 
     def names() -> list[str]:
@@ -33,8 +34,8 @@ def lazy_names(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], 
 
 
 def distribution_version() -> str:
-    """The version of this software; "unknown" where its files lie somewhere without having been installed."""
-    from importlib.metadata import PackageNotFoundError, version  # takes as long as all the rest of an import
+    """Return the version of this software, or ``unknown`` if it is not installed as a distribution."""
+    from importlib.metadata import PackageNotFoundError, version  # slow: as long as the rest of the import
 
     try:
         return version("svfl")

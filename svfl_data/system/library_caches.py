@@ -1,7 +1,8 @@
-"""Where the libraries that our commands use keep what they compute: in the user's cache, else in a temporary folder.
+"""Folders for the files that libraries used by our commands compute: the user's cache, else a temporary folder.
 
-By themselves they write to several places: a folder that is missing or cannot be written costs a warning or the
-command, and PyTorch's compiler uses a folder of a known name in /tmp, which another user may have made.
+Without these folders, the libraries write to several places. A folder that is missing or cannot be written then causes
+a warning or ends the command, and PyTorch's compiler uses a folder of a known name in /tmp, which another user may have
+made.
 """
 
 import atexit
@@ -13,11 +14,14 @@ from contextlib import suppress
 from svfl_data.system.cache_folder import cache_folder
 
 FOLDERS = {"MPLCONFIGDIR": "matplotlib", "TORCHINDUCTOR_CACHE_DIR": "torchinductor", "TRITON_CACHE_DIR": "triton"}
-"""Environment variable that names a library's folder, and its name in the cache."""
+"""Name of the subfolder of our cache for a library, by the environment variable that sets the library's folder."""
 
 
 def confine_caches() -> None:
-    """Name these folders, for this process and those it starts; what the user has named stays."""
+    """Set the variables of `FOLDERS` for this process and the processes that it starts.
+
+    A variable that the user has set stays as it is.
+    """
     for variable, purpose in FOLDERS.items():
         if variable not in os.environ:
             with suppress(OSError):  # nothing can be written anywhere; each library says what it then cannot do
@@ -25,7 +29,7 @@ def confine_caches() -> None:
 
 
 def _temporary(purpose: str) -> str:
-    """A folder for as long as this process lives."""
+    """Create a temporary folder that is removed when this process ends, and return its path."""
     folder = tempfile.mkdtemp(prefix=f"svfl-{purpose}-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder

@@ -1,8 +1,8 @@
-"""Objects that own a file, a thread, a lock or a simulation, and therefore work in one process only.
+"""Base class of objects that own a file, a thread, a lock or a simulation, and therefore work in one process only.
 
-A forked process gets a copy of them that looks usable: it shares the file but not the memory behind it, its threads do
-not run, its locks may be held for ever. So such an object remembers its process, refuses every use in another one, and
-can be neither pickled nor copied.
+A forked process gets a copy of such an object that looks usable. But the copy shares the file without the memory behind
+it, its threads do not run, and its locks may be held for ever. So such an object remembers the process that made it,
+refuses every use in another process, and can be neither pickled nor copied.
 """
 
 import os
@@ -12,23 +12,23 @@ from typing import Any, ClassVar, NoReturn, Self, SupportsIndex
 from svfl_data.errors import UsageError
 
 _owners: "weakref.WeakValueDictionary[int, OwnProcess]" = weakref.WeakValueDictionary()
-"""Every such object that lives, by its `id`: not all of them can be hashed."""
+"""Every living `OwnProcess` object by its `id`, because not all of them can be hashed."""
 
 
 class OwnProcess:
-    """Base of such objects.
+    """Base class of objects that can be used only in the process that made them.
 
-    Public methods begin with ``self.check_process()``. What also runs without being called (``__exit__``, ``__del__``,
-    a function registered for the end of the process) returns at once unless `in_own_process`. What must not stay open
-    in a forked process is given up in `forked`.
+    Public methods of a subclass begin with ``self.check_process()``. Methods that also run without being called
+    (``__exit__``, ``__del__``, a function registered for the end of the process) return at once unless `in_own_process`
+    is true. A subclass closes in `forked` what must not stay open in a forked process.
     """
 
     instead: ClassVar[str] = "make another one in that process"
-    """What to do in another process; ends the message of the refusal."""
+    """Advice on what to do in another process, which ends the error message."""
     _process: int
 
     def __new__(cls, *_: Any, **__: Any) -> Self:  # noqa: ANN401 - arguments of the subclass
-        """Remember the process, whatever kind of class the subclass is."""
+        """Create the object and remember this process, also if the subclass is a frozen dataclass."""
         self = super().__new__(cls)
         object.__setattr__(self, "_process", os.getpid())
         _owners[id(self)] = self
@@ -36,14 +36,14 @@ class OwnProcess:
 
     @property
     def in_own_process(self) -> bool:
-        """Whether this is the process that made the object."""
+        """Whether this process is the one that made the object."""
         return self._process == os.getpid()
 
     def check_process(self) -> None:
-        """Refuse to be used in another process.
+        """Raise an error if this process is not the one that made the object.
 
         Raises:
-            UsageError: If this is not the process that made the object.
+            UsageError: If another process made the object.
         """
         if not self.in_own_process:
             raise UsageError(
@@ -52,10 +52,10 @@ class OwnProcess:
             )
 
     def forked(self) -> None:
-        """Called in a forked process right after the fork: close here what only the parent may hold."""
+        """Close what only the parent process may hold open; called in a forked process right after the fork."""
 
     def __reduce_ex__(self, protocol: SupportsIndex, /) -> NoReturn:
-        """Refuse `pickle`, `copy.copy` and `copy.deepcopy`.
+        """Refuse to be pickled or copied by `pickle`, `copy.copy` and `copy.deepcopy`.
 
         Raises:
             UsageError: Always.

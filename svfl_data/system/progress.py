@@ -5,16 +5,18 @@ from typing import TypeVar
 
 Item = TypeVar("Item")
 FEW = 100
-"""Up to so many episodes nobody needs a bar."""
+"""Largest number of items for which no progress bar is shown."""
 
 
 def progress(items: Sequence[Item] | Iterable[Item], doing: str, total: int | None = None) -> Iterator[Item]:
-    """Go through items, with a bar on standard error if there are many and a person is looking.
+    """Yield the items of a collection, and show a progress bar if there are many and a person is watching.
+
+    The bar is shown on standard error, if that is a terminal.
 
     Args:
-        items: What to go through.
-        doing: What is being done, for the bar.
-        total: How many there are, if `items` does not know.
+        items: Items to go through.
+        doing: Description of the work, which is shown beside the bar.
+        total: Number of items. It is needed only if `items` is not a sequence; without it no bar is shown then.
     """
     count = total if total is not None else len(items) if isinstance(items, Sequence) else 0
     if count <= FEW:

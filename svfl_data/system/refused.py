@@ -1,4 +1,4 @@
-"""What an operating system refuses, in one line for a user: which file, what the system says, what is possible."""
+"""One-line messages for errors of the operating system: which file, what the system says, and what the user can do."""
 
 import errno
 import os
@@ -18,18 +18,19 @@ POSSIBLE = {
     errno.ESTALE: "the network disk lost the file: run the command again once it is back",
     errno.ETIMEDOUT: "the network disk does not answer: run the command again once it is back",
 }
-"""What a user can do about a system's error number."""
+"""What a user can do about an error of the operating system, by its error number."""
 
 
 def refusal(error: OSError, what: str = "") -> str:
-    """The words of an error.
+    """Return the one-line message for an error of the operating system.
 
     Args:
-        error: What the system raised.
-        what: What was being used, if the error does not name a file.
+        error: Error that the operating system raised.
+        what: Name of what was being used, such as ``standard output``. It is used only if the error names no file.
 
     Returns:
-        Such as ``data/a.hdf5: Read-only file system; this file system is read-only: choose another place``.
+        The message, such as ``data/a.hdf5: Read-only file system; this file system is read-only: choose another
+        place``.
     """
     names = [os.fsdecode(name) for name in (error.filename, error.filename2) if isinstance(name, str | bytes)]
     where = " -> ".join(names) or what

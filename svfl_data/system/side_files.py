@@ -1,8 +1,9 @@
-"""JSON that strangers may have written, as declared models or one clear error.
+"""Conversion of untrusted JSON into declared models, with limits on the JSON and one-line errors.
 
-What is read is bounded in size and depth, parsed once, and compared with a `msgspec.Struct` (or dataclass) that says
-which keys there must be and of which types; what does not fit is one line that names the file and the key. What is
-written goes through the same bounds, so that nothing is stored that could not be read again.
+JSON that is read is limited in size and depth, parsed once, and compared with a `msgspec.Struct` (or dataclass) that
+declares which keys there must be and of which types. JSON that does not fit causes a one-line error that names the file
+and the key. JSON that is written must be within the same limits, so that nothing is stored that could not be read
+again.
 """
 
 import math
@@ -17,11 +18,13 @@ from svfl_data.system.printable import printable
 from svfl_data.system.regular_file import read_regular
 
 SIZE_LIMIT = 2**24
-"""Bytes of JSON that are read at once; the largest that commands write are splits, 8 bytes per episode."""
+"""Largest size of a JSON text that is read, [bytes]. The largest texts that commands write are splits, with 8 bytes per
+episode."""
 DEPTH_LIMIT = 32
-"""Lists and objects inside each other."""
+"""Largest number of levels of lists and objects inside each other."""
 BITS_LIMIT = 128
-"""Of an integer: room for the state of a random generator, and for conversion to a float."""
+"""Largest number of bits of an integer, which is enough for the state of a random generator and allows conversion to a
+float."""
 
 Int64 = Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
 """An integer that HDF5 and NumPy can hold."""
@@ -31,15 +34,16 @@ Model = TypeVar("Model")
 
 
 def read_side_file(path: Path, limit: int = SIZE_LIMIT) -> Any:  # noqa: ANN401 - any JSON value
-    """The value of a JSON file.
+    """Return the value of a JSON file that must be an ordinary file, such as a file inside a dataset.
 
     Args:
-        path: An ordinary file (`regular_file.read_regular`).
-        limit: Most bytes that it may have.
+        path: Path of the file, which must be an ordinary file (`regular_file.read_regular`).
+        limit: Largest allowed size of the file, [bytes].
 
     Raises:
-        FormatError: If it is no ordinary file, too large, not JSON, or beyond the limits above.
-        FileNotFoundError: If it does not exist.
+        FormatError: If the file is not an ordinary file, is too large, cannot be read, is not JSON, or is beyond
+            `DEPTH_LIMIT` or `BITS_LIMIT`.
+        FileNotFoundError: If the file does not exist.
     """
     try:
         content = read_regular(path, limit)
@@ -51,28 +55,29 @@ def read_side_file(path: Path, limit: int = SIZE_LIMIT) -> Any:  # noqa: ANN401 
 
 
 def read_json(path: Path) -> Any:  # noqa: ANN401 - any JSON value
-    """The value of a JSON file that the user has named, or that a command of ours has left where the user said.
+    """Return the value of a JSON file that the user has named, or that a command has written where the user said.
 
     Args:
-        path: An ordinary file, or a link to one.
+        path: Path of an ordinary file, or of a link to one.
 
     Raises:
-        FormatError: If it is no ordinary file, too large, not JSON, or beyond the limits above.
-        OSError: If it does not exist or cannot be read.
+        FormatError: If the file is not an ordinary file, is larger than `SIZE_LIMIT`, is not JSON, or is beyond
+            `DEPTH_LIMIT` or `BITS_LIMIT`.
+        OSError: If the file does not exist or cannot be read.
     """
     return parse_json(read_regular(path.resolve(), SIZE_LIMIT), path)
 
 
 def parse_json(content: bytes | str, where: object, limit: int = SIZE_LIMIT) -> Any:  # noqa: ANN401 - any JSON value
-    """The value of a JSON text.
+    """Return the value of a JSON text.
 
     Args:
-        content: The text, in UTF-8 if in bytes.
-        where: What to name in the error, such as the file.
-        limit: Most bytes that it may have.
+        content: JSON text. Bytes are read as UTF-8.
+        where: Source of the text that the error names, such as the file.
+        limit: Largest allowed length of `content`: in bytes if it is bytes, in characters if it is a string.
 
     Raises:
-        FormatError: If it is too long, not JSON, or beyond the limits above.
+        FormatError: If the text is too long, is not JSON, or is beyond `DEPTH_LIMIT` or `BITS_LIMIT`.
     """
     if len(content) > limit:
         raise FormatError(f"{where}: larger than the {limit} bytes of JSON that are read")
@@ -80,24 +85,25 @@ def parse_json(content: bytes | str, where: object, limit: int = SIZE_LIMIT) -> 
         value = msgspec.json.decode(content)
     except RecursionError as error:
         raise FormatError(f"{where}: not readable as JSON (nested deeper than {DEPTH_LIMIT} levels)") from error
-    except (ValueError, UnicodeError) as error:  # msgspec's errors among them
+    except (ValueError, UnicodeError) as error:  # including msgspec's errors
         raise FormatError(f"{where}: not readable as JSON ({printable(error)})") from error
     check_bounds(value, where, FormatError)
     return value
 
 
 def check_format(value: Any, name: str, version: str, where: object, what: str) -> None:  # noqa: ANN401 - any JSON value
-    """Refuse a JSON value that does not say that it is what was expected, in a version that can be read.
+    """Raise an error if a JSON value does not declare the expected format in a version that can be read.
 
     Args:
-        value: From `parse_json`.
-        name: What its key ``format`` must be.
-        version: Our version; the first number of its key ``format_version`` must be the same.
-        where: What to name in the error, such as the file.
-        what: What it does not, such as ``not a split``.
+        value: JSON value from `parse_json`.
+        name: Required value of the key ``format``.
+        version: Format version of this software, such as ``1.0``. The first number of the key ``format_version`` must
+            be the same.
+        where: Source of the value that the error names, such as the file.
+        what: Start of the error message for another format, such as ``not a split``.
 
     Raises:
-        FormatError: If it is something else, or of another version.
+        FormatError: If the value declares another format or another version, or none.
     """
     if not isinstance(value, dict) or value.get("format") != name:
         raise FormatError(f"{where}: {what} (format is not {name!r})")
@@ -107,12 +113,12 @@ def check_format(value: Any, name: str, version: str, where: object, what: str) 
 
 
 def parse_as(value: Any, model: type[Model], where: object) -> Model:  # noqa: ANN401 - any JSON value
-    """A JSON value as a declared model; keys that the model does not have are ignored.
+    """Return a JSON value converted to a declared model; keys that the model does not have are ignored.
 
     Args:
-        value: From `parse_json`, or made of the same types.
-        model: What it must be.
-        where: What to name in the error, such as the file.
+        value: JSON value from `parse_json`, or a value made of the same types.
+        model: Class of the result, such as a `msgspec.Struct` or a dataclass.
+        where: Source of the value that the error names, such as the file.
 
     Raises:
         FormatError: If a key is missing or a value is of another type.
@@ -124,15 +130,18 @@ def parse_as(value: Any, model: type[Model], where: object) -> Model:  # noqa: A
 
 
 def check_bounds(value: Any, where: object, kind: type[SvflError]) -> None:  # noqa: ANN401 - any JSON value
-    """Refuse what nests too deeply, numbers that are too large or not finite, and text that is not Unicode.
+    """Raise an error if a value could not be stored as JSON and read again.
+
+    The function refuses values that nest deeper than `DEPTH_LIMIT`, integers of more than `BITS_LIMIT` bits, numbers
+    that are not finite, text that is not Unicode, and types that JSON does not have.
 
     Args:
-        value: Made of dict, list, str, int, float, bool and None.
-        where: What to name in the error.
-        kind: Of the error.
+        value: Value made of dict, list, str, int, float, bool and None.
+        where: Source of the value that the error names.
+        kind: Class of the error that is raised.
 
     Raises:
-        SvflError: Of that kind.
+        SvflError: If the value is refused. The error is of the class `kind`.
     """
     level, depth = [("", value)], 0  # one level of nesting at a time: no recursion
     while level:
@@ -167,14 +176,14 @@ def _check_leaf(key: str, value: Any, where: object, kind: type[SvflError]) -> N
 
 
 def plain(value: Any, where: object) -> Any:  # noqa: ANN401 - any value
-    """A value made of what JSON has: NumPy's scalars become Python's, arrays and tuples become lists.
+    """Return a value made of JSON types: NumPy scalars become Python numbers, arrays and tuples become lists.
 
     Args:
-        value: Given by a program, such as the configuration of an episode.
-        where: What to name in the error.
+        value: Value that a program has given, such as the configuration of an episode.
+        where: Name of the value in the error.
 
     Raises:
-        FieldError: If it cannot be stored as JSON, or is beyond the limits above.
+        FieldError: If the value cannot be stored as JSON, or is beyond `DEPTH_LIMIT` or `BITS_LIMIT`.
     """
     made = _plain(value, where, 0)
     check_bounds(made, where, FieldError)
@@ -197,7 +206,7 @@ def _plain(value: Any, where: object, depth: int) -> Any:  # noqa: ANN401 - any 
         return _plain(value.tolist(), where, depth)
     if isinstance(value, np.generic):
         return value.item()
-    for kind in (bool, int, float, str):  # a subclass, such as an enumeration's member, as what it stands for
+    for kind in (bool, int, float, str):  # a member of a subclass, such as an enumeration, becomes a plain value
         if isinstance(value, kind):
             return value if type(value) is kind else kind(value)
     return value

@@ -1,4 +1,4 @@
-"""Standard output and error that can always be used, and what to do where they cannot be written."""
+"""Standard output and standard error that can always be used, and the handling of failed writes to them."""
 
 import os
 import select
@@ -8,10 +8,10 @@ from typing import TextIO
 
 
 def prepare() -> None:
-    """Write what a terminal's encoding lacks as escapes, and have no standard stream closed.
+    """Open the standard streams that are closed, and let output escape the characters that its encoding lacks.
 
-    A file that is opened while standard output is closed would take its number, and what libraries print would land
-    in it.
+    A closed stream is opened on the null device. Otherwise the next file that is opened would take the number of the
+    stream, and what libraries print would be written into that file.
     """
     for number in range(3):
         try:
@@ -24,7 +24,10 @@ def prepare() -> None:
 
 
 def flush_output() -> OSError | None:
-    """Write what is left of standard output; returns why that is impossible, or None."""
+    """Flush standard output, and return the error if that is impossible, else None.
+
+    After such an error, further standard output is discarded.
+    """
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -35,9 +38,10 @@ def flush_output() -> OSError | None:
 
 
 def is_reader_gone() -> bool:
-    """Whether standard output is a pipe that nobody reads any more.
+    """Return whether standard output is a pipe that nobody reads any more.
 
-    `flush_output` says so, too, but not if Python runs unbuffered: then nothing is left to be written.
+    The result of `flush_output` shows this, too, but not if Python runs unbuffered, because then nothing is left to be
+    written.
     """
     output = select.poll()
     output.register(1, 0)
@@ -53,6 +57,9 @@ def complain(line: str) -> None:
 
 
 def _give_up(stream: TextIO) -> None:
-    """Let a stream that cannot be written lead nowhere; Python would try again at its end and fail in more words."""
+    """Redirect a stream that cannot be written to the null device.
+
+    Otherwise Python would try to write to the stream again at exit, and fail with a longer message.
+    """
     with suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

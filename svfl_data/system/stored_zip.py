@@ -1,6 +1,7 @@
-"""ZIP archives of members that are stored as they are: replay buffers, checkpoints and exported programs.
+"""Reading of ZIP archives with uncompressed members: replay buffers, checkpoints and exported programs.
 
-What a member may claim to hold is bounded by the size of the file: nothing is compressed, and no bytes are given twice.
+The size that the members claim is limited by the size of the file, because no member is compressed and the members
+together must not be larger than the file.
 """
 
 import zipfile
@@ -12,22 +13,23 @@ from typing import BinaryIO, cast
 from svfl_data.system.regular_file import open_regular
 
 FIRST = b"PK\x03\x04"
-"""How the first member begins. What stands before it, zipfile would skip and others might read."""
+"""Bytes with which the first member begins. If other bytes stood before them, zipfile would skip these, and other
+programs might read them."""
 
 
 class Stored:
     """An open archive whose members have been checked.
 
     Args:
-        file: Positioned anywhere; stays the caller's.
+        file: Archive that is opened for reading in binary mode, at any position. The caller closes it.
 
     Attributes:
-        file: The same.
-        members: Sizes by name, [bytes].
+        file: The file that was given as `file`.
+        members: Size of each member by name, [bytes].
 
     Raises:
-        zipfile.BadZipFile: If it is no archive, or one with compressed, encrypted, overlapping, repeated or oddly named
-            members.
+        zipfile.BadZipFile: If the file is not an archive, or if its members are compressed, encrypted, repeated, oddly
+            named, or larger than the file together.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -46,26 +48,26 @@ class Stored:
         file.seek(0)
 
     def read(self, name: str) -> bytes:
-        """The content of a member, its CRC checked.
+        """Return the content of a member, whose CRC is checked.
 
         Raises:
-            KeyError: If there is none of this name.
-            zipfile.BadZipFile: If it is damaged.
+            KeyError: If there is no member of this name.
+            zipfile.BadZipFile: If the member is damaged.
         """
         return self._archive.read(name)
 
 
 @contextmanager
 def stored(path: Path) -> Iterator[Stored]:
-    """Open such a file.
+    """Open a ZIP archive of uncompressed members, and yield it until the end of the block.
 
     Args:
-        path: An ordinary file, or a link to one: whoever names a model may do so by a link.
+        path: Path of an ordinary file, or of a link to one, because a user may name a model by a link.
 
     Raises:
-        FormatError: If it is no ordinary file.
-        OSError: If it cannot be opened or read.
-        zipfile.BadZipFile: As `Stored`.
+        FormatError: If the path does not lead to an ordinary file.
+        OSError: If the file cannot be opened or read.
+        zipfile.BadZipFile: As for `Stored`.
     """
     with open(open_regular(path.resolve()), "rb") as file:
         yield Stored(cast(BinaryIO, file))
@@ -82,5 +84,5 @@ def _check(member: zipfile.ZipInfo) -> None:
 
 
 def leads_out(name: str) -> bool:
-    """Whether a member of this name would lie outside the folder that somebody unpacks the archive into."""
+    """Return whether a member of this name would be unpacked to a place outside the target folder."""
     return name.startswith("/") or name[1:2] == ":" or "\\" in name or ".." in name.split("/")
