@@ -1,1 +1,4 @@
-"""What an episode is: fields, metadata, clocks and limits; what robots and policies exchange. Imports NumPy only."""
+"""Definition of an episode (fields, metadata, clocks, limits) and of the interface between robots and policies.
+
+The only other libraries that this package imports are NumPy and msgspec.
+"""

@@ -1,7 +1,7 @@
-"""How far one action may go: from the configuration of an episode, or else the paper's.
+"""Bounds of one action, from the configuration of an episode, or else from the paper (Kohler et al., CoRL 2023).
 
-Whoever records with other bounds says so in the configuration, ``Meta.config = {"max_move": 0.1, "max_turn": 0.5}``;
-simulated episodes have both in ``config["world"]``.
+A recording with other bounds than the paper's declares them in its configuration, ``Meta.config = {"max_move": 0.1,
+"max_turn": 0.5}``. Simulated episodes have both bounds in ``config["world"]``.
 """
 
 import math
@@ -12,21 +12,22 @@ from typing import Any
 import numpy as np
 
 MAX_MOVE_M, MAX_TURN_RAD = 0.025, math.pi / 16
-"""Of the paper (Kohler et al., CoRL 2023, section 5)."""
+"""Largest displacement along each axis, [m], and largest yaw change, [rad], of one action in the paper (Kohler et al.,
+CoRL 2023, section 5)."""
 ROUNDING = 1e-3
-"""Share by which float32 actions may exceed their bounds."""
+"""Fraction of half the range of a component by which float32 actions may exceed their bounds."""
 DECLARED = "config"
 COMPONENTS = (("the gripper opening", ""), ("dx", " m"), ("dy", " m"), ("dz", " m"), ("dtheta", " rad"))
 
 
 @dataclass(frozen=True)
 class ActionBounds:
-    """What an action (gripper opening, dx, dy, dz, dtheta) may be.
+    """Bounds of an action (gripper opening, dx, dy, dz, dtheta).
 
     Attributes:
-        move: Largest dx, dy, dz, [m].
-        turn: Largest dtheta, [rad].
-        origin: Where they come from, in words.
+        move: Largest magnitude of dx, dy and dz, [m].
+        turn: Largest magnitude of dtheta, [rad].
+        origin: Source of the bounds in words, which is ``config`` if the configuration of the episode declares them.
     """
 
     move: float = MAX_MOVE_M
@@ -35,39 +36,50 @@ class ActionBounds:
 
     @classmethod
     def of(cls, config: Mapping[str, Any]) -> "ActionBounds":
-        """Those of an episode's configuration."""
+        """Return the bounds that the configuration of an episode declares, or else those of the paper.
+
+        Args:
+            config: Configuration of the episode (`Meta.config`).
+        """
         found = config.get("world", config)
         move, turn = (found.get(name) for name in ("max_move", "max_turn")) if isinstance(found, dict) else (None, None)
         return cls(float(move), float(turn), DECLARED) if _positive(move) and _positive(turn) else cls()  # type: ignore[arg-type] # _positive: a number
 
     @property
     def declared(self) -> bool:
-        """Whether an episode's configuration says so."""
+        """Whether the configuration of the episode declares the bounds."""
         return self.origin == DECLARED
 
     @property
     def low(self) -> np.ndarray:
-        """Smallest, (5,)."""
+        """Smallest action, shape (5,), [-, m, m, m, rad]."""
         return np.array([0.0, -self.move, -self.move, -self.move, -self.turn])
 
     @property
     def high(self) -> np.ndarray:
-        """Largest, (5,)."""
+        """Largest action, shape (5,), [-, m, m, m, rad]."""
         return np.array([1.0, self.move, self.move, self.move, self.turn])
 
     def outside(self, actions: np.ndarray) -> np.ndarray:
-        """Which numbers of actions (..., 5) are beyond the bounds, same shape, bool."""
+        """Return which components of actions are beyond the bounds.
+
+        Args:
+            actions: Actions, shape (..., 5).
+
+        Returns:
+            True for each component that is beyond its bounds, same shape, bool.
+        """
         room = ROUNDING * (self.high - self.low) / 2
         return (actions < self.low - room) | (actions > self.high + room)
 
     def fault(self, actions: np.ndarray) -> tuple[int, str] | None:
-        """The first action that is beyond the bounds.
+        """Return the first action that is beyond the bounds, and what is wrong with it.
 
         Args:
-            actions: Shape (N, 5).
+            actions: Actions, shape (N, 5).
 
         Returns:
-            Its row and what is wrong, or None if all are within.
+            Row of the action and a description of the fault, or None if all actions are within the bounds.
         """
         outside = self.outside(actions)
         if not outside.any():

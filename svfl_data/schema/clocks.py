@@ -1,8 +1,8 @@
-"""What is known about the clock of a stream beside its time stamps: its declared rate, its declared gaps, its unit.
+"""Declared facts about the clock of a stream, besides its time stamps: the rate and the gaps.
 
-A rate is declared when recording, ``EpisodeWriter(..., rates_hz={"streams/wrench": 500})``, and stands in the episode's
-configuration. A gap is declared where a sensor dropped out, as an annotation ``{"name": "gap", "stream":
-"streams/wrench", "start_ns": ..., "end_ns": ..., "reason": ...}``: nothing is invented for the time between.
+A rate is declared when recording, ``EpisodeWriter(..., rates_hz={"streams/wrench": 500})``, and is stored in the
+configuration of the episode. A gap is declared where a sensor dropped out, as an annotation ``{"name": "gap", "stream":
+"streams/wrench", "start_ns": ..., "end_ns": ..., "reason": ...}``. No readings are invented for the time of a gap.
 """
 
 import math
@@ -17,19 +17,32 @@ from svfl_data.schema.fields import FARTHEST_NS
 from svfl_data.schema.rates import FEW, Found, declared_hz
 
 GAP = "gap"
-"""Name of the annotation of a time in which a stream has no readings."""
+"""Name of the annotation that declares a time in which a stream has no readings."""
 STALE_PERIODS = 10.0
-"""A reading that lies farther back than this, in periods of its stream, belongs to another moment."""
+"""Largest age of a reading, in periods of its stream, up to which the reading still belongs to a moment."""
 
 
 def mean_hz(t_ns: np.ndarray) -> float:
-    """Rate by the mean interval, [Hz]; 0 for fewer than two readings or no time between them."""
+    """Return the rate of a stream by its mean interval, [Hz]; 0 for fewer than two readings or no time between them.
+
+    Args:
+        t_ns: Ascending time stamps of the stream, shape (M,), [ns].
+    """
     span = float(t_ns[-1]) - float(t_ns[0]) if len(t_ns) > 1 else 0.0
     return (len(t_ns) - 1) / span * 1e9 if span > 0 else 0.0
 
 
 def declared_gaps(annotations: Sequence[Any], group: str) -> list[tuple[int, int]]:
-    """Times in which a stream is said to have no readings, start and end, [ns], ascending."""
+    """Return the times in which a stream is declared to have no readings.
+
+    Args:
+        annotations: Annotations of the episode (`Meta.annotations`). Those that are not a gap of this stream are
+            ignored.
+        group: Group of the stream, such as ``streams/wrench``.
+
+    Returns:
+        Start and end of each gap, [ns] of the episode clock, ascending.
+    """
     return sorted(
         (one["start_ns"], one["end_ns"])
         for one in annotations
@@ -39,11 +52,11 @@ def declared_gaps(annotations: Sequence[Any], group: str) -> list[tuple[int, int
 
 
 def without_gaps(t_ns: np.ndarray, gaps: Sequence[tuple[int, int]]) -> Found:
-    """The time stamps of a stream in short, as if declared gaps took no time.
+    """Return the summary of the time stamps of a stream, as if declared gaps took no time.
 
     Args:
-        t_ns: Its time stamps, shape (M,), [ns].
-        gaps: Its declared gaps, start and end, [ns].
+        t_ns: Time stamps of the stream, shape (M,), [ns].
+        gaps: Start and end of each declared gap of the stream, [ns].
     """
     found = Found.of(t_ns)
     missing = sum(max(0, min(end, found.last_ns) - max(start, found.first_ns)) for start, end in gaps)
@@ -52,11 +65,11 @@ def without_gaps(t_ns: np.ndarray, gaps: Sequence[tuple[int, int]]) -> Found:
 
 @dataclass(frozen=True)
 class Clock:
-    """What is declared about the clock of a stream in one episode.
+    """Declared facts about the clock of a stream in one episode.
 
     Attributes:
-        rate_hz: Its rate, [Hz]; None if none was declared.
-        gaps: Times in which it has no readings, start and end, [ns], ascending.
+        rate_hz: Declared rate of the stream, [Hz]. None if no rate was declared.
+        gaps: Start and end of each time in which the stream is declared to have no readings, [ns], ascending.
     """
 
     rate_hz: float | None = None
@@ -64,22 +77,27 @@ class Clock:
 
     @classmethod
     def of(cls, meta: Meta, group: str) -> "Clock":
-        """That of a stream such as ``streams/wrench``."""
+        """Return the declared facts about the clock of a stream.
+
+        Args:
+            meta: Metadata of the episode.
+            group: Group of the stream, such as ``streams/wrench``.
+        """
         return cls(declared_hz(meta.config, group), tuple(declared_gaps(meta.annotations, group)))
 
     def first_fresh(self, t_ns: np.ndarray, now_ns: np.ndarray) -> np.ndarray:
-        """From which row on a stream belongs to a moment: after the last break before it.
+        """Return the first row of a stream that belongs to each moment: the row after the last break before the moment.
 
-        A stream breaks off where it has no reading for more than `STALE_PERIODS` periods, or where a gap was declared;
-        readings from before a break say nothing about what comes after it.
+        A stream has a break where it has no reading for more than `STALE_PERIODS` periods, or where a gap was declared.
+        Readings from before a break say nothing about the time after the break.
 
         Args:
-            t_ns: Ascending time stamps, shape (M,), [ns].
-            now_ns: Moments, shape (S,), same clock, [ns].
+            t_ns: Ascending time stamps of the stream, shape (M,), [ns].
+            now_ns: Moments, shape (S,), [ns] of the same clock.
 
         Returns:
-            Row of the first reading that belongs to each moment, shape (S,), int64; the number of readings at or before
-            the moment if there is none, because the latest one lies too far back.
+            Row of the first reading that belongs to each moment, shape (S,), int64. If no reading belongs to a moment,
+            because the latest one lies too far back, the number of readings at or before the moment.
         """
         ends = np.searchsorted(t_ns, now_ns, side="right")
         if not len(t_ns):
@@ -94,6 +112,6 @@ class Clock:
         return np.where(stale, ends, run[latest]).astype(np.int64)
 
     def _longest_ns(self, t_ns: np.ndarray) -> float:
-        """The longest time that is no break, [ns]; infinite where no rate can be told."""
+        """Return the longest interval that is not a break, [ns], which is infinite if the rate is unknown."""
         rate = self.rate_hz or (mean_hz(t_ns) if len(t_ns) >= FEW else 0.0)
         return STALE_PERIODS / rate * 1e9 if rate else math.inf

@@ -1,4 +1,4 @@
-"""One episode in memory: from reset to end, every array with one fixed meaning."""
+"""One episode in memory, from reset to end, in which every array has one fixed meaning."""
 
 import json
 from dataclasses import dataclass, field
@@ -14,19 +14,21 @@ from svfl_data.system.side_files import plain
 
 @dataclass(frozen=True)
 class Meta:
-    """What an episode is about, beside its arrays.
+    """Metadata of an episode, which are the facts about it besides its arrays.
 
     Attributes:
         task: Name of the task, e.g. ``centering``.
-        index: Position in its dataset.
-        seed: Seed of the dataset; with `index` it determines a simulated episode.
-        source: Who acted: ``expert``, ``teleop``, ``policy`` or ``robot``.
+        index: Index of the episode in its dataset.
+        seed: Seed of the dataset. Together with `index` it determines a simulated episode.
+        source: Who chose the actions: ``expert``, ``teleop``, ``policy`` or ``robot``.
         success: Whether the task was achieved.
-        config: Everything that was set when recording (JSON values).
-        software: Versions of what recorded it, by package.
-        transforms: How raw streams become usable ones (tare, filter, compensation), with parameters, in order.
-        annotations: Named intervals of the episode clock, e.g. contacts, with who found them and how.
-        history: What tools have done to the episode since it was recorded, oldest first.
+        config: Everything that was set when recording, as JSON values.
+        software: Versions of the packages that recorded the episode, by package name.
+        transforms: Transforms that turn raw streams into usable ones (tare, filter, compensation), each with its
+            parameters, in the order in which they are applied.
+        annotations: Named intervals of the episode clock, e.g. contacts, each with who found it and how.
+        history: Faults and late readings of the recording, and what tools have done to the episode since it was
+            recorded, oldest first.
 
     Example:
         >>> Meta("wiping", index=0, seed=0, source="teleop", success=True).task
@@ -50,8 +52,9 @@ class Camera:
     """One camera of an episode; its arrays are those declared for cameras in `svfl_data.schema.fields.FIELDS`.
 
     Attributes:
-        name: Its name.
-        arrays: Field name to array. Also available as attributes: ``camera.color``.
+        name: Name of the camera.
+        arrays: Recorded arrays of the camera by field name. Each array is also an attribute of the camera:
+            ``camera.color``.
 
     Example:
         >>> camera = dataset[0].cameras["front"]
@@ -66,12 +69,16 @@ class Camera:
         return _array(self, OF_CAMERA, name, f"camera {self.__dict__.get('name')}")
 
     def has(self, name: str) -> bool:
-        """Whether an optional field was recorded."""
+        """Return whether an optional field of the camera was recorded.
+
+        Args:
+            name: Name of the field, such as ``depth``.
+        """
         return name in self.arrays
 
     @property
     def depth_m(self) -> np.ndarray:
-        """Depth images in metres, shape (F, H, W), float32; 0 where there is no measurement."""
+        """Depth images, shape (F, H, W), float32, [m]; 0 where there is no measurement."""
         return np.asarray(np.asarray(self.depth) * np.float32(self.depth_scale), dtype=np.float32)
 
 
@@ -80,10 +87,10 @@ class Episode:
     """The arrays and metadata of one episode; the arrays are those declared in `svfl_data.schema.fields.FIELDS`.
 
     Attributes:
-        meta: What the episode is about.
-        arrays: Dataset path to array, checked and read-only. Those that do not belong to a camera are also available
-            by name as attributes: ``episode.wrench``.
-        name: Where it came from, for messages.
+        meta: Metadata of the episode.
+        arrays: Arrays of the episode by dataset path, checked and read-only. Each array that does not belong to a
+            camera is also an attribute of the episode: ``episode.wrench``.
+        name: Name of the episode in messages, such as the file that it was read from.
 
     Example:
         >>> episode = dataset[0]
@@ -96,21 +103,25 @@ class Episode:
     name: str = "episode"
 
     def __post_init__(self) -> None:
-        """Check every array against its declaration and lock it.
+        """Check every array against its declaration and make the array read-only.
 
         Raises:
             FieldError: If an array does not fit its declaration.
         """
         check_arrays(self.arrays, self.name)
         for array in self.arrays.values():
-            if isinstance(array, np.ndarray):  # images may still lie on disk (`EpisodeReader.load`)
+            if isinstance(array, np.ndarray):  # images may still be on disk (`EpisodeReader.load`)
                 array.setflags(write=False)
 
     def __getattr__(self, name: str) -> np.ndarray:
         return _array(self, OF_EPISODE, name, self.__dict__.get("name", "episode"))
 
     def has(self, name: str) -> bool:
-        """Whether an optional field was recorded."""
+        """Return whether an optional field of the episode was recorded.
+
+        Args:
+            name: Name of the field, such as ``joints``. Fields of cameras are not among them (see `Camera.has`).
+        """
         return OF_EPISODE[name].path in self.arrays
 
     def __len__(self) -> int:
@@ -124,7 +135,7 @@ class Episode:
 
     @property
     def cameras(self) -> dict[str, Camera]:
-        """The cameras, by name."""
+        """The cameras of the episode by name."""
         return {
             camera: Camera(
                 camera,
@@ -144,14 +155,14 @@ class Episode:
 
     @property
     def tared_wrench(self) -> np.ndarray:
-        """The whole wrench stream minus the tare, shape (M, 6), [N] and [N m], base axes, about the sensor origin."""
+        """Wrench readings minus the tare, shape (M, 6), float32, [N] and [N m], base axes, about the sensor origin."""
         return np.asarray(self.wrench - self.tare, dtype=np.float32)
 
 
 def _array(owner: Episode | Camera, fields: dict[str, Any], name: str, where: str) -> np.ndarray:
-    """Look an array up for ``__getattr__``, with an error that says what there is."""
+    """Return an array for ``__getattr__``, or raise an error that says which arrays there are."""
     failed = getattr(type(owner), name, None)
-    if isinstance(failed, property):  # Python asks here when a property lacks what it is made from; that is the error
+    if isinstance(failed, property):  # an array that the property needs is missing; calling it again raises that error
         return np.asarray(failed.__get__(owner))
     arrays = owner.__dict__.get("arrays", {})
     if name not in fields:
@@ -159,12 +170,15 @@ def _array(owner: Episode | Camera, fields: dict[str, Any], name: str, where: st
     key = name if isinstance(owner, Camera) else fields[name].path
     if key not in arrays:
         raise AttributeError(f"{where} was recorded without {fields[name].path}")
-    found: np.ndarray = arrays[key]  # or a `StoredArray`, which gives rows as one does
+    found: np.ndarray = arrays[key]  # or a `StoredArray`, which is indexed like an array
     return found
 
 
 def canonical_json(value: Any) -> str:  # noqa: ANN401 - any JSON value
-    """JSON text that is the same for equal values, so that equal episodes are equal bytes.
+    """Return JSON text that is the same for equal values, so that equal episodes give equal bytes.
+
+    Args:
+        value: Value made of JSON types, NumPy scalars, arrays and tuples.
 
     Raises:
         FieldError: If the value cannot be stored as JSON (`side_files.plain`).

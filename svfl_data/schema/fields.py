@@ -1,7 +1,7 @@
-"""The one declaration of every array in an episode file.
+"""The only declaration of every array in an episode file.
 
-Writing, checking, the tables of ``data/README.md``, normalisation, augmentation and the networks' input types all
-derive from `FIELDS`. Adding a stream to the format means adding one entry here.
+Writing, checking, the tables of ``data/README.md``, normalisation, augmentation and the input types of the networks all
+derive from `FIELDS`. To add a stream to the format, one adds an entry to `FIELDS`.
 """
 
 from collections.abc import Iterable
@@ -11,38 +11,44 @@ from svfl_data.symmetry import ACTION_PARTS, DIRECTIONS, OFFSET_PARTS, PROPRIO_P
 
 Size = int | str
 CAMERA = "{camera}"
-"""Stands in a path for the name of a camera, of which an episode may have any number."""
+"""Placeholder in a path for the name of a camera, of which an episode may have any number."""
 EXTRA = "extra/"
-"""Arrays below this group are the user's own: any name and shape, kept by every tool."""
+"""Group of the user's own arrays, which may have any name and shape and are kept by every tool."""
 PLAIN_KINDS = "biufcS"
-"""NumPy's kinds of types that they may have: others have no bytes of their own, or none that all software reads."""
+"""NumPy kinds of the types that the user's own arrays may have. Other types have no bytes of their own, or none that
+all software can read."""
 PATH_LENGTH, PATH_PARTS = 1000, 16
-"""Characters and parts of a dataset path at most."""
+"""Largest number of characters, and of parts, of a dataset path."""
 LARGEST = 1e6
-"""Bound of every declared number, in its unit. No arm, sensor or camera comes near it (the largest six-axis sensors
-measure 4e4 N), and the sum of a thousand million squares of it is still finite in float32."""
+"""Largest magnitude of every declared number, in its unit, except where its field declares other bounds. No arm, sensor
+or camera comes near it (the largest six-axis sensors measure 4e4 N), and the sum of a thousand million squares of it
+is still finite in float32."""
 FARTHEST_NS = 2**62 - 1
-"""Bound of every time stamp, 146 years: the difference of two fits into int64, and Unix time does until 2116."""
+"""Largest magnitude of every time stamp, [ns], which is 146 years. The difference of two such time stamps fits into
+int64, and Unix time stays within this bound until 2116."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """One array of an episode.
+    """Declaration of one array of an episode.
 
     Attributes:
-        path: Dataset in the HDF5 file; may contain `CAMERA`.
-        name: Attribute of `svfl_data.schema.episode.Episode`, or of its `Camera` if the path contains `CAMERA`.
-        dtype: NumPy dtype on disk and in memory.
-        shape: Sizes; equal symbols (``"N+1"``, ``"M"``) must agree between all fields of an episode, or of a camera.
-        unit: Unit of the stored numbers, ``-`` for none.
-        doc: What it is.
-        axes: Axes in which vectors are expressed, ``-`` for none.
-        about: Point about which torques are taken or at which positions begin, ``-`` for none.
-        components: Names along the last axis, if it has names.
-        parts: How the last axis transforms under planar rotations and reflections; empty if it does not.
-        image: Whether rows and columns are pixels, which move under rotations.
-        optional: Whether an episode (or camera) may lack it.
-        bounds: Smallest and largest number that is possible at all; what a robot can do is far within.
+        path: Path of the dataset in the HDF5 file, which may contain `CAMERA`.
+        name: Name of the array as an attribute of `svfl_data.schema.episode.Episode`, or of its `Camera` if the path
+            contains `CAMERA`.
+        dtype: NumPy dtype of the array on disk and in memory.
+        shape: Sizes of the array. Equal symbols (``"N+1"``, ``"M"``) must have equal sizes in all fields of an episode,
+            or of a camera.
+        unit: Unit of the stored numbers; ``-`` if there is none.
+        doc: Description of the array.
+        axes: Axes in which vectors are expressed; ``-`` if there are none.
+        about: Point about which torques are taken, or from which positions are measured; ``-`` if there is none.
+        components: Names of the components along the last axis; empty if they have no names.
+        parts: Parts of the last axis with the way in which they transform under planar rotations and reflections; empty
+            if the array does not transform.
+        image: Whether rows and columns of the array are pixels, which move under rotations.
+        optional: Whether an episode (or camera) may lack the array.
+        bounds: Smallest and largest number that is possible at all. What a robot can do is far within these bounds.
 
     Example:
         >>> field = next(one for one in FIELDS if one.path == "streams/wrench/wrench")
@@ -66,7 +72,7 @@ class Field:
 
     @property
     def rotates(self) -> str:
-        """How the field transforms, in words."""
+        """Transformation of the field under planar rotations and reflections, in words; ``-`` if there is none."""
         if self.image:
             return "pixels move"
         return parts_named(self.parts, self.components) if self.parts else "-"
@@ -75,7 +81,8 @@ class Field:
 TIME = (-FARTHEST_NS, FARTHEST_NS)
 POSITIVE = (0.0, LARGEST)
 DEPTH_SCALE = (1e-6, 1.0)
-"""From a micrometre to a metre per unit: uint16 then reaches from 65 mm to 65 km."""
+"""Bounds of the depth scale, from a micrometre to a metre per unit. The largest depth in uint16 is then between 65 mm
+and 65 km."""
 
 FIELDS = (
     Field(
@@ -209,7 +216,11 @@ _BY_PATH = {field.path: field for field in FIELDS}
 
 
 def field_at(path: str) -> Field | None:
-    """The declaration of a dataset, or None for `EXTRA` arrays and unknown paths."""
+    """Return the declaration of a dataset, or None for `EXTRA` arrays and unknown paths.
+
+    Args:
+        path: Dataset path, with the name of the camera in place of `CAMERA`.
+    """
     group, _, rest = path.partition("/")
     if group == "cameras":
         _, _, leaf = rest.partition("/")
@@ -218,30 +229,34 @@ def field_at(path: str) -> Field | None:
 
 
 def is_image(path: str) -> bool:
-    """Whether a dataset holds pictures."""
+    """Return whether a dataset path is declared to hold images."""
     field = field_at(path)
     return field is not None and field.image
 
 
 def camera_names(paths: Iterable[str]) -> list[str]:
-    """Names of the cameras among dataset paths, sorted."""
+    """Return the names of the cameras that occur in dataset paths, sorted."""
     return sorted({path.split("/")[1] for path in paths if path.startswith("cameras/")})
 
 
 def harmless(path: str) -> bool:
-    """Whether a dataset path can be the name of an array: no way up, nothing empty, nothing that cannot be printed."""
+    """Return whether a dataset path is allowed as the name of an array.
+
+    A path must be printable, must not exceed `PATH_LENGTH` and `PATH_PARTS`, and none of its parts may be empty, ``.``
+    or ``..``.
+    """
     parts = path.split("/")
     whole = all(part not in ("", ".", "..") for part in parts)
     return whole and len(path) <= PATH_LENGTH and len(parts) <= PATH_PARTS and path.isprintable()
 
 
 def shape_words(field: Field) -> str:
-    """Shape of a field as the documentation writes it, e.g. ``(N+1, 5)``."""
+    """Return the shape of a field as the documentation writes it, e.g. ``(N+1, 5)``."""
     return "(" + ", ".join(map(str, field.shape)) + ("," if len(field.shape) == 1 else "") + ")"
 
 
 def markdown_table() -> str:
-    """The table of all fields for ``data/README.md``."""
+    """Return the Markdown table of all fields for ``data/README.md``."""
     lines = [
         "| dataset | shape | dtype | unit | axes | about | rotates | meaning |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",

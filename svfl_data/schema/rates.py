@@ -1,4 +1,4 @@
-"""Whether the time stamps of a stream can be nanoseconds, and whether they come at the rate that was declared."""
+"""Checks that the time stamps of a stream can be nanoseconds, and that they come at the declared rate."""
 
 import math
 from collections.abc import Mapping
@@ -8,27 +8,30 @@ from typing import Any, Literal
 import numpy as np
 
 DOUBTFUL, RATE_FACTOR = 1.1, 2.0
-"""Factor between a declared and a found rate that is worth a warning, and beyond which a unit is wrong or a driver does
-something else."""
+"""Factors between a declared and a found rate. Above the first, the difference is worth a warning. Above the second, it
+is an error: a unit is wrong, or a driver does something else."""
 FASTEST_HZ = {"observations": 4_000.0, "cameras": 4_000.0, "streams": 50_000.0}
-"""Rates that can be believed without a declared one, by the first part of a group; `FASTEST_OTHER_HZ` of all others.
+"""Largest rate of a stream that is believed, [Hz], by the first part of its group.
 
-Stamps in microseconds make a stream seem 1,000 times as fast as it is, stamps in milliseconds 10^6 times."""
+All other groups have the limit `FASTEST_OTHER_HZ`. Time stamps in microseconds make a stream seem 1,000 times as fast
+as it is, time stamps in milliseconds 10^6 times.
+"""
 FASTEST_OTHER_HZ = 200_000.0
 LONGEST_NS = 7 * 24 * 3600 * 10**9
-"""Time of the episode clock that can be believed, [ns]: a week. A clock that began with the epoch shows 50 years."""
+"""Largest time of the episode clock that is believed, [ns], which is a week. A clock that began with the Unix epoch
+shows 50 years."""
 FEW = 5
-"""Readings below which a rate says nothing."""
+"""Smallest number of readings from which a rate is judged."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """The time stamps of a stream in short, so that a writer need not keep them.
+    """Summary of the time stamps of a stream, so that a writer need not keep all of them.
 
     Attributes:
-        count: How many.
-        first_ns: The first, [ns].
-        last_ns: The last, [ns].
+        count: Number of time stamps.
+        first_ns: First time stamp, [ns]. It is 0 if there is none.
+        last_ns: Last time stamp, [ns]. It is 0 if there is none.
     """
 
     count: int
@@ -37,18 +40,26 @@ class Found:
 
     @classmethod
     def of(cls, t_ns: np.ndarray) -> "Found":
-        """The stamps of a whole stream, shape (M,), [ns]."""
+        """Return the summary of the time stamps of a whole stream.
+
+        Args:
+            t_ns: Time stamps, shape (M,), [ns].
+        """
         return cls(len(t_ns), int(t_ns[0]), int(t_ns[-1])) if len(t_ns) else cls(0, 0, 0)
 
     @property
     def rate_hz(self) -> float:
-        """Readings per second by the mean interval; 0 if there is none."""
+        """Rate of the stream by its mean interval, [Hz]; 0 for fewer than two readings or no time between them."""
         span = self.last_ns - self.first_ns
         return (self.count - 1) / span * 1e9 if self.count > 1 and span > 0 else 0.0
 
 
 def declared_rates(config: Mapping[str, Any]) -> dict[str, float]:
-    """The nominal rates that a recording declared, by group such as ``streams/wrench``; [Hz]."""
+    """Return the nominal rates that a recording declared, [Hz], by group such as ``streams/wrench``.
+
+    Args:
+        config: Configuration of the episode (`Meta.config`).
+    """
     rates = config.get("rates_hz")
     if not isinstance(rates, Mapping):
         return {}
@@ -56,16 +67,21 @@ def declared_rates(config: Mapping[str, Any]) -> dict[str, float]:
 
 
 def declared_hz(config: Mapping[str, Any], group: str) -> float | None:
-    """The declared rate of one group, [Hz]; None if there is none."""
+    """Return the declared rate of one group, [Hz], or None if no rate was declared for it.
+
+    Args:
+        config: Configuration of the episode (`Meta.config`).
+        group: Group of the stream, such as ``streams/wrench``.
+    """
     return declared_rates(config).get(group)
 
 
 def unit_fault(group: str, found: Found) -> str | None:
-    """Why the time stamps of a stream cannot be nanoseconds of the episode clock; None if they can be.
+    """Return why the time stamps of a stream cannot be nanoseconds of the episode clock, or None if they can be.
 
     Args:
-        group: Of the stream, such as ``streams/wrench``.
-        found: Its time stamps.
+        group: Group of the stream, such as ``streams/wrench``.
+        found: Summary of the time stamps of the stream.
     """
     if found.count and (farthest := max(abs(found.first_ns), abs(found.last_ns))) > LONGEST_NS:
         return (
@@ -79,15 +95,15 @@ def unit_fault(group: str, found: Found) -> str | None:
 
 
 def rate_fault(found: Found, declared: float | None) -> tuple[Literal["error", "warning"], str] | None:
-    """Whether a stream has another rate than declared.
+    """Compare the rate of a stream with its declared rate.
 
     Args:
-        found: Its time stamps, without the time of declared gaps.
-        declared: Its declared rate, [Hz]; None if there is none.
+        found: Summary of the time stamps of the stream, without the time of declared gaps.
+        declared: Declared rate of the stream, [Hz]. None if no rate was declared.
 
     Returns:
-        How bad it is, and what is wrong, such as ``comes at 50 Hz, but 500 Hz was declared``; None if the rates agree
-        or there are too few readings to say.
+        Class of the fault and its description, such as ``comes at 50 Hz, but 500 Hz was declared``. None if the rates
+        agree, no rate was declared, or there are too few readings to judge.
     """
     if declared is None or found.count < FEW:
         return None
@@ -101,21 +117,21 @@ def rate_fault(found: Found, declared: float | None) -> tuple[Literal["error", "
 
 
 def rate_words(group: str, found: Found, declared: float | None = None) -> str | None:
-    """What makes the unit of time or the rate of a stream an error; None if nothing does.
+    """Return why the unit of time or the rate of a stream is an error, or None if neither is.
 
     Args:
-        group: Of the stream, such as ``streams/wrench``.
-        found: Its time stamps, without the time of declared gaps.
-        declared: The rate that the recording declared, if it did, [Hz].
+        group: Group of the stream, such as ``streams/wrench``.
+        found: Summary of the time stamps of the stream, without the time of declared gaps.
+        declared: Rate that the recording declared, [Hz]. None if no rate was declared.
     """
     fault = rate_fault(found, declared)
     if fault and fault[0] == "error" and max(abs(found.first_ns), abs(found.last_ns)) <= LONGEST_NS:
-        return fault[1]  # names the unit, too
+        return fault[1]  # this description names the unit, too
     return unit_fault(group, found)
 
 
 def _unit_words(ratio: float) -> str:
-    """Which unit explains the ratio between a found and a declared rate."""
+    """Return which unit explains the ratio between a found and a declared rate, as the end of a message."""
     for power, unit in ((3, "microseconds"), (6, "milliseconds"), (9, "seconds")):
         if 10**power / RATE_FACTOR <= ratio <= 10**power * RATE_FACTOR:
             return f"; are its time stamps {unit} instead of nanoseconds?"

@@ -1,8 +1,8 @@
-"""With what an episode was recorded, and the one comparison of it: episodes of a dataset share all of this.
+"""The recording setup, which all episodes of a dataset share, and the only comparison between setups.
 
 Cameras (names, image sizes, calibration), workspace, declared rates and the row shapes of streams are compared between
-episodes by everything that writes a dataset, puts episodes together or learns from them. What may differ on purpose is
-said by the episode (``config.varies``, from `EpisodeWriter`) or by the dataset (``varies`` in ``dataset.json``).
+episodes by every tool that writes a dataset, combines episodes or learns from them. The episode (``config.varies``,
+from `EpisodeWriter`) or the dataset (``varies`` in ``dataset.json``) declares what may differ on purpose.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -17,33 +17,36 @@ from svfl_data.schema.episode import Meta
 from svfl_data.schema.fields import field_at
 
 TOLERANCE = 1e-9
-"""Calibrations that differ by no more than this, in their units, count as equal: that much is another processor's
-rounding. A camera that has really moved is off by more than a nanometre."""
+"""Largest difference between two numbers of a setup that count as equal, in their unit; for numbers above 1 it is
+relative. The rounding of another processor causes differences of this size, whereas a camera that has really moved
+is off by more than a nanometre."""
 RATES = "rates_hz/"
-"""Before the name of a group: its declared rate."""
+"""Prefix of the name of a group that stands for the declared rate of the group."""
 
 
 class Array(Protocol):
-    """What is asked of an array in memory or on disk."""
+    """Protocol of an array in memory or on disk, as far as this module needs one."""
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Its sizes."""
+        """Sizes of the array."""
 
     @property
     def dtype(self) -> np.dtype:
-        """Type of its elements."""
+        """Type of the elements of the array."""
 
     def __getitem__(self, key: tuple[()], /) -> Any: ...  # noqa: ANN401 - NumPy's
 
 
 class Setup(msgspec.Struct, frozen=True):
-    """What an episode shares with the others of its dataset.
+    """Recording setup of an episode, which it shares with the others of its dataset.
 
     Attributes:
-        numbers: Calibration of cameras, workspace and declared rates, each as a flat list of its numbers, by path.
-        rows: Type and shape of a row of what has no fixed one, such as images and joint positions, by path.
-        varies: Paths and groups in which it may differ from others.
+        numbers: Calibration of the cameras, workspace and declared rates by path, each as a flat list of numbers. The
+            path of a rate is `RATES` and the group.
+        rows: Type and shape of one row by path, for arrays whose row shape is not fixed, such as images and joint
+            positions.
+        varies: Paths and groups in which the episode may differ from others.
     """
 
     numbers: dict[str, list[float]] = {}
@@ -52,11 +55,11 @@ class Setup(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, meta: Meta, arrays: Mapping[str, Array]) -> "Setup":
-        """The setup of an episode that was recorded, or of what is known of one before it is.
+        """Return the setup of a recorded episode, or the part of it that is known before the episode is recorded.
 
         Args:
-            meta: What it is about.
-            arrays: Its arrays by dataset path; only those that matter are read.
+            meta: Metadata of the episode.
+            arrays: Arrays of the episode by dataset path. Only those that belong to the setup are read.
         """
         rates, varies = meta.config.get("rates_hz"), meta.config.get("varies")
         declared = rates.items() if isinstance(rates, dict) else ()
@@ -68,18 +71,22 @@ class Setup(msgspec.Struct, frozen=True):
         )
 
     def with_arrays(self, arrays: Mapping[str, Array]) -> "Setup":
-        """The same with more arrays."""
+        """Return this setup, extended by the facts that more arrays hold.
+
+        Args:
+            arrays: Arrays of the same episode by dataset path.
+        """
         numbers = {path: np.ravel(np.asarray(arrays[path][()])).tolist() for path in arrays if _shared(path)}
         return Setup({**self.numbers, **numbers}, {**self.rows, **_rows(arrays)}, self.varies)
 
     @property
     def cameras(self) -> set[str]:
-        """Names of the cameras."""
+        """Names of the cameras of the episode."""
         return {path.split("/")[1] for path in self.numbers if path.startswith("cameras/")}
 
 
 def _shared(path: str) -> bool:
-    """Whether an array holds numbers that all episodes share: those that hold for a camera or the whole workspace."""
+    """Return whether an array holds numbers that all episodes share, which describe a camera or the whole workspace."""
     field = field_at(path)
     grows = bool(field and field.shape and isinstance(field.shape[0], str))
     return field is not None and not grows and (path == "workspace" or path.startswith("cameras/"))
@@ -96,13 +103,13 @@ def _rows(arrays: Mapping[str, Array]) -> dict[str, tuple[str, list[int]]]:
 
 @dataclass(frozen=True)
 class Difference:
-    """A fact in which an episode is unlike the others.
+    """One fact in which an episode differs from the others.
 
     Attributes:
         name: Dataset path, or `RATES` and a group.
-        here: What it is in this episode, in words.
-        there: What it is in the others.
-        where: One of them.
+        here: Value of the fact in this episode, in words.
+        there: Value of the fact in the other episodes, in words.
+        where: Name of one of the other episodes.
     """
 
     name: str
@@ -115,32 +122,38 @@ class Difference:
 
 
 class Common:
-    """What setups have in common: of each fact the first value that was seen, and where.
+    """Facts that setups have in common: the first value that was seen of each fact, and the episode that has it.
 
     Args:
-        varies: Paths and groups that are not compared, beside what the setups themselves say.
-        cameras: The cameras that matter; all if None.
+        varies: Paths and groups that are not compared, besides those that the setups themselves declare.
+        cameras: Names of the cameras that are compared. None for all cameras.
     """
 
     def __init__(self, varies: Collection[str] = (), cameras: Collection[str] | None = None) -> None:
         self.varies = set(varies)
         self._chosen = None if cameras is None else set(cameras)
         self._facts: dict[str, tuple[str, Any]] = {}
-        self._first: tuple[str, set[str]] | None = None  # where, and names of the cameras there
+        self._first: tuple[str, set[str]] | None = None  # name of the first episode, and names of its cameras
 
     def add(self, setup: Setup, where: str) -> None:
-        """Take in what a setup says that none has said before."""
+        """Add the facts of a setup that no earlier setup has stated.
+
+        Args:
+            setup: Recording setup of an episode.
+            where: Name of the episode in messages.
+        """
         self.varies |= set(setup.varies)
         self._first = self._first or (where, setup.cameras)
         for name, value in [*setup.numbers.items(), *setup.rows.items()]:
             self._facts.setdefault(name, (where, value))
 
     def differences(self, setup: Setup, whole: bool = True) -> Iterator[Difference]:
-        """In what a setup is unlike those before.
+        """Yield the facts in which a setup differs from those that were added before.
 
         Args:
-            setup: Of another episode.
-            whole: Whether the episode is complete: what it lacks of a camera then, it does not have.
+            setup: Recording setup of another episode.
+            whole: Whether the episode is complete. If True, an array of a camera that is absent from the setup is a
+                difference, too.
         """
         if self._first is None:
             return
@@ -167,11 +180,11 @@ class Common:
 
 
 def first_difference(setups: Sequence[tuple[str, Setup]], common: Common) -> tuple[str, Difference] | None:
-    """The first episode that is unlike those before it, and in what; None if all agree.
+    """Return the first episode that differs from those before it, and the difference, or None if all agree.
 
     Args:
-        setups: Where from, and what, in order.
-        common: What they are compared with; afterwards what they have in common.
+        setups: Name and recording setup of each episode, in order.
+        common: Facts with which the setups are compared. The facts of the setups that agree are added to it.
     """
     common.varies |= {path for _, setup in setups for path in setup.varies}
     for where, setup in setups:
@@ -182,12 +195,12 @@ def first_difference(setups: Sequence[tuple[str, Setup]], common: Common) -> tup
 
 
 def refuse_difference(found: tuple[str, Difference] | None, task: str, way: str) -> None:
-    """Say in what an episode is unlike the others.
+    """Raise an error that says in what an episode differs from the others, if there is a difference.
 
     Args:
-        found: From `first_difference`.
-        task: What cannot be done then, in words.
-        way: What can be done about it, with ``{name}`` for what differs.
+        found: Result of `first_difference`.
+        task: What cannot be done because of the difference, in words that follow "cannot".
+        way: What the user can do about the difference, with ``{name}`` in place of the fact that differs.
 
     Raises:
         DatasetError: If there is a difference.
@@ -209,7 +222,7 @@ def _same(here: Any, there: Any) -> bool:  # noqa: ANN401 - a fact
 
 
 def _words(name: str, here: Any, there: Any) -> tuple[str, str]:  # noqa: ANN401 - facts
-    """Both values of a fact in words; of a matrix, the number that differs most."""
+    """Return both values of a fact in words. For a matrix, this is the number that differs most."""
     if not isinstance(here, list):
         return _row_words(here), _row_words(there)
     field = field_at(name)

@@ -1,4 +1,4 @@
-"""The contract of robots and policies: what is observed at a step, and what a recording loop asks of a robot."""
+"""Interface between robots and policies: what is observed at a step, and what a recording loop asks of a robot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Frame:
-    """What one camera sees at one moment.
+    """Images of one camera at one moment.
 
     Attributes:
-        color: (H, W, 3) uint8 RGB.
-        depth: (H, W) uint16, in units of the camera's depth scale, 0 = nothing seen.
+        color: Colour image, shape (H, W, 3), uint8, RGB.
+        depth: Depth image, shape (H, W), uint16, in units of the camera's depth scale; 0 where there is no measurement.
 
     Example:
         >>> Frame(np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4), np.uint16)).depth.shape
@@ -27,15 +27,16 @@ class Frame:
 
 @dataclass(frozen=True)
 class Observation:
-    """What is known at one step.
+    """Data that a robot observes at one step.
 
     Attributes:
         t_ns: Time of the latest reading, [ns] of the episode clock.
-        frames: What each camera sees, by name.
-        wrench: (64, 6) float32: the last readings, latest last, tared, [N] and [N m], base axes, about the sensor
-            origin.
-        proprio: (5,) float32: gripper opening 0..1, TCP x, y, z [m], yaw theta [rad], in base.
-        joints: (J,) float32: arm joints [rad], then fingers [m].
+        frames: Frame of each camera by name.
+        wrench: Last 64 wrench readings, latest last, shape (64, 6), float32, tared, [N] and [N m], base axes, about the
+            sensor origin.
+        proprio: Proprioception, shape (5,), float32: gripper opening (0 closed, 1 open), TCP x, y, z [m] and yaw theta
+            [rad], in base.
+        joints: Joint positions, shape (J,), float32: arm joints [rad], then fingers [m].
 
     Example:
         >>> seen = Observation(0, {}, np.zeros((64, 6)), proprio=np.zeros(5), joints=np.zeros(9))
@@ -52,12 +53,13 @@ class Observation:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What one needs to use the images geometrically. Camera axes: x right, y down, z forward.
+    """Calibration of a camera, needed to use its images geometrically; camera axes are x right, y down, z forward.
 
     Attributes:
-        intrinsics: Pinhole matrix, (3, 3), [px]; the centre of the first pixel is at (0, 0).
-        T_base_camera: Pose of the camera in base, (4, 4), [m].
-        image_axes: Base xy to image (right, up), (2, 2), orthogonal: a vector seen from above in the picture's axes.
+        intrinsics: Pinhole matrix, shape (3, 3), [px]. The centre of the top left pixel is at (0, 0).
+        T_base_camera: Pose of the camera in base, shape (4, 4), [m].
+        image_axes: Orthogonal matrix from base (x, y) to image (right, up), shape (2, 2). It expresses a vector that is
+            seen from above in the axes of the image.
         depth_scale: Metres per unit of depth, [m].
 
     Example:
@@ -72,10 +74,13 @@ class Calibration:
 
 
 def image_axes(T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Base xy to image (right, up) of a camera that looks at the table, (2, 2), orthogonal.
+    """Return the matrix from base (x, y) to image (right, up) of a camera that looks at the table.
 
     Args:
-        T_base_camera: Its pose, (4, 4).
+        T_base_camera: Pose of the camera in base, shape (4, 4), [m].
+
+    Returns:
+        Orthogonal matrix, shape (2, 2).
 
     Example:
         >>> looking_down = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -88,30 +93,34 @@ def image_axes(T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 class Optics(Protocol):
-    """The geometry of a camera: a `Calibration` has it, and so has a recorded `svfl_data.schema.episode.Camera`."""
+    """Geometry of a camera, as in a `Calibration` or a recorded `svfl_data.schema.episode.Camera`."""
 
     @property
     def intrinsics(self) -> np.ndarray:
-        """Pinhole matrix, (3, 3), [px]."""
+        """Pinhole matrix, shape (3, 3), [px]."""
 
     @property
     def T_base_camera(self) -> np.ndarray:
-        """Pose of the camera in base, (4, 4), [m]."""
+        """Pose of the camera in base, shape (4, 4), [m]."""
 
     @property
     def image_axes(self) -> np.ndarray:
-        """Base (x, y) to image (right, up), (2, 2)."""
+        """Orthogonal matrix from base (x, y) to image (right, up), shape (2, 2)."""
 
     @property
     def depth_scale(self) -> float | np.ndarray:
-        """Metres per unit of depth."""
+        """Metres per unit of depth, [m]."""
 
 
 class Robot(Protocol):
-    """A robot with its sensors, homed and tared.
+    """Protocol of a robot with its sensors, which is homed and tared.
 
-    One step is `observe`, then `step` with the action commanded after it. The wrench stream runs by itself at the
-    sensor's own rate.
+    One step is a call of `observe`, then a call of `step` with the action that is commanded after the observation. The
+    wrench stream runs by itself at the sensor's own rate.
+
+    Attributes:
+        tare_offset: Offset to subtract from the raw wrench, shape (6,), [N] and [N m], base axes, about the sensor
+            origin.
 
     Example:
         >>> def moves(robot: Robot) -> bool:
@@ -124,26 +133,30 @@ class Robot(Protocol):
 
     @property
     def cameras(self) -> dict[str, Calibration]:
-        """Calibration of its cameras, by name."""
+        """Calibration of each camera of the robot by name."""
 
     @property
     def workspace(self) -> NDArray[np.float64]:
-        """Bounds of the TCP in base axes, shape (3, 2), [m]."""
+        """Lower and upper bound of the TCP position x, y, z in base axes, shape (3, 2), [m]."""
 
     @property
     def wrench_t_ns(self) -> NDArray[np.int64]:
-        """Time of every reading since the episode began, shape (M,), [ns]."""
+        """Time of every wrench reading since the episode began, shape (M,), [ns] of the episode clock."""
 
     @property
     def wrench(self) -> NDArray[np.float32]:
-        """Those readings, raw, shape (M, 6), [N] and [N m], base axes, about the sensor origin."""
+        """Raw wrench readings of the episode so far, (M, 6), [N] and [N m], base axes, about the sensor origin."""
 
     def observe(self) -> Observation:
-        """See and feel now."""
+        """Return the observation of the present moment."""
 
     def step(self, action: NDArray[np.float32]) -> None:
-        """Carry out one action (opening, dx, dy, dz, dtheta) for one step of 50 ms."""
+        """Carry out one action for one step of 50 ms.
+
+        Args:
+            action: Gripper opening (0 closed, 1 open), dx, dy, dz [m], dtheta [rad], base axes, shape (5,).
+        """
 
 
 Policy = Callable[[Observation], NDArray[np.float32] | None]
-"""Gives the next action, or None to end the episode."""
+"""Function that returns the next action for an observation, or None to end the episode."""

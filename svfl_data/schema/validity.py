@@ -1,11 +1,12 @@
-"""What an episode may hold: the one place that decides it, for writers, readers and ``svfl-data validate``.
+"""The only place that decides whether an episode is valid, for writers, readers and ``svfl-data validate``.
 
-Three classes of faults are told apart. An *invalid* episode, which this module finds, is read by nobody: its numbers
-have no meaning (a camera pose that is no pose, a wrench of 3e38 N, a depth without its unit), and programs would end in
-a division by zero. An *error* of `svfl_data.checks` is a sound recording of something that went wrong, such as a stuck
-sensor: viewers and plots show it, training refuses it. A *warning* is said, and training goes on.
+Three classes of faults are distinguished. An *invalid* episode, which this module finds, is refused by every reader,
+because its numbers have no meaning (a camera pose that is no pose, a wrench of 3e38 N, a depth without its unit) and
+programs would end in a division by zero. An *error* of `svfl_data.checks` is a sound recording of something that went
+wrong, such as a stuck sensor; viewers and plots show it, training refuses it. A *warning* is printed, and training goes
+on.
 
-Arrays may lie in memory or on disk. Images are judged by their shapes: every pixel is a valid one.
+Arrays may lie in memory or on disk. Images are judged by their shapes only, because every pixel value is valid.
 """
 
 import math
@@ -32,39 +33,40 @@ from svfl_data.schema.fields import (
 from svfl_data.system.printable import printable
 
 UNIT = 1e-3
-"""How far the norm of a quaternion, or the product of a rotation with its transpose, may be off: rounding."""
+"""Largest rounding error of the norm of a quaternion, and of each element of the product of a rotation with its
+transpose."""
 SHORTEST_FOCAL_PX = 1.0
 NARROWEST_M = 1e-3
-"""A workspace that is narrower is none."""
+"""Smallest width of a workspace along each axis, [m]."""
 BLOCK_ROWS = 2**16
 INNER = ("H", "W", "J")
-"""Symbols of sizes that are never zero: an image has pixels, an arm has joints."""
+"""Symbols of sizes that are never zero, because an image has pixels and an arm has joints."""
 
 Sizes = dict[str, tuple[int, str]]
-"""Each symbol's size so far, and the path that set it."""
+"""Size of each symbol that was found so far, and the path of the array that set it."""
 
 
 class Readable(Protocol):
-    """An array in memory or on disk."""
+    """Protocol of an array in memory or on disk."""
 
     @property
     def dtype(self) -> np.dtype:
-        """Type of its numbers."""
+        """Type of the numbers in the array."""
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Its sizes."""
+        """Sizes of the array."""
 
     def __getitem__(self, rows: slice, /) -> np.ndarray: ...
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Why an episode is invalid.
+    """Reason why an episode is invalid.
 
     Attributes:
-        path: Dataset path.
-        words: What is wrong, with the path.
+        path: Dataset path of the array that is wrong.
+        words: Description of the fault, which can be read without the path.
     """
 
     path: str
@@ -72,11 +74,11 @@ class Fault:
 
 
 def faults(arrays: Mapping[str, Readable], values: bool = True) -> Iterator[Fault]:
-    """What makes an episode invalid, in the order of the declarations.
+    """Yield the reasons why an episode is invalid, in the order of the declarations.
 
     Args:
-        arrays: Dataset path to array, in memory or on disk; what is declared and not an image is read, in blocks.
-        values: Whether to judge numbers as well, rather than types, shapes and sizes only.
+        arrays: Arrays by dataset path, in memory or on disk. Declared arrays that are not images are read, in blocks.
+        values: Whether numbers are checked, too. If False, only types, shapes and sizes are checked.
     """
     for path, array in arrays.items():
         if not harmless(path):
@@ -102,33 +104,34 @@ def faults(arrays: Mapping[str, Readable], values: bool = True) -> Iterator[Faul
 
 
 def check_arrays(arrays: Mapping[str, Readable], where: str, values: bool = True) -> None:
-    """Refuse the arrays of an invalid episode.
+    """Raise an error if the arrays make an episode invalid.
 
     Args:
-        arrays: As for `faults`.
-        where: What to name in the error, such as the file.
-        values: As for `faults`.
+        arrays: Arrays by dataset path, in memory or on disk.
+        where: Name of the episode in the error, such as the file.
+        values: Whether numbers are checked, too. If False, only types, shapes and sizes are checked.
 
     Raises:
-        FieldError: If a field is missing or unknown, has a wrong dtype or shape, disagrees with another field about
-            a size, or holds a number that is impossible.
+        FieldError: If a field is missing or unknown, has a wrong dtype or shape, disagrees with another field about a
+            size, or holds a number that is impossible.
     """
     for fault in faults(arrays, values):
         raise FieldError(f"{where}: {fault.words}")
 
 
 def check_array(field: Field, array: np.ndarray, sizes: Sizes, here: str, path: str) -> None:
-    """Refuse one array that does not fit its declaration.
+    """Raise an error if one array does not fit its declaration.
 
     Args:
-        field: The declaration.
-        array: What is to be stored.
-        sizes: Each symbol's size so far; symbols met for the first time are added.
-        here: What to name in the error, such as the file and the path.
-        path: Where the array is stored.
+        field: Declaration of the array.
+        array: Array that is to be stored.
+        sizes: Size of each symbol that was found so far. Symbols of this array that are not in it are added.
+        here: Start of the error message, such as the file and the path.
+        path: Dataset path at which the array is to be stored.
 
     Raises:
-        FieldError: If dtype or shape are not as declared, a size disagrees, or a number is impossible.
+        FieldError: If dtype or shape are not as declared, a size disagrees with that of another array, or a number is
+            impossible.
     """
     for words in (*_shape_faults(field, array, sizes, path), *_value_faults(field, array)):
         raise FieldError(f"{here} {words}")
@@ -137,7 +140,7 @@ def check_array(field: Field, array: np.ndarray, sizes: Sizes, here: str, path: 
 def _group_faults(
     fields: Mapping[str, Field], arrays: Mapping[str, Readable], sizes: Sizes, values: bool
 ) -> Iterator[Fault]:
-    """Faults of fields that share their symbols."""
+    """Yield the faults of fields that share their symbols, which are those of an episode or of one camera."""
     for path, field in fields.items():
         clock = f"{path.rpartition('/')[0]}/t_ns"
         if path in arrays:
@@ -169,7 +172,7 @@ def _shape_faults(field: Field, array: Readable, sizes: Sizes, path: str) -> Ite
 
 
 def _value_faults(field: Field, array: Readable) -> Iterator[str]:
-    """What is wrong with the numbers of an array whose shape is right; at most one thing."""
+    """Yield at most one fault in the numbers of an array whose shape is right."""
     if field.image:
         return
     rule = RULES.get(field.path)
@@ -181,7 +184,7 @@ def _value_faults(field: Field, array: Readable) -> Iterator[str]:
 
 
 def _blocks(array: Readable) -> Iterator[tuple[int, np.ndarray]]:
-    """The array in pieces of some rows, each with the number of its first row."""
+    """Yield an array in blocks of rows, each with the number of its first row."""
     if not array.shape:
         yield 0, np.asarray(array)
     for first in range(0, array.shape[0] if array.shape else 0, BLOCK_ROWS):
@@ -247,4 +250,5 @@ RULES: dict[str, Callable[[np.ndarray, int], str | None]] = {
     "cameras/{camera}/image_axes": _not_orthogonal,
     "workspace": _no_room,
 }
-"""What more is asked of some fields: a block of rows and the number of its first -> what is wrong with it."""
+"""Further rule of some fields, by path. A rule is a function of a block of rows and the number of its first row. It
+returns what is wrong with the block, or None."""
