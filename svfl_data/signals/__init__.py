@@ -1,1 +1,1 @@
-"""What is computed from recorded signals: filtered wrenches, contacts, views from straight above."""
+"""Quantities that are computed from recorded signals: filtered wrenches, contacts, views from straight above."""

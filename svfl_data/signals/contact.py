@@ -1,4 +1,4 @@
-"""When the gripper is in contact: intervals of the wrench stream, with hysteresis and debounce, as annotations."""
+"""Detection of contacts in the wrench stream, with hysteresis and debounce, as annotated intervals."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -10,23 +10,24 @@ from svfl_data.schema.episode import Episode
 from svfl_data.signals.transforms import LowPass, processed_wrench
 
 CONTACT = "contact"
-"""Name of the annotation."""
+"""Name of the annotation of a contact."""
 
 
 @dataclass(frozen=True)
 class ContactRule:
-    """When a force is a contact.
+    """Rule that decides when a force is a contact.
 
-    A wrist sensor also feels the inertia of the gripper: in simulated block centering each 20 Hz action starts with a
-    spike of tens of newtons that lasts 30 ms. The default threshold and duration (one action) leave these out: of the
-    first 60 centering episodes (seed 0) they find every final collision and 1 other interval; 2 N and 20 ms find 390
-    others.
+    A wrist sensor also feels the inertia of the gripper. In simulated block centering, each 20 Hz action starts with a
+    spike of tens of newtons that lasts 30 ms. The default threshold and duration (one action) exclude these spikes: in
+    the first 60 centering episodes (seed 0) they find every final collision and 1 other interval, whereas 2 N and 20 ms
+    find 390 others.
 
     Attributes:
-        threshold_n: A contact begins when the force exceeds this, [N].
-        release_n: It ends when the force falls below this, [N]; at most the threshold.
-        min_duration_s: What is shorter than this is no contact, [s].
-        cutoff_hz: Corner of the low-pass on the force before its norm is taken, [Hz]; 0 means none.
+        threshold_n: Force above which a contact begins, [N].
+        release_n: Force below which a contact ends, [N]; at most the threshold.
+        min_duration_s: Shortest duration of a contact, [s]. Shorter intervals are left out.
+        cutoff_hz: Corner frequency of the low-pass filter on the force before its norm is taken, [Hz]; 0 means no
+            filter.
 
     Example:
         >>> rule = ContactRule(threshold_n=5.0)
@@ -40,10 +41,10 @@ class ContactRule:
     cutoff_hz: float = 30.0
 
     def __post_init__(self) -> None:
-        """Check that the parameters make sense together.
+        """Check that the parameters are possible, alone and together.
 
         Raises:
-            UsageError: If they do not.
+            UsageError: If a parameter is out of its range, or the release force exceeds the threshold.
         """
         if not 0 < self.release_n <= self.threshold_n < np.inf:
             raise UsageError(
@@ -58,14 +59,16 @@ class ContactRule:
 
 
 def contact_annotations(episode: Episode, rule: ContactRule | None = None) -> list[dict[str, Any]]:
-    """The contacts of an episode as annotations.
+    """Return the contacts of an episode as annotations.
 
     Args:
-        episode: Where to look; its recorded transforms (by default the tare) are applied first.
-        rule: When a force is a contact.
+        episode: Episode in whose wrench stream contacts are searched. Its recorded transforms (by default the tare) are
+            applied first.
+        rule: Rule that decides when a force is a contact. None for the default `ContactRule`.
 
     Returns:
-        By onset: ``{"name": "contact", "start_ns", "end_ns", "by": {...}}``, times in ns of the episode clock.
+        Annotations in the order of their onsets: ``{"name": "contact", "start_ns", "end_ns", "by": {...}}``. The times
+        are in ns of the episode clock, and ``by`` holds the tool and the rule.
 
     Raises:
         FormatError: If a recorded transform is unknown.
@@ -79,22 +82,34 @@ def contact_annotations(episode: Episode, rule: ContactRule | None = None) -> li
 
 
 def contact_force(episode: Episode, rule: ContactRule) -> np.ndarray:
-    """Norm of the processed, filtered force, shape (M,), float64, [N]."""
+    """Return the norm of the force of an episode, from which contacts are found.
+
+    Args:
+        episode: Episode whose wrench stream is read. Its recorded transforms are applied first.
+        rule: Rule that gives the corner frequency of the low-pass filter.
+
+    Returns:
+        Norm of the processed, filtered force, shape (M,), float64, [N].
+
+    Raises:
+        FormatError: If a recorded transform is unknown.
+    """
     filters = [LowPass(rule.cutoff_hz)] if rule.cutoff_hz else []
     return np.asarray(np.linalg.norm(processed_wrench(episode, filters)[:, :3].astype(np.float64), axis=1))
 
 
 def contact_intervals(t_ns: np.ndarray, force: np.ndarray, rule: ContactRule) -> list[tuple[int, int]]:
-    """Onset and offset times of the contacts.
+    """Return the onset and offset times of the contacts in a force signal.
 
     Args:
-        t_ns: Ascending timestamps, regular or not, shape (M,), [ns].
+        t_ns: Ascending time stamps of the readings, regular or not, shape (M,), [ns].
         force: Norm of the force, shape (M,), [N].
-        rule: When a force is a contact.
+        rule: Rule that decides when a force is a contact.
 
     Returns:
-        Disjoint intervals, ascending: time of the first reading above the threshold, time of the first reading below
-        the release force after it (or of the last reading, if there is none).
+        Disjoint intervals (onset, offset), ascending, [ns]. The onset is the time of the first reading above the
+        threshold. The offset is the time of the first reading after it that is below the release force, or of the last
+        reading if there is none.
 
     Example:
         >>> at, force = np.arange(100) * 2_000_000, np.where(np.arange(100) < 50, 0.0, 9.0)
@@ -108,7 +123,7 @@ def contact_intervals(t_ns: np.ndarray, force: np.ndarray, rule: ContactRule) ->
 
 
 def _above(force: np.ndarray, rule: ContactRule) -> list[tuple[int, int]]:
-    """Row ranges [first, after) that begin above the threshold and last until the force is below the release."""
+    """Return row ranges [first, after) that begin above the threshold and last until the force is below the release."""
     mark = np.where(force > rule.threshold_n, 1, np.where(force < rule.release_n, -1, 0))
     row = np.maximum.accumulate(np.where(mark != 0, np.arange(len(mark)), -1))  # the last reading that decides
     holds = (row >= 0) & (mark[row] == 1)

@@ -1,12 +1,12 @@
-"""The view from straight above, computed from colour and depth of cameras that stand anywhere.
+"""The view from straight above, computed from the colour and depth images of cameras in any pose.
 
-Turning or mirroring the workspace about its centre turns or mirrors this picture, pixel for pixel, as far as the
-cameras have seen the scene. In an oblique picture it does not: there the symmetry of the task is only latent (Wang et
-al., "The surprising effectiveness of equivariant models in domains with latent symmetry", ICLR 2023).
+Turning or mirroring the workspace about its centre turns or mirrors this view pixel for pixel, as far as the cameras
+have seen the scene. An oblique image does not have this property: there the symmetry of the task is only latent (Wang
+et al., "The surprising effectiveness of equivariant models in domains with latent symmetry", ICLR 2023).
 
-Every pixel of a depth picture is a small patch of a surface. Patches are laid onto the plane, the highest wins
-(surface splatting: Zwicker et al., SIGGRAPH 2001). What no patch covers was hidden from the cameras, or outside their
-pictures, and reads 0. Nothing is invented there.
+Every pixel of a depth image is a small patch of a surface. The patches are projected onto the plane, and the highest
+patch is drawn (surface splatting: Zwicker et al., SIGGRAPH 2001). A pixel that no patch covers was hidden from the
+cameras or outside their images, and is 0. No value is invented for it.
 """
 
 import math
@@ -18,26 +18,27 @@ import numpy as np
 from svfl_data.errors import UsageError
 from svfl_data.schema.robot import Frame, Optics
 
-SIZE = 76  # [px], as the paper's pictures
-EYE_M = 1.0  # [m]; above everything that the arm does over a table, and depth is 1 m minus height
-FARTHEST = 2**16 - 1  # of uint16
+SIZE = 76  # [px], as the images of the paper
+EYE_M = 1.0  # [m], higher than the arm moves over a table; depth is then 1 m minus the height
+FARTHEST = 2**16 - 1  # largest uint16
 MOST_POINTS = 2 * 10**7
-"""Of one picture, 400 MB while they are drawn; a camera of 640 x 480 px above a table gives 3 * 10^5."""
+"""Largest number of points of one camera image, which take 400 MB while they are drawn. A camera of 640 x 480 px above
+a table gives 3 * 10^5 points."""
 
 
 @dataclass(frozen=True, eq=False)
 class TopView:
-    """A camera without perspective that looks straight down at the middle of the workspace.
+    """Camera without perspective that looks straight down at the middle of the workspace.
 
     Attributes:
-        centre: Middle of the picture, base (x, y), shape (2,), [m].
-        image_axes: Base (x, y) to the picture's (right, up), shape (2, 2): those of the camera that it is made from,
-            so that a vector in image-aligned axes fits both pictures.
-        size: Height and width, [px].
-        extent: Edge of the square that it shows, [m].
-        depth_scale: Metres per unit of depth.
-        eye: Height from which depth is taken, base z, [m]; what is above it is not seen. A low one sees beneath the
-            gripper: what the cameras saw there.
+        centre: Position of the middle of the view, base (x, y), shape (2,), [m].
+        image_axes: Orthogonal matrix from base (x, y) to the (right, up) of the view, shape (2, 2). It is that of the
+            camera from which the view is made, so that a vector in image-aligned axes fits both images.
+        size: Height and width of the view, [px].
+        extent: Edge of the square that the view shows, [m].
+        depth_scale: Metres per unit of depth, [m].
+        eye: Height from which depth is measured, base z, [m]. Surfaces above this height are not drawn. A low eye
+            therefore shows what the cameras saw beneath the gripper.
     """
 
     centre: np.ndarray
@@ -48,7 +49,7 @@ class TopView:
     eye: float = EYE_M
 
     def __post_init__(self) -> None:
-        """Check the sizes.
+        """Check that size and extent are possible.
 
         Raises:
             UsageError: If size or extent are not positive.
@@ -67,14 +68,14 @@ class TopView:
         extent: float | None = None,
         eye: float = EYE_M,
     ) -> "TopView":
-        """The view of a workspace that fits a camera.
+        """Return the view of a workspace that has the axes and the depth scale of a camera.
 
         Args:
             workspace: Bounds of x, y, z in base, shape (3, 2), [m].
-            optics: The camera that gives axes and depth scale.
-            size: Height and width, [px].
-            extent: Edge of the square that it shows, [m]; the wider side of the workspace by default.
-            eye: Height from which depth is taken, base z, [m].
+            optics: Geometry of the camera that gives axes and depth scale.
+            size: Height and width of the view, [px].
+            extent: Edge of the square that the view shows, [m]. The wider side of the workspace by default.
+            eye: Height from which depth is measured, base z, [m]. Surfaces above this height are not drawn.
 
         Raises:
             UsageError: If size or extent are not positive.
@@ -85,43 +86,63 @@ class TopView:
 
     @property
     def metres_per_pixel(self) -> float:
-        """Edge of a pixel on the table, [m]; everywhere the same."""
+        """Edge of a pixel on the table, [m], which is the same everywhere in the view."""
         return self.extent / self.size
 
     def pixel(self, xy: np.ndarray) -> np.ndarray:
-        """Where base (x, y), shape (..., 2), [m], lies in the picture: (row, column), the first pixel's centre at 0."""
+        """Return the position of points in the view.
+
+        Args:
+            xy: Points in base (x, y), shape (..., 2), [m].
+
+        Returns:
+            Rows and columns, shape (..., 2), [px]. The centre of the first pixel is at (0, 0).
+        """
         right_up = (np.asarray(xy) - self.centre) @ self.image_axes.T / self.metres_per_pixel
         return right_up[..., ::-1] * [-1.0, 1.0] + (self.size - 1) / 2
 
     def height_m(self, depth: np.ndarray) -> np.ndarray:
-        """Base z of what the picture's depth shows, [m]; NaN where it shows nothing."""
+        """Return the base z of the surface that a depth image of this view shows.
+
+        Args:
+            depth: Depth image of the view, in units of `depth_scale`, any shape.
+
+        Returns:
+            Base z, same shape, [m]; NaN where the depth is 0, because nothing was seen.
+        """
         return np.where(depth > 0, self.eye - depth * self.depth_scale, np.nan)
 
     def draw(self, pictures: Sequence[tuple[Frame, Optics]]) -> tuple[np.ndarray, np.ndarray]:
-        """See from above what one or several cameras saw at one moment.
+        """Draw the view from the images that one or several cameras took at one moment.
 
         Args:
-            pictures: What each saw, and its optics.
+            pictures: Frame and geometry of each camera.
 
         Returns:
-            Colour (size, size, 3) uint8, black where nothing was seen, and depth (size, size) uint16 in units of
-            `depth_scale`, 0 where nothing was seen.
+            Colour image (size, size, 3) uint8, black where nothing was seen, and depth image (size, size) uint16 in
+            units of `depth_scale`, 0 where nothing was seen.
+
+        Raises:
+            UsageError: If the view needs more than `MOST_POINTS` points of one camera.
         """
         patches = [self._patches(picture, optics) for picture, optics in pictures]
         places, colors = (np.concatenate(part, axis=1) for part in zip(*patches, strict=True))
         return self.splat(places, colors)
 
     def splat(self, places: np.ndarray, colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Draw points; in each pixel the mean of those that lie at most its own width below the highest.
+        """Draw points into a colour image and a depth image.
 
-        All sums are of integers, so neither the order of the points nor the turn of the scene changes a bit of them.
+        Each pixel is the mean of the points in it that lie at most one pixel width below the highest of them. All sums
+        are sums of integers, so that neither the order of the points nor a turn of the scene changes a single bit of
+        them.
 
         Args:
-            places: Right and up of the middle of the picture and down from the eye, shape (3, P), [m].
-            colors: Their colours, shape (3, P), uint8.
+            places: Positions of the points, shape (3, P), [m]: right and up from the middle of the view, and down from
+                the eye.
+            colors: Colours of the points, shape (3, P), uint8.
 
         Returns:
-            Colour and depth, as `draw`.
+            Colour image and depth image, as from `draw`.
         """
         size, outside = self.size, self.size**2
         right, up, down = places
@@ -140,7 +161,7 @@ class TopView:
         return np.ascontiguousarray(means[1:].transpose(1, 2, 0), np.uint8), means[0].astype(np.uint16)
 
     def _patches(self, picture: Frame, optics: Optics) -> tuple[np.ndarray, np.ndarray]:
-        """The surface that one camera saw, as points no farther apart than this view's pixels, as `splat` takes it."""
+        """Return the surface that one camera saw, as points for `splat` that are at most a pixel of this view apart."""
         depth, color = np.asarray(picture.depth), np.asarray(picture.color)
         points = self._points(depth, optics)
         count = self._fineness(optics)
@@ -162,7 +183,7 @@ class TopView:
         return places, colors
 
     def _points(self, depth: np.ndarray, optics: Optics) -> np.ndarray:
-        """Each pixel's point: right and up of the middle of this view and down from its eye, (3, H, W), [m]."""
+        """Return each pixel's point, (3, H, W), [m]: right and up from the middle of this view, down from its eye."""
         axes = np.zeros((3, 3))
         axes[:2, :2], axes[2, 2] = self.image_axes, -1.0
         K, T = np.asarray(optics.intrinsics), np.asarray(optics.T_base_camera)
@@ -173,9 +194,11 @@ class TopView:
         return (start[:, None, None] + rays * (depth * float(optics.depth_scale))).astype(np.float32)
 
     def _fineness(self, optics: Optics) -> int:
-        """Into how many points a camera's pixel is divided along each side, so that their spacing on the table is at
-        most a pixel of this view. A pixel at distance r and seen from height h covers at most r / f by r / f * r / h.
-        """  # noqa: D205
+        """Return the number of points into which a camera's pixel is divided along each side.
+
+        The spacing of the points on the table is then at most a pixel of this view. A pixel at distance r that is seen
+        from height h covers at most r / f by r / f * r / h, where f is the focal length in pixels.
+        """
         x, y, h = np.asarray(optics.T_base_camera)[:3, 3]
         corners = self.extent / 2 * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) @ self.image_axes + self.centre
         r = np.sqrt(((corners - [x, y]) ** 2).sum(axis=1).max() + h**2)
@@ -186,10 +209,11 @@ class TopView:
     def _towards(
         points: np.ndarray, seen: np.ndarray, axis: int, chosen: np.ndarray, offsets: np.ndarray, reach: float
     ) -> np.ndarray:
-        """How far the surface at chosen pixels goes on along one axis of the picture, (3, offsets, P), [m].
+        """Return how far the surface at chosen pixels extends along one axis of the image, (3, offsets, P), [m].
 
-        Towards a neighbour that belongs to the same surface, because it is no farther away in space than `reach`:
-        straight at it. Away from an edge of a surface: as on its other side. A pixel without neighbours is a point.
+        A neighbour belongs to the same surface if it is no farther away in space than `reach`. Towards such a
+        neighbour, the surface extends straight to it. Beyond an edge of the surface, it extends as on the other side of
+        the pixel. A pixel without such neighbours is a single point.
         """
         low, high = (np.s_[..., :-1, :], np.s_[..., 1:, :]) if axis == 0 else (np.s_[..., :-1], np.s_[..., 1:])
         steps = points[high] - points[low]

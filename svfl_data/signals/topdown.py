@@ -1,4 +1,4 @@
-"""Recorded episodes and live frames from straight above; how that is drawn is told in `svfl_data.signals.top_view`."""
+"""Views from straight above of recorded episodes and live frames, drawn by `svfl_data.signals.top_view`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,12 +13,14 @@ from svfl_data.signals.top_view import EYE_M, SIZE, TopView
 
 @dataclass(frozen=True, eq=False)
 class TopDown:
-    """Pictures from above.
+    """Views from straight above, and the geometry that they share.
 
     Attributes:
-        color: (K, S, S, 3) uint8, black where nothing was seen; without K for a single step.
-        depth: (K, S, S) uint16, in units of the view's `depth_scale`, down from its `eye`; 0 where nothing was seen.
-        view: From where: scale, centre, axes.
+        color: Colour images, shape (K, S, S, 3), uint8, black where nothing was seen. The shape is (S, S, 3) for a
+            single step.
+        depth: Depth images, shape (K, S, S), uint16, down from the `eye` of the view in units of its `depth_scale`; 0
+            where nothing was seen. The shape is (S, S) for a single step.
+        view: Geometry of the images: scale, centre and axes.
     """
 
     color: np.ndarray
@@ -27,7 +29,7 @@ class TopDown:
 
     @property
     def height_m(self) -> np.ndarray:
-        """Base z of what is seen, shape of `depth`, [m]; NaN where nothing was seen."""
+        """Base z of the surfaces that the images show, shape of `depth`, [m]; NaN where nothing was seen."""
         return self.view.height_m(self.depth)
 
 
@@ -39,22 +41,22 @@ def topdown_frame(
     extent: float | None = None,
     eye: float = EYE_M,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The view from above of what a live camera sees, such as a `svfl_data.schema.robot.Frame` and its `Calibration`.
+    """Return the view from straight above of what a live camera sees.
 
     Args:
-        frame: Colour and depth.
-        calibration: The camera's.
+        frame: Colour image and depth image of the camera.
+        calibration: Geometry of the camera, such as a `svfl_data.schema.robot.Calibration`.
         workspace: Bounds of x, y, z in base, shape (3, 2), [m].
-        size: Height and width of the result, [px].
-        extent: Edge of the square that it shows, [m]; the wider side of the workspace by default.
-        eye: Height from which depth is taken, base z, [m]; what is above it is not seen.
+        size: Height and width of the view, [px].
+        extent: Edge of the square that the view shows, [m]. The wider side of the workspace by default.
+        eye: Height from which depth is measured, base z, [m]. Surfaces above this height are not drawn.
 
     Returns:
-        Colour (size, size, 3) uint8, and depth (size, size) uint16 down from `eye` in the camera's own
-        `depth_scale`; both 0 where nothing was seen.
+        Colour image (size, size, 3) uint8, and depth image (size, size) uint16 down from `eye` in the camera's own
+        `depth_scale`; both are 0 where nothing was seen.
 
     Raises:
-        UsageError: If size or extent are not positive.
+        UsageError: If size or extent are not positive, or the view needs too many points.
     """
     return TopView.over(workspace, calibration, size, extent, eye).draw([(frame, calibration)])
 
@@ -67,19 +69,26 @@ def topdown(
     extent: float | None = None,
     eye: float = EYE_M,
 ) -> TopDown:
-    """The view from above of a recorded episode, from the latest frame of each camera at or before an observation.
+    """Return views from straight above of a recorded episode, one for each chosen observation.
+
+    A view is drawn from the latest frame of each camera at or before the observation. It is empty if there is none yet.
 
     Args:
-        episode: Where to read.
-        steps: Which observations, 0 .. N; one, several, or by default all.
-        cameras: Which cameras see the scene together; all that have depth by default. The first gives the axes.
-        size: Height and width of the result, [px].
-        extent: Edge of the square that it shows, [m]; the wider side of the workspace by default.
-        eye: Height from which depth is taken, base z, [m]; what is above it is not seen.
+        episode: Episode whose images are read.
+        steps: Index of one observation, or indices of several, 0 to N. All observations by default.
+        cameras: Names of the cameras whose images are combined. All cameras that have depth by default. The first
+            camera gives the axes.
+        size: Height and width of the views, [px].
+        extent: Edge of the square that the views show, [m]. The wider side of the workspace by default.
+        eye: Height from which depth is measured, base z, [m]. Surfaces above this height are not drawn.
+
+    Returns:
+        The views in the order of `steps`. If `steps` is a single index, the images have no leading axis.
 
     Raises:
-        UsageError: If there is no such camera or step, or size or extent are not positive.
-        FieldError: If a camera has no depth.
+        UsageError: If there is no such camera or step, size or extent are not positive, or a view needs too many
+            points.
+        FieldError: If a chosen camera has no depth, or no camera has depth.
 
     Example:
         >>> topdown(dataset[0], steps=-1 % 21, size=32).color.shape
@@ -103,7 +112,13 @@ def topdown(
 
 
 def latest_frame(episode: Episode, camera: Camera, step: int) -> int | None:
-    """Row of a camera's latest frame at or before an observation, None if there is none yet."""
+    """Return the row of the latest frame of a camera at or before an observation, or None if there is none yet.
+
+    Args:
+        episode: Episode of the camera.
+        camera: Camera whose frames are searched.
+        step: Index of the observation, 0 to N.
+    """
     rows = int(np.searchsorted(camera.t_ns, episode.t_ns[step], side="right"))
     return rows - 1 if rows else None
 
