@@ -1,1 +1,1 @@
-"""A folder of episodes: which there are, and what they have in common."""
+"""Datasets: folders of episodes, the list of these episodes, and what the episodes have in common."""

@@ -1,4 +1,4 @@
-"""A dataset: a folder of episode files plus ``dataset.json``, which says what they have in common."""
+"""A dataset is a folder of episode files with a ``dataset.json``, which says what the episodes have in common."""
 
 import json
 import os
@@ -28,13 +28,14 @@ FORMAT_VERSION = "1.0"
 INFO = "dataset.json"
 SPLITS = "splits"
 EPISODE_LIKE = re.compile(r"episode.*\.(hdf5|h5)", re.IGNORECASE)
-"""What a person would take for an episode; it is one only if its name is that of `Dataset.file_name`."""
+"""Pattern of names that a person would take for those of episodes. A file is an episode only if its name is as
+`Dataset.file_name` gives it."""
 BEGINNING = re.compile(rf"\.{re.escape(INFO)}\..*\.part")
-"""Name under which `write_atomically` writes ``dataset.json`` aside."""
+"""Pattern of the temporary names under which `write_atomically` writes ``dataset.json``."""
 
 
 class Info(msgspec.Struct):
-    """What ``dataset.json`` must say; other keys may stand there, too."""
+    """Keys that ``dataset.json`` must have, and the optional ``varies``. Other keys are allowed, too."""
 
     format: str
     format_version: str
@@ -49,9 +50,10 @@ class Dataset:
     """A folder of episodes that were recorded for one task with one configuration.
 
     Attributes:
-        path: The folder.
-        info: Content of ``dataset.json``, checked: ``task``, ``seed`` and ``config``, beside format and version, and in
-            ``varies`` (if it is there) the paths and groups in which the episodes may differ on purpose.
+        path: Folder of the dataset.
+        info: Content of ``dataset.json``, checked: ``task``, ``seed`` and ``config``, besides ``format`` and
+            ``format_version``. The optional ``varies`` lists the paths and groups in which the episodes may differ on
+            purpose.
 
     Example:
         >>> dataset = Dataset.open("data/week")
@@ -65,6 +67,9 @@ class Dataset:
     @classmethod
     def open(cls, path: Path | str) -> "Dataset":
         """Open an existing dataset.
+
+        Args:
+            path: Folder of the dataset.
 
         Raises:
             FormatError: If the folder or its ``dataset.json`` is missing, unreadable or of another version.
@@ -85,14 +90,20 @@ class Dataset:
     def create_or_resume(
         cls, path: Path | str, task: str, seed: int, config: dict[str, Any], varies: Collection[str] = ()
     ) -> "Dataset":
-        """Start a dataset, or take up the same one again; any number of processes may do so at the same moment.
+        """Create a dataset, or open the same dataset again to add episodes.
+
+        Any number of processes may do so at the same moment.
 
         Args:
-            path: The folder; absent, empty, or this dataset.
-            task: What its episodes are about.
-            seed: Of all of them.
-            config: What they are recorded with (JSON values).
-            varies: Paths and groups in which its episodes may differ; stored when it is started.
+            path: Folder of the dataset. It must be absent, be empty, or hold this dataset.
+            task: Name of the task of the episodes.
+            seed: Seed of the dataset, which is that of all its episodes.
+            config: Configuration with which the episodes are recorded (JSON values).
+            varies: Paths and groups in which the episodes may differ. It is stored when the dataset is created, and
+                ignored when the dataset exists.
+
+        Returns:
+            The dataset.
 
         Raises:
             DatasetError: If the folder holds a dataset of another task, seed or configuration, or other files.
@@ -111,21 +122,31 @@ class Dataset:
 
     @property
     def varies(self) -> frozenset[str]:
-        """Paths and groups in which its episodes may differ (`recording_setup`), beside what they say themselves."""
+        """Paths and groups in which the episodes may differ (`recording_setup`); episodes can declare more of them."""
         return frozenset(self.info.get("varies", ()))
 
     def episode_path(self, index: int) -> Path:
-        """File of an episode, whether or not it exists."""
+        """Return the path of the own file of an episode, whether or not this file exists.
+
+        Args:
+            index: Index of the episode.
+        """
         return self.path / self.file_name(index)
 
     @staticmethod
     def file_name(index: int) -> str:
-        """Name of an episode's file."""
+        """Return the name of the own file of an episode, such as ``episode_000003.hdf5``.
+
+        Args:
+            index: Index of the episode.
+        """
         return f"episode_{index:06d}.hdf5"
 
     @property
     def indices(self) -> list[int]:
-        """Indices of the episodes that exist, in files of their own or in shards, ascending; the one answer to that.
+        """Indices of the episodes that exist, in files of their own or in shards, ascending.
+
+        Every tool takes the episodes of a dataset from this list.
 
         Raises:
             FormatError: If a shard is damaged.
@@ -134,11 +155,19 @@ class Dataset:
         return sorted(self.own_files().keys() | self.packed().keys())
 
     def own_files(self) -> dict[int, Path]:
-        """The episodes in files of their own, by index."""
+        """Return the files of the episodes that have a file of their own, by index.
+
+        Raises:
+            StorageError: If the folder cannot be read.
+        """
         return {int(match[1]): self.path / name for name in self._names() if (match := MEMBER.fullmatch(name))}
 
     def strays(self) -> list[str]:
-        """Names that look like those of episodes and are not; no tool takes these files for episodes."""
+        """Return the names of files that look like episodes but are not; no tool takes these files for episodes.
+
+        Raises:
+            StorageError: If the folder cannot be read.
+        """
         return sorted(name for name in self._names() if EPISODE_LIKE.fullmatch(name) and not MEMBER.fullmatch(name))
 
     def _names(self) -> list[str]:
@@ -148,7 +177,10 @@ class Dataset:
             raise StorageError(f"cannot read {self.path}: {error.strerror}") from error
 
     def packed(self) -> dict[int, Path]:
-        """The shard of each episode that lies in one; a file of its own comes before it when reading.
+        """Return the shard of each episode that lies in a shard, by index.
+
+        If an episode lies in several shards, it is the last of them. If an episode also has a file of its own, that
+        file takes precedence when reading.
 
         Raises:
             FormatError: If a shard is damaged.
@@ -156,11 +188,15 @@ class Dataset:
         return {index: shard for shard in shard_files(self.path) for index in members(shard)}
 
     def extent(self, index: int) -> Extent:
-        """Where the bytes of an episode lie.
+        """Return the file and the byte range of an episode.
+
+        Args:
+            index: Index of the episode.
 
         Raises:
             DatasetError: If the dataset has no such episode.
-            FormatError: If its shard is damaged, or there is a link, folder, pipe or device of its name.
+            FormatError: If the episode's shard is damaged, or the name of its file is that of a link, folder, pipe or
+                device.
         """
         file = self.episode_path(index)
         if os.path.lexists(file):
@@ -173,24 +209,30 @@ class Dataset:
         raise DatasetError(f"{self.path}: no episode {index}; it has {span}")
 
     def episode(self, index: int) -> EpisodeReader:
-        """One episode to read lazily.
+        """Return a reader of one episode, which reads arrays only when they are used.
+
+        Args:
+            index: Index of the episode.
 
         Raises:
             DatasetError: If the dataset has no such episode.
-            FormatError: If its shard is damaged; damage of the episode itself shows when it is read.
+            FormatError: If the episode's shard is damaged. Damage of the episode itself raises an error only when it is
+                read.
         """
         return EpisodeReader(self.extent(index))
 
     def read(self, index: int, images: bool = True) -> Episode:
-        """Read one episode.
+        """Read one episode into memory.
 
         Args:
-            index: Which.
-            images: See `EpisodeReader.load`.
+            index: Index of the episode.
+            images: Whether images and the user's own arrays are read into memory, too. If False, they stay on disk
+                until they are indexed (`EpisodeReader.load`).
 
         Raises:
             DatasetError: If the dataset has no such episode.
-            FormatError: If its file is damaged.
+            FieldError: If a field of the episode does not fit its declaration.
+            FormatError: If the file of the episode is damaged.
         """
         return self.episode(index).load(images)
 
@@ -204,12 +246,16 @@ class Dataset:
     def __getitem__(self, place: slice) -> list[Episode]: ...
 
     def __getitem__(self, place: int | slice) -> Episode | list[Episode]:
-        """Read the episode at a place in the order of their numbers, or those of a slice, as from a list.
+        """Read the episode at a position in the order of the indices, or the episodes of a slice, as from a list.
 
-        The numbers of episodes may have gaps; `read` takes a number. `episode` gives a lazy reader instead.
+        The indices of episodes may have gaps. `read` takes an index instead of a position, and `episode` gives a lazy
+        reader.
+
+        Args:
+            place: Position or slice of positions, counted from the end if negative.
 
         Raises:
-            IndexError: If there is no such place.
+            IndexError: If there is no such position.
             FormatError: If a file is damaged.
         """
         if isinstance(place, slice):
@@ -235,10 +281,12 @@ class Dataset:
 
     @contextmanager
     def writing(self) -> Iterator[HeldFolder]:
-        """Hold the folder for one collector, and clear away what killed ones and killed workers were writing.
+        """Lock the folder for one collector, and remove what killed collectors and killed workers left unfinished.
+
+        The lock is released at the end of the block.
 
         Yields:
-            The folder, which can tell whether it was removed or renamed meanwhile.
+            The locked folder, which can tell whether it was removed or renamed meanwhile.
 
         Raises:
             DatasetError: If another process is collecting into the folder.
@@ -258,20 +306,23 @@ class Dataset:
             held.close()
 
     def clear(self) -> None:
-        """Remove what killed processes were writing; files whose writers live are left alone."""
+        """Remove temporary files that killed processes left in the dataset; files whose writers are alive stay."""
         clear_files(self.path)
         if not (self.path / SPLITS).is_symlink():
             clear_files(self.path / SPLITS)
 
 
 def open_dataset(path: Path | str) -> Dataset:
-    """Open a folder of episodes; the same as `Dataset.open`.
+    """Open a folder of episodes as a dataset; this is the same as `Dataset.open`.
 
     Args:
-        path: The folder.
+        path: Folder of the dataset.
+
+    Returns:
+        The dataset.
 
     Raises:
-        FormatError: If it is not a dataset, or of another version.
+        FormatError: If the folder is not a dataset, or is one of another version.
 
     Example:
         >>> dataset = open_dataset("data/week")
@@ -282,11 +333,15 @@ def open_dataset(path: Path | str) -> Dataset:
 
 
 def inner_folder(folder: Path, name: str) -> Path:
-    """A folder inside a dataset's; made if it does not exist.
+    """Return a folder inside the folder of a dataset, creating it if needed.
+
+    Args:
+        folder: Folder of the dataset.
+        name: Name of the inner folder.
 
     Raises:
-        FormatError: If it is a link or a file.
-        StorageError: If the disk refuses.
+        FormatError: If the inner folder is a link or a file.
+        StorageError: If the disk refuses to create the inner folder.
     """
     path = folder / name
     refuse_link(path)
@@ -300,11 +355,12 @@ def inner_folder(folder: Path, name: str) -> Path:
 
 
 def _begin(path: Path, info: dict[str, Any]) -> None:
-    """Put ``dataset.json`` into an absent or empty folder, unless another process does so at the same moment.
+    """Write ``dataset.json`` into an absent or empty folder, unless another process does so at the same moment.
 
-    Whoever puts anything else into a dataset's folder has seen its ``dataset.json``, which never goes again. So files
-    that another process has brought meanwhile are told from foreign ones by looking for it after them; before it there
-    is nothing but what others, or killed ones, were writing it to.
+    A process puts other files into the folder of a dataset only after it has seen ``dataset.json`` there, and that file
+    is never removed. So this function lists the folder first, and looks for ``dataset.json`` afterwards: if
+    ``dataset.json`` exists, another process has brought the other files; if not, they are foreign. Temporary files of
+    ``dataset.json`` do not count, because other processes, also killed ones, may have left them.
     """
     empty = not path.exists() or (path.is_dir() and all(BEGINNING.fullmatch(name) for name in os.listdir(path)))
     if not empty and not (path / INFO).exists():
@@ -317,12 +373,12 @@ def _begin(path: Path, info: dict[str, Any]) -> None:
         write_atomically(path / INFO, (json.dumps(info, indent=2, sort_keys=True) + "\n").encode(), replace=False)
     except StorageError:
         if not (path / INFO).exists():
-            raise  # else another process was first, and may have cleared away what was written here
+            raise  # otherwise another process was first, and may have removed the temporary file
 
 
 def _check_same(path: Path, found: dict[str, Any], asked: dict[str, Any]) -> None:
     here, wanted = _flat({key: found.get(key) for key in asked}), _flat(asked)
-    for key in wanted | here:  # what only one of them has is a difference, too
+    for key in wanted | here:  # a key that only one of them has is a difference, too
         if here.get(key) != wanted.get(key):
             its, asked_for = printable(repr(here.get(key)), 200), printable(repr(wanted.get(key)), 200)
             raise DatasetError(

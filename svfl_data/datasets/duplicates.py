@@ -1,6 +1,7 @@
-"""Finding the same recording twice: with a copy of a training episode among them, test episodes test nothing.
+"""Detection of recordings that occur twice, because test episodes that are copies of training episodes test nothing.
 
-Copies are told by what was recorded, not by names or metadata: a relabelled, merged or renumbered copy is one, too.
+Copies are recognised by what was recorded, not by names or metadata. So a relabelled, merged or renumbered episode is a
+copy, too.
 """
 
 import hashlib
@@ -16,13 +17,15 @@ Named = TypeVar("Named")
 
 
 def content_id(reader: EpisodeReader) -> str:
-    """Hash of what was recorded: all declared arrays, of images the first and the last one.
+    """Return a hash of what was recorded in an episode.
+
+    The hash covers all declared arrays except labels; of images, it covers the first and the last one.
 
     Args:
-        reader: The episode.
+        reader: Reader of the episode.
 
     Returns:
-        32 hexadecimal digits; equal for equal recordings whatever is said about them.
+        The hash as 32 hexadecimal digits. It is equal for equal recordings, whatever their metadata and labels say.
 
     Raises:
         FormatError: If the episode cannot be read.
@@ -40,13 +43,13 @@ def content_id(reader: EpisodeReader) -> str:
 
 
 def copies(episodes: Iterable[tuple[Named, str]]) -> list[tuple[Named, Named]]:
-    """Which episodes are copies of an earlier one.
+    """Return the episodes that are copies of an earlier one.
 
     Args:
-        episodes: Each with its `content_id`.
+        episodes: Name and `content_id` of each episode, in order.
 
     Returns:
-        The copy and the first of its kind, in order.
+        Names of each copy and of the first episode with the same content, in order.
     """
     first: dict[str, Named] = {}
     found = []
@@ -58,7 +61,12 @@ def copies(episodes: Iterable[tuple[Named, str]]) -> list[tuple[Named, Named]]:
 
 
 def copies_words(found: Sequence[tuple[object, object]], most: int = 3) -> str:
-    """Copies in words, the first few by name."""
+    """Return copies in words, of which the first few are named.
+
+    Args:
+        found: Result of `copies`.
+        most: Largest number of copies that are named.
+    """
     named = ", ".join(f"{copy} of {first}" for copy, first in found[:most])
     more = f" and {len(found) - most} more" if len(found) > most else ""
     return f"{named}{more}"

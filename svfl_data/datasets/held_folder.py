@@ -1,4 +1,4 @@
-"""A dataset's folder that is being recorded into: it must stay the same folder, under the same name."""
+"""The folder of a dataset during recording: it is locked, and must stay the same folder under the same name."""
 
 import fcntl
 import os
@@ -8,11 +8,11 @@ from svfl_data.errors import StorageError
 from svfl_data.system.own_process import OwnProcess
 
 Identity = tuple[int, int]
-"""Device and number of a folder, by which two folders of one name are told apart."""
+"""Device and inode number of a folder, which distinguish two folders of the same name."""
 
 
 def identity(path: Path) -> Identity | None:
-    """Which folder has this name now; None if there is none."""
+    """Return the identity of the folder that has a name at present, or None if there is none."""
     try:
         found = os.stat(path)
     except OSError:
@@ -21,7 +21,11 @@ def identity(path: Path) -> Identity | None:
 
 
 def check_same(path: Path, expected: Identity) -> None:
-    """Refuse to go on in another folder than before.
+    """Raise an error if a path leads to another folder than before.
+
+    Args:
+        path: Path of the folder.
+        expected: Identity that the folder had before.
 
     Raises:
         StorageError: If the folder is gone or is another one.
@@ -31,16 +35,16 @@ def check_same(path: Path, expected: Identity) -> None:
 
 
 class HeldFolder(OwnProcess):
-    """An open folder, so that it is known again, and can be found after it was renamed.
+    """An open folder, which can be recognised and found after it was renamed.
 
     Attributes:
-        path: The name under which it was opened.
+        path: Path under which the folder was opened.
 
     Args:
-        path: The folder.
+        path: Path of the folder.
 
     Raises:
-        StorageError: If it cannot be opened.
+        StorageError: If the folder cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
@@ -53,20 +57,23 @@ class HeldFolder(OwnProcess):
 
     @property
     def identity(self) -> Identity:
-        """Which folder it is."""
+        """Device and inode number of the open folder."""
         found = os.fstat(self._descriptor)
         return found.st_dev, found.st_ino
 
     @property
     def in_place(self) -> bool:
-        """Whether it still has its name."""
+        """Whether the folder still has the name under which it was opened."""
         return identity(self.path) == self.identity
 
     def lock(self) -> bool:
-        """Hold it for this process alone, until it is closed or the process dies; False if another one does.
+        """Lock the folder for this process alone, until the folder is closed or the process dies.
+
+        Returns:
+            Whether the folder is locked now. False if another process holds the lock.
 
         Raises:
-            StorageError: If the file system refuses.
+            StorageError: If the file system refuses the lock.
         """
         try:
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -77,10 +84,11 @@ class HeldFolder(OwnProcess):
         return True
 
     def check(self) -> None:
-        """Refuse to go on if the folder has lost its name.
+        """Raise an error if the folder has lost the name under which it was opened.
 
         Raises:
-            StorageError: If it was removed or renamed; says where it is now, if that can be found out.
+            StorageError: If the folder was removed or renamed. The message says where the folder is now, if that can be
+                found out.
         """
         if not self.in_place:
             raise StorageError(
@@ -97,13 +105,13 @@ class HeldFolder(OwnProcess):
         return f"what was recorded before is in {now} (unfinished episodes: svfl-data repair {now})"
 
     def close(self) -> None:
-        """Let it go."""
+        """Close the folder, which releases its lock."""
         if self._descriptor >= 0 and self.in_own_process:
             os.close(self._descriptor)
             self._descriptor = -1
 
     def forked(self) -> None:
-        """A fork of the process does not hold it."""
+        """Close the folder in a fork of the process, which must not hold it."""
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1

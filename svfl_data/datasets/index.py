@@ -1,9 +1,9 @@
-"""What a dataset holds, at a glance: one line per episode in ``index.jsonl``, and their sum.
+"""The index of a dataset, which has one line per episode in ``index.jsonl``, and a summary of the dataset.
 
-The index is a cache. A line counts only as long as the file it describes has the size and time of change that the
-line names; every other episode is opened again, so that the files are always right and the index may be deleted. Lines
-are appended with one write each, so that writers cannot mix theirs, and the last line of a name wins. A line that was
-cut off by a crash is no line.
+The index is a cache. A line counts only as long as the file that it describes has the size and the modification time
+that the line states. Every other episode is opened again, so that the files are always right and the index may be
+deleted. Each line is appended with a single write, so that the lines of several writers cannot mix, and the last line
+of a name counts. A line that was cut off by a crash is ignored.
 """
 
 import os
@@ -32,32 +32,36 @@ from svfl_data.system.side_files import Count, Int64
 
 INDEX = "index.jsonl"
 SIZE_LIMIT = 2**29
-"""Bytes of an index that is believed: lines of a kilobyte or two for a quarter of a million episodes."""
+"""Largest size of an index that is read, [bytes]. It is enough for a quarter of a million episodes with lines of one to
+two kilobytes."""
 LINE_LIMIT = 2**20
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One episode as the index knows it.
+    """Line of the index, which describes one episode.
 
     Attributes:
-        name: Its file in the dataset's folder; ``shard/member`` if it lies in a shard.
-        index: Its position in the dataset.
-        size: Size of the file (of the shard), [bytes].
-        mtime_ns: Time of the file's last change, [ns].
+        name: Name of the episode's file in the folder of the dataset, or ``shard/member`` if the episode lies in a
+            shard.
+        index: Index of the episode in the dataset.
+        size: Size of the file, or of the whole shard, [bytes].
+        mtime_ns: Time of the last change of the file or shard, [ns].
         bytes: Size of the episode, [bytes].
-        setup: With what it was recorded.
+        setup: Recording setup of the episode.
         content: Hash of what was recorded (`duplicates.content_id`).
-        error: Why it cannot be read; empty if it can. Else nothing is known of it but its place.
-        task: What it is about.
-        source: Who acted.
-        seed: Seed of its dataset.
+        error: Why the episode cannot be read; empty if it can be read. If it is not empty, the attributes above
+            describe only the file, and the other attributes are empty.
+        task: Name of the task.
+        source: Who chose the actions (`Meta.source`).
+        seed: Seed of the dataset for which the episode was recorded.
         success: Whether the task was achieved.
         steps: Number of actions.
-        seconds: From the first to the last observation, [s].
-        format_version: Of the file.
-        streams: Rows and mean rate [Hz] of each stream by name; the rate is null with fewer than two rows.
-        cameras: Rows, mean rate [Hz], height and width [px] of each camera by name.
+        seconds: Time from the first to the last observation, [s].
+        format_version: Format version of the file.
+        streams: Number of rows and mean rate [Hz] of each stream by name. The rate is None with fewer than two rows.
+        cameras: Number of rows, mean rate [Hz], image height and image width [px] of each camera by name. The rate is
+            None with fewer than two rows.
     """
 
     name: str
@@ -84,20 +88,22 @@ _DECODER = msgspec.json.Decoder(Entry)
 
 @dataclass(frozen=True)
 class Summary:
-    """A dataset in figures.
+    """Figures that summarise a dataset.
 
     Attributes:
-        episodes: How many can be read.
-        damaged: Name and reason of those that cannot.
-        steps: Actions in all.
-        seconds: Duration of all, [s].
-        bytes: Size of all, [bytes].
-        successes: How many achieved their task.
-        tasks: Episodes by task.
-        sources: Episodes by source.
-        format_versions: Episodes by format version.
-        streams: Of each stream: episodes that have it, rows, lowest and highest mean rate [Hz].
-        cameras: Of each camera: episodes that have it, rows, lowest and highest mean rate [Hz], and its image sizes.
+        episodes: Number of episodes that can be read.
+        damaged: Reason why each other episode cannot be read, by name.
+        steps: Number of actions in all episodes.
+        seconds: Duration of all episodes, [s].
+        bytes: Size of all episodes, damaged ones included, [bytes].
+        successes: Number of episodes that achieved their task.
+        tasks: Number of episodes by task.
+        sources: Number of episodes by source.
+        format_versions: Number of episodes by format version.
+        streams: Figures of each stream by name: number of episodes that have it (``episodes``), number of rows
+            (``rows``), lowest and highest mean rate [Hz] (``rate_hz``, or None).
+        cameras: Figures of each camera by name: the same as for a stream, and the image sizes (``sizes``, [height,
+            width], [px]).
     """
 
     episodes: int
@@ -114,31 +120,37 @@ class Summary:
 
 
 def entries(dataset: Dataset) -> list[Entry]:
-    """Every episode of a dataset, by index; opens those that the index does not know, and remembers them.
+    """Return the index entries of all episodes of a dataset, in the order of their indices.
+
+    An episode that is not in the index is opened, and its entry is added to the index.
 
     Args:
-        dataset: Which; if its folder is read-only, nothing is remembered.
+        dataset: Dataset whose episodes are listed. If its folder is read-only, nothing is added to the index.
 
     Raises:
-        FormatError: If a shard is damaged, or the index is no ordinary file.
+        FormatError: If a shard is damaged, or the index is not an ordinary file.
         StorageError: If the folder cannot be read.
     """
     present = _present(dataset)
     known, lines = _known(dataset, present)
     unknown = sorted(present.keys() - known.keys())
     fresh = {name: _examine(dataset, present[name]) for name in progress(unknown, "reading episodes")}
-    known |= {name: entry for name, entry in fresh.items() if not entry.error}  # what is damaged is looked at again
+    known |= {name: entry for name, entry in fresh.items() if not entry.error}  # damaged episodes are opened again
     _remember(dataset.path / INDEX, known, unknown, lines)
     return sorted((known | fresh).values(), key=lambda entry: entry.index)
 
 
 def known_entries(dataset: Dataset) -> list[Entry]:
-    """The episodes of a dataset that the index knows, by index; if there are none, the first that can be read.
+    """Return the entries that are in the index already, in the order of their indices.
 
-    Quick whatever there is: for those that only need to know what kind of episodes there are.
+    If there are none, the result is the entry of the first episode that can be read. This function is quick for a
+    dataset of any size, for callers that only need to know what kind of episodes there are.
+
+    Args:
+        dataset: Dataset whose episodes are listed.
 
     Raises:
-        FormatError: If a shard is damaged, or the index is no ordinary file.
+        FormatError: If a shard is damaged, or the index is not an ordinary file.
         StorageError: If the folder cannot be read.
     """
     present = _present(dataset)
@@ -150,7 +162,7 @@ def known_entries(dataset: Dataset) -> list[Entry]:
 
 
 def _known(dataset: Dataset, present: "Mapping[str, _Place]") -> tuple[dict[str, Entry], int]:
-    """The episodes that the index describes as they are now, by name, and the number of its lines."""
+    """Return the entries that describe episodes as they are now, by name, and the number of lines of the index."""
     lines = _read_lines(dataset.path / INDEX)
     known = {}
     for entry in lines:
@@ -160,7 +172,15 @@ def _known(dataset: Dataset, present: "Mapping[str, _Place]") -> tuple[dict[str,
 
 
 def summary(dataset: Dataset) -> Summary:
-    """A dataset in figures; quick if the index is up to date."""
+    """Return the figures that summarise a dataset; this is quick if the index is up to date.
+
+    Args:
+        dataset: Dataset to summarise.
+
+    Raises:
+        FormatError: If a shard is damaged, or the index is not an ordinary file.
+        StorageError: If the folder cannot be read.
+    """
     found = entries(dataset)
     good = [entry for entry in found if not entry.error]
     return Summary(
@@ -179,23 +199,30 @@ def summary(dataset: Dataset) -> Summary:
 
 
 def append_index(folder: Path, path: Path) -> None:
-    """Add a line for an episode that was just published; any number of processes may do so at once.
+    """Add a line to the index for an episode that was just published.
+
+    Any number of processes may do so at once.
 
     Args:
-        folder: The dataset's.
-        path: The episode's file in it.
+        folder: Folder of the dataset.
+        path: File of the episode in this folder.
 
     Raises:
-        StorageError: If the disk refuses. The index then lacks a line, which costs time and nothing else.
+        FormatError: If the episode's file or the index is not an ordinary file.
+        StorageError: If the disk refuses the write. The index then lacks a line, which costs time and nothing else.
     """
     extent = Extent.of_file(path)
-    with suppress(SvflError):  # what is wrong with it, its description says
+    with suppress(SvflError):  # `describe` reports what is wrong with the episode
         know_own(extent)
     _append(folder / INDEX, [describe(extent)])
 
 
 def describe(extent: Extent) -> Entry:
-    """Open an episode and describe it; damage is described as well."""
+    """Open an episode and return its index entry, which holds the error if the episode is damaged.
+
+    Args:
+        extent: File and byte range of the episode.
+    """
     name = f"{extent.file.name}/{extent.member}" if extent.member else extent.file.name
     match = MEMBER.fullmatch(extent.member or extent.file.name)
     place = (name, int(match[1]) if match else 0, extent.file_size, extent.mtime_ns, extent.size)
@@ -226,7 +253,7 @@ def _rounded(rate: float | None) -> float | None:
 
 @dataclass(frozen=True)
 class _Place:
-    """Which episode a name stands for, and the size and time of change of its file."""
+    """Index of an episode, and the size and the modification time of the file in which it lies."""
 
     index: int
     size: int
@@ -234,7 +261,7 @@ class _Place:
 
 
 def _present(dataset: Dataset) -> dict[str, _Place]:
-    """Every episode by name, as cheaply as the system tells."""
+    """Return the place of every episode by name, without opening an episode."""
     own, found = dataset.own_files(), {}
     for index, file in own.items():
         with suppress(FileNotFoundError):  # gone since it was listed
@@ -256,7 +283,7 @@ def _examine(dataset: Dataset, place: _Place) -> Entry:
 
 
 def _read_lines(file: Path) -> list[Entry]:
-    """The lines that are whole and of this version; none if there is no index, or one beyond all measure."""
+    """Return the lines that are complete and of this version; none if there is no index, or one beyond `SIZE_LIMIT`."""
     try:
         descriptor = open_regular(file)
     except OSError:
@@ -299,7 +326,7 @@ def _line(entry: Entry) -> bytes:
 
 
 def _gathered(each: Iterable[Mapping[str, Sequence[Any]]]) -> dict[str, dict[str, Any]]:
-    """What `Summary` says of streams and cameras, from rows, rate and image size in every episode."""
+    """Return what `Summary` says of streams or cameras, from their rows, rate and image size in every episode."""
     gathered: dict[str, dict[str, Any]] = {}
     for name, (rows, rate, *size) in (item for episode in each for item in episode.items()):
         sum_ = gathered.setdefault(name, {"episodes": 0, "rows": 0, "rate_hz": None})

@@ -1,10 +1,11 @@
-"""Finding episodes inside shards: uncompressed ZIP files whose members are sealed episode files, unchanged.
+"""Episodes inside shards, which are uncompressed ZIP files whose members are unchanged, sealed episode files.
 
-ZIP because every system can list and unpack it, and because a stored (not compressed) member lies in it byte by byte:
-reading an episode from a shard is reading it from a file at an offset.
+The format is ZIP because every system can list and unpack it, and because a stored (not compressed) member lies in it
+byte by byte: reading an episode from a shard is reading it from a file at an offset.
 
-A shard is refused as a whole if its list of contents is not plain: an episode that is compressed, encrypted, a link,
-listed twice, or overlaps another one; a name that would lie outside the folder when it is unpacked.
+A shard is refused as a whole if its list of contents is not plain: if an episode in it is compressed, encrypted, a
+link, or listed twice, or if a name would lie outside the folder when the shard is unpacked. An episode that overlaps
+the next member is refused when it is read.
 """
 
 import functools
@@ -24,22 +25,24 @@ from svfl_data.system.stored_zip import leads_out
 
 PATTERN = "shard_*.zip"
 MEMBER = re.compile(r"episode_(\d{6}|[1-9]\d{6,17})\.hdf5", re.ASCII)
-"""The one name that the file of an episode has: its number in six digits, in more only where six do not suffice."""
+"""Pattern of the only name that the file of an episode may have: its index in six digits, or in more digits only where
+six do not suffice."""
 LOCAL_HEADER = struct.Struct("<4s22xHH")  # signature; lengths of the name and of the extra field that follow
 ENCRYPTED = 0x1  # bit of a member's flags
 DIRECTORY_BYTES = 2**23
-"""Most bytes that a shard's list of contents may have: 129,000 episodes."""
+"""Largest size of a shard's list of contents, [bytes], which is enough for 129,000 episodes."""
 
 
 @dataclass(frozen=True)
 class Member:
-    """An episode in a shard.
+    """Place of an episode in a shard.
 
     Attributes:
-        filename: Its name there.
-        start: Where its local header begins.
-        size: Of the episode, [bytes].
-        end: Where at the latest it ends: there the next member begins, or the list of contents.
+        filename: Name of the episode's file in the shard.
+        start: Offset of the episode's local header in the shard, [bytes].
+        size: Size of the episode, [bytes].
+        end: Largest possible offset of the end of the episode, [bytes], where the next member or the list of contents
+            begins.
     """
 
     filename: str
@@ -49,15 +52,22 @@ class Member:
 
 
 def shard_files(folder: Path) -> list[Path]:
-    """The shards of a dataset, in order."""
+    """Return the shards of a dataset, sorted by name.
+
+    Args:
+        folder: Folder of the dataset.
+    """
     return sorted(folder.glob(PATTERN))
 
 
 def members(shard: Path) -> dict[int, Member]:
-    """Episodes of a shard, by index.
+    """Return the episodes of a shard by index.
+
+    Args:
+        shard: File of the shard.
 
     Raises:
-        FormatError: If it is not a ZIP file, or not a plain one.
+        FormatError: If the shard is not a ZIP file, or its list of contents is not plain.
     """
     return _members(Extent.of_file(shard))
 
@@ -84,7 +94,10 @@ def _members(shard: Extent) -> dict[int, Member]:
 
 
 class _Careful(io.BufferedReader):
-    """A shard as `zipfile` reads it; its list of contents is read at once, whatever size it claims."""
+    """Reader that gives a shard to `zipfile`, and refuses a list of contents of more than `DIRECTORY_BYTES`.
+
+    Without this limit, `zipfile` would read as many bytes at once as the shard claims for its list of contents.
+    """
 
     def read(self, size: int | None = -1, /) -> bytes:
         if size is not None and size > DIRECTORY_BYTES:
@@ -105,10 +118,14 @@ def _check_stored(info: zipfile.ZipInfo, name: str) -> None:
 
 
 def member_extent(shard: Path, member: Member) -> Extent:
-    """Where an episode lies in its shard.
+    """Return the file and the byte range of an episode in a shard.
+
+    Args:
+        shard: File of the shard.
+        member: Place of the episode, from `members`.
 
     Raises:
-        FormatError: If the shard does not hold it where it says.
+        FormatError: If the shard does not hold the episode at this place.
     """
     whole = Extent.of_file(shard)
     descriptor = whole.open()
