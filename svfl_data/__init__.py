@@ -1,7 +1,7 @@
-"""Episodes of manipulation with vision and force: record, check, read, split, sample, replay and look at them.
+"""Tools to record, check, read, split, sample, replay and view episodes of manipulation with vision and force.
 
-The names below are the public interface, documented and kept stable; all else in this package is private. They are
-loaded when they are first used.
+The names below are the public interface, which is documented and kept stable; everything else in this package is
+private. Each name is loaded when it is first used.
 
     >>> import svfl_data
     >>> "Dataset" in dir(svfl_data)
@@ -78,7 +78,7 @@ HOMES = {
     "repair_dataset": "maintenance.repair", "split_episodes": "sampling.split", "topdown": "signals.topdown",
     "unpack": "maintenance.pack", "wrench_window": "sampling.windows", "write_episode": "storage.store",
 }  # fmt: skip
-"""The module of every public name."""
+"""Module of every public name, relative to this package."""
 
 explain_missing()
 __getattr__, __dir__ = lazy_names(__name__, HOMES)

@@ -1,4 +1,4 @@
-"""The command ``svfl-data``: look at recorded data, check it, change what is said about it, make new sets from it."""
+"""The command ``svfl-data``, which shows and checks recorded data, changes its metadata and makes new datasets."""
 
 import sys
 
@@ -12,12 +12,12 @@ COMMANDS = (info, view, plot, topdown, validate, repair, relabel, filter_, merge
 
 
 def main() -> int:
-    """Parse the command line and run it; returns the exit code."""
+    """Parse the command line, run its command and return the exit code."""
     return run(build_parser())
 
 
 def build_parser() -> Parser:
-    """The command line of ``svfl-data``."""
+    """Return the command-line parser of ``svfl-data``."""
     root = Parser(
         prog=PROGRAM,
         description="Look at recorded data, check it, change what is said about it, make new datasets from it.",

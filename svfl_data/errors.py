@@ -1,8 +1,11 @@
-"""The errors a user can cause: one line each, saying what was asked, what was found, what is possible and where."""
+"""Errors that a user can cause; the message is one line that says what was asked, found and possible, and where."""
 
 
 class SvflError(Exception):
-    """Root of every error that is the user's to mend; a command prints it in one line and exits with 1.
+    """Base class of all errors that the user can correct; a command prints the message in one line and ends.
+
+    Attributes:
+        exit_code: Exit code of a command that ends with this error; 1 by default.
 
     Example:
         >>> try:
@@ -16,21 +19,21 @@ class SvflError(Exception):
 
 
 class UsageError(SvflError):
-    """A command or function was called with an argument that cannot work; commands exit with 2."""
+    """A command or function was called with an argument that cannot work; a command then exits with code 2."""
 
     exit_code = 2
 
 
 class FormatError(SvflError):
-    """A file or folder is not what its name promises: missing, truncated, foreign or of another version."""
+    """A file or folder is not what its name promises: it is missing, truncated, foreign or of another version."""
 
 
 class FieldError(SvflError):
-    """An array does not fit its declaration in `svfl_data.schema.fields`: missing, shape, dtype or value."""
+    """An array is missing, or its shape, dtype or values do not fit its declaration in `svfl_data.schema.fields`."""
 
 
 class DatasetError(SvflError):
-    """A dataset as a whole cannot serve the request: other content, too few episodes, no labels."""
+    """A dataset as a whole cannot serve the request, because it has other content, too few episodes or no labels."""
 
 
 class CollectError(SvflError):
@@ -38,7 +41,7 @@ class CollectError(SvflError):
 
 
 class StorageError(SvflError):
-    """The disk refused: no space, no permission, read-only."""
+    """The disk refused an operation, because it has no space or is read-only, or permission is missing."""
 
 
 class TrainingError(SvflError):

@@ -1,14 +1,13 @@
-"""How a planar rotation or reflection acts on the numbers of an episode.
+"""Action of planar rotations and reflections on the numbers of an episode.
 
-Let R be the 2 x 2 orthogonal matrix of the group element and s = det R = +-1. Every field of an episode declares
-in `svfl_data.schema.fields` of which parts it is made; each part is one of the kinds below. The same action serves
-three
-purposes: it moves vectors from base axes to image-aligned axes, augments data, and states the law that networks
-are tested against.
+Let R be the 2 x 2 orthogonal matrix of the group element and s = det R = +-1. Every field of an episode declares in
+`svfl_data.schema.fields` of which parts it is made, and each part is one of the kinds below. The same action serves
+three purposes: it converts vectors from base axes to image-aligned axes, augments data, and states the law that
+networks are tested against.
 
-A torque is an axial vector (Goldstein, Classical Mechanics, section 4.9): under a reflection of the plane its
-in-plane part picks up the sign s and its component along the plane's normal, like every rotation angle, becomes
-s times itself. With s = +1 (rotations) axial and polar vectors cannot be told apart.
+A torque is an axial vector (Goldstein, Classical Mechanics, section 4.9). Under a reflection of the plane, its in-plane
+part is multiplied by the sign s in addition to R. Its component along the normal of the plane, like every rotation
+angle, is multiplied by s alone. For rotations (s = +1), axial and polar vectors transform in the same way.
 """
 
 import math
@@ -19,7 +18,8 @@ from typing import Literal
 import numpy as np
 
 Kind = Literal["invariant", "vector", "axial", "pseudoscalar", "angle"]
-"""Kinds of part: unchanged; R v; s R v; s x; an angle in the plane (s theta + the rotation's angle)."""
+"""Kind of a part, by its transformation: ``invariant`` is unchanged, ``vector`` becomes R v, ``axial`` becomes s R v,
+``pseudoscalar`` becomes s x, and ``angle`` (an angle in the plane) becomes s theta plus the rotation's angle."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,9 @@ class Part:
     """Components of a field's last axis that transform together.
 
     Attributes:
-        kind: How they transform.
-        index: Which components; two for vector and axial, any number for the others.
+        kind: How the components transform.
+        index: Positions of the components on the last axis: two for ``vector`` and ``axial``, any number for the
+            others.
 
     Example:
         >>> Part("vector", (0, 1)).kind
@@ -45,32 +46,32 @@ WRENCH_PARTS = (Part("vector", (0, 1)), Part("invariant", (2,)), Part("axial", (
 OFFSET_PARTS = (Part("vector", (0, 1)),)
 
 DIRECTIONS = ("right", "up", "left", "down")
-"""The four directions in image-aligned axes; class k points along (cos, sin)(k 90 degrees)."""
+"""Names of the four direction classes in image-aligned axes; class k points along (cos, sin)(k 90 degrees)."""
 
 
 def element(degrees: float, flip: bool = False) -> np.ndarray:
-    """Matrix of a planar group element: first the flip y -> -y (if any), then a counter-clockwise rotation.
+    """Return the matrix of a planar group element: first the flip y -> -y (if any), then a counter-clockwise rotation.
 
     Args:
-        degrees: Rotation angle, [deg].
-        flip: Whether to mirror at the x axis first.
+        degrees: Angle of the rotation, [deg].
+        flip: Whether to mirror at the x axis before the rotation.
 
     Returns:
         Orthogonal matrix, shape (2, 2).
     """
     angle = math.radians(degrees)
-    cos, sin = math.cos(angle), math.sin(angle)  # NumPy's differ in the last digit between processors
+    cos, sin = math.cos(angle), math.sin(angle)  # those of NumPy differ in the last digit between processors
     exact = np.round([[cos, -sin], [sin, cos]], 15)  # quarter turns come out as exact 0 and 1
     return exact @ np.diag([1.0, -1.0 if flip else 1.0])
 
 
 def cyclic(order: int) -> list[np.ndarray]:
-    """The rotations of C_order, counter-clockwise, as matrices of shape (2, 2)."""
+    """Return the rotations of C_order, counter-clockwise, as matrices of shape (2, 2)."""
     return [element(360.0 * k / order) for k in range(order)]
 
 
 def dihedral(order: int) -> list[np.ndarray]:
-    """All 2 * order elements of D_order, rotations first, as matrices of shape (2, 2)."""
+    """Return all 2 * order elements of D_order, rotations first, as matrices of shape (2, 2)."""
     return [element(360.0 * k / order, flip) for flip in (False, True) for k in range(order)]
 
 
@@ -79,9 +80,9 @@ def act(matrix: np.ndarray, values: np.ndarray, parts: Sequence[Part]) -> np.nda
 
     Args:
         matrix: Orthogonal matrix R, shape (2, 2).
-        values: Numbers whose last axis is described by `parts`, shape (..., C). A vector must already be relative
-            to the fixed point of the rotation (for positions: the workspace centre).
-        parts: The kinds of the C components.
+        values: Numbers whose last axis is described by `parts`, shape (..., C). A position must be given relative to
+            the fixed point of the rotation, which is the centre of the workspace.
+        parts: Parts of the C components. Components that belong to no part stay unchanged.
 
     Returns:
         The transformed array, same shape and dtype.
@@ -109,12 +110,12 @@ def act(matrix: np.ndarray, values: np.ndarray, parts: Sequence[Part]) -> np.nda
 
 
 def act_on_image(matrix: np.ndarray, image: np.ndarray, axes: tuple[int, int] = (-2, -1)) -> np.ndarray:
-    """Move the pixels of a square image by a quarter turn and/or a flip, exactly (no interpolation).
+    """Turn a square image by quarter turns and/or flip it, exactly (without interpolation).
 
     Args:
         matrix: One of the eight elements of D4, shape (2, 2), in image-aligned axes (x right, y up).
-        image: Array with an image of shape (H, H) on two of its axes.
-        axes: The image's (row, column) axes; rows run downwards.
+        image: Array of which two axes are those of an image of shape (H, H).
+        axes: Row axis and column axis of the image; rows run downwards.
 
     Returns:
         The moved image, same shape.
@@ -132,11 +133,11 @@ def act_on_image(matrix: np.ndarray, image: np.ndarray, axes: tuple[int, int] = 
 
 
 def act_on_direction(matrix: np.ndarray, direction: np.ndarray | int) -> np.ndarray:
-    """Permute direction classes by an element of D4.
+    """Return direction classes after a rotation or reflection of D4.
 
     Args:
-        matrix: Element of D4, shape (2, 2), image-aligned axes.
-        direction: Classes 0..3 (`DIRECTIONS`), any shape.
+        matrix: Element of D4, shape (2, 2), in image-aligned axes.
+        direction: Direction classes 0 to 3 (`DIRECTIONS`), any shape.
 
     Returns:
         The moved classes, int64, same shape.
@@ -146,23 +147,47 @@ def act_on_direction(matrix: np.ndarray, direction: np.ndarray | int) -> np.ndar
 
 
 def nearest_direction(vector: np.ndarray) -> np.ndarray:
-    """Class 0..3 of the direction (`DIRECTIONS`) nearest to a vector in image-aligned axes, shape (..., 2) -> (...)."""
+    """Return the direction class (`DIRECTIONS`) that is nearest to each vector.
+
+    Args:
+        vector: Vectors in image-aligned axes, shape (..., 2).
+
+    Returns:
+        Direction classes 0 to 3, int64, shape (...).
+    """
     quarter = np.arctan2(vector[..., 1], vector[..., 0]) / (np.pi / 2)
     return np.asarray(np.round(quarter).astype(np.int64) % 4)
 
 
 def points_towards(direction: int, vector: np.ndarray) -> bool:
-    """Whether no other direction (`DIRECTIONS`) is nearer to a vector (2,); either of two is right on their border."""
+    """Return whether no other direction class is nearer to a vector; on the border of two classes, both are right.
+
+    Args:
+        direction: Direction class 0 to 3 (`DIRECTIONS`).
+        vector: Vector in image-aligned axes, shape (2,).
+    """
     angle = direction * np.pi / 2
     return bool(vector @ [np.cos(angle), np.sin(angle)] >= np.abs(vector).max() - 1e-9)
 
 
 def border_distance(vector: np.ndarray) -> np.ndarray:
-    """Angle between a vector and the nearest border of two direction classes, in [rad], shape (..., 2) -> (...)."""
+    """Return the angle between each vector and the nearest border of two direction classes.
+
+    Args:
+        vector: Vectors in image-aligned axes, shape (..., 2).
+
+    Returns:
+        Angles, shape (...), [rad].
+    """
     quarter = np.arctan2(vector[..., 1], vector[..., 0]) / (np.pi / 2)
     return np.asarray((0.5 - np.abs(quarter - np.round(quarter))) * (np.pi / 2))
 
 
 def parts_named(parts: Iterable[Part], names: Sequence[str]) -> str:
-    """Describe parts in words for the format's documentation, e.g. ``vector(fx, fy), invariant(fz)``."""
+    """Return a description of parts for the documentation of the format, e.g. ``vector(fx, fy), invariant(fz)``.
+
+    Args:
+        parts: Parts to describe.
+        names: Names of the components along the last axis.
+    """
     return ", ".join(f"{part.kind}({', '.join(names[i] for i in part.index)})" for part in parts)
