@@ -1,1 +1,1 @@
-"""The sealed episode file: how one is written, examined, judged and read."""
+"""Sealed episode files: writing, examining, judging and reading them."""

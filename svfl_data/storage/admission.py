@@ -1,8 +1,8 @@
-"""What an episode may be made of: the limits of memory, and what the examiner's answer must be to be believed.
+"""Limits of the memory that an episode may take, and checks of the examiner's answer about a file.
 
-Sizes that a file claims decide how much memory it takes to read it, so they are bounded by what it really holds. The
-limits leave room for all that is recorded in earnest; a scene that compresses even better is admitted by setting
-`VARIABLE`.
+The sizes that a file claims decide how much memory it takes to read it, so these sizes are bounded by the real size of
+the file. The limits leave room for all ordinary recordings. A recording that compresses even better is admitted if the
+user sets the environment variable named by `VARIABLE`.
 """
 
 import math
@@ -18,13 +18,14 @@ from svfl_data.storage.chunks import FLETCHER, FLETCHER32_BYTES, GZIP, Extent, P
 from svfl_data.system.printable import printable
 
 VARIABLE = "SVFL_MAX_EXPANSION"
-"""Environment variable: how many times its size on disk the arrays of an episode may have in memory."""
+"""Name of the environment variable that sets the largest ratio of an episode's size in memory to its size on disk."""
 NUMBERS_EXPANSION, NUMBERS_FREE = 2.0, 2**26
-"""Of the declared arrays that are no images, which are read whole: factor of the file's size, and bytes beside it."""
+"""Memory limit of the declared arrays that are not images, which are read whole: the file's size times the factor
+`NUMBERS_EXPANSION`, plus `NUMBERS_FREE` bytes."""
 EXPANSION, FREE = 200.0, 2**28
-"""Of all arrays."""
+"""Memory limit of all arrays together: the file's size times the factor `EXPANSION`, plus `FREE` bytes."""
 CHUNK = 2**26
-"""Bytes of a chunk, such as one image, beside the factor of numbers."""
+"""Memory limit of one chunk, such as one image: `CHUNK` bytes plus the file's size times `NUMBERS_EXPANSION`."""
 DTYPE = re.compile(r"[<>|][biufcS][0-9]{1,5}")
 
 
@@ -47,19 +48,23 @@ class _Answer(msgspec.Struct):
 
 
 class Description:
-    """What a file holds, as the examiner said.
+    """Content of a file as the examiner described it.
 
     Attributes:
-        attributes: Of the file.
-        problem: Why it is refused as a whole; empty if it is not.
-        arrays: Attributes of each array, by path.
+        attributes: Attributes of the file, by name.
+        problem: Reason for which the whole file is refused; empty if there is none.
+        arrays: Attributes of each array, by dataset path.
+
+    Args:
+        answer: Answer of the examiner (`svfl_data.storage.examiner.examine`).
+        extent: Place of the episode, for messages.
     """
 
     def __init__(self, answer: bytes, extent: Extent) -> None:
-        """Take an answer apart.
+        """Parse the answer.
 
         Raises:
-            FormatError: If it is none.
+            FormatError: If the answer cannot be parsed.
         """
         head, _, self._tail = answer.partition(b"\n")
         try:
@@ -71,13 +76,15 @@ class Description:
         self.arrays = {one.path: one.attributes for one in found.arrays}
 
     def placements(self, size: int) -> dict[str, Placement]:
-        """Where each array lies that is declared or the user's own; others come from a later minor version.
+        """Return the placement of each array that is declared or the user's own (``extra/``), by dataset path.
+
+        Other arrays come from a later minor version of the format and are left out.
 
         Args:
-            size: Bytes of the content in which they must lie.
+            size: Size of the content in which the arrays must lie, [bytes].
 
         Raises:
-            FormatError: If one is not what it may be, or they take too much memory.
+            FormatError: If an array is of a kind that is not allowed, or the arrays take too much memory.
         """
         found, start = {}, 0
         for one in self._arrays:
@@ -95,7 +102,7 @@ class Description:
         return found
 
     def _placement(self, one: _Array, start: int, size: int) -> Placement:
-        """An array that really has the size and the place that it claims."""
+        """Return the placement of an array after checking that its size and place are those that it claims."""
         if not DTYPE.fullmatch(one.dtype) or len(one.shape) > 32 or min(one.shape, default=0) < 0:
             raise self._refused(one.path, "is described wrongly")
         dtype, shape = np.dtype(one.dtype), tuple(one.shape)
@@ -129,7 +136,7 @@ class Description:
         return Placement(dtype, shape, one.chunk_rows, table)
 
     def _check_memory(self, placements: dict[str, Placement], size: int) -> None:
-        """Refuse what would take more memory than its file is worth."""
+        """Refuse arrays that would take more memory than the limits allow for a file of this size."""
         factor = expansion()
         needed = {path: _bytes(placement) for path, placement in placements.items()}
         numbers = {path: count for path, count in needed.items() if (field := field_at(path)) and not field.image}
@@ -150,7 +157,7 @@ class Description:
 
 
 def _bytes(placement: Placement) -> int:
-    """Memory that an array takes, with what its last chunk has beyond the last row."""
+    """Return the memory that an array takes, [bytes], including the unused rest of its last chunk."""
     rows = len(placement.chunks) * placement.chunk_rows if len(placement.chunks) else math.prod(placement.shape[:1])
     return rows * placement.row_bytes
 
@@ -160,10 +167,10 @@ def _way_on(needed: int, size: int) -> str:
 
 
 def expansion() -> float | None:
-    """The factor that the user has set; None if none.
+    """Return the factor that the user has set in the environment variable `VARIABLE`; None if it is not set.
 
     Raises:
-        UsageError: If it is no number.
+        UsageError: If the variable is not a non-negative, finite number.
     """
     text = os.environ.get(VARIABLE, "")
     try:

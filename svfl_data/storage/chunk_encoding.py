@@ -1,10 +1,10 @@
-"""The bytes of HDF5 chunks as HDF5's own filters would make them, but in any thread: shuffled, then deflated.
+"""Encoding of HDF5 chunks in any thread: the bytes are shuffled, then deflated, as HDF5's own filters do it.
 
-HDF5 compresses in one thread and with one effort. Most of what sealing costs is compression, and the pictures of a real
-camera at 640 x 480 lose a third of their size by it at best, at 40 MB/s. So a large chunk is compressed only where a
-sample of it says that it is worth it, and stored by the same format otherwise, which every HDF5 reader undoes without
-being told. Either way the chunk carries the Adler-32 of its content. What is chosen depends on the content only, so
-that equal episodes are equal bytes on any number of cores.
+HDF5 compresses in one thread and with one level of effort. Compression takes most of the time of sealing, and it saves
+at most a third of the size of real camera images of 640 x 480 pixels, at 40 MB/s. So a large chunk is compressed only
+if a sample of its bytes shrinks enough. Otherwise it is stored uncompressed in the same zlib format, which every HDF5
+reader decodes without further information. In both cases the chunk carries the Adler-32 of its content. The choice
+depends on the content only, so equal episodes give equal bytes on any number of cores.
 """
 
 import struct
@@ -15,23 +15,23 @@ import numpy as np
 
 LEVEL = 1  # higher levels cost more time than they save bytes on rendered images
 WORTH = 0.5
-"""Compressed size of a sample, as a share of its size, up to which a large chunk is compressed."""
+"""Largest ratio of compressed to original size of a sample at which a large chunk is compressed."""
 LARGE = 2**16
-"""Bytes of a chunk from which a sample decides; smaller ones are always compressed."""
+"""Size of a chunk from which a sample decides whether to compress it, [bytes]. Smaller chunks are always compressed."""
 SAMPLES, SAMPLE_BYTES = 6, 2**12
-"""Pieces of a chunk that are tried, evenly spread, and the size of each."""
+"""Number of evenly spread pieces of a chunk that make up its sample, and the size of each piece, [bytes]."""
 
 BLOCK = 2**16 - 1
-"""Bytes that a stored block has at most."""
+"""Largest size of a stored block of a deflate stream, [bytes]."""
 
 
 @dataclass(frozen=True)
 class Encoding:
-    """How the chunks of one array are encoded.
+    """Encoding of the chunks of one array.
 
     Attributes:
-        dtype: Of the array.
-        chunk: Shape of its chunks; whole rows.
+        dtype: NumPy dtype of the array.
+        chunk: Shape of one chunk of the array. A chunk consists of whole rows.
     """
 
     dtype: np.dtype
@@ -39,17 +39,18 @@ class Encoding:
 
     @property
     def shuffled(self) -> bool:
-        """Whether the bytes of an element are parted, as HDF5's shuffle filter does."""
+        """Whether the bytes of the elements are separated by their position, as HDF5's shuffle filter does."""
         return self.dtype.itemsize > 1
 
     def encode(self, rows: np.ndarray) -> list[bytes]:
         """Encode consecutive chunks.
 
         Args:
-            rows: Rows of the array, beginning with a chunk; the last chunk is filled up with zeros.
+            rows: Rows of the array. The first row must be the first of a chunk. The last chunk is filled up with
+                zeros.
 
         Returns:
-            The bytes of each chunk.
+            Encoded bytes of each chunk, in order.
         """
         step = self.chunk[0]
         return [self._chunk(rows[start : start + step]) for start in range(0, len(rows), step)]
@@ -68,17 +69,19 @@ class Encoding:
         return len(self._compressed(sample)) <= WORTH * len(sample)
 
     def _compressed(self, content: np.ndarray) -> bytes:
-        # Of depth images runs of one byte are nearly all that deflate finds, and finding only them takes half the time.
+        # In depth images, nearly all that deflate finds are runs of one byte. Finding only those takes half the time.
         strategy = zlib.Z_RLE if self.dtype.kind in "iu" and self.dtype.itemsize == 2 else zlib.Z_DEFAULT_STRATEGY
         packer = zlib.compressobj(LEVEL, zlib.DEFLATED, zlib.MAX_WBITS, zlib.DEF_MEM_LEVEL, strategy)
         return packer.compress(content.data) + packer.flush()
 
 
 def stored(content: np.ndarray) -> bytes:
-    """A zlib stream (RFC 1950) of stored blocks (RFC 1951, 3.2.4): zlib's own takes three times as long to copy.
+    """Return a zlib stream (RFC 1950) that holds its content in stored blocks (RFC 1951, 3.2.4), not compressed.
+
+    The zlib library itself takes three times as long for such a copy.
 
     Args:
-        content: Bytes, shape (K,), uint8.
+        content: Bytes to store, shape (K,), uint8.
     """
     pieces: list[bytes | memoryview] = [b"\x78\x01"]  # deflate with a window of 32 KiB, fastest
     for start in range(0, max(1, len(content)), BLOCK):

@@ -1,11 +1,11 @@
-"""Where the arrays of a sealed episode lie, byte by byte, and how to read rows of them without HDF5.
+"""Places of the arrays of a sealed episode in its file, and reading of their rows without HDF5.
 
-HDF5 spends most of the time of a small read on bookkeeping, allows one reader at a time per process, cannot be
-carried into another one, and is not made for files that somebody made to harm it. Its file layout is open: once its
-library has said where the chunks are (in another process, `svfl_data.storage.examination`), a chunk is one ``pread``
-and one ``zlib`` call, in any thread or process. What a chunk can be here follows from how we write them: whole rows,
-compressed by gzip or not, bytes shuffled or not. A chunk gives exactly the bytes that its array's shape says, or is
-refused; nothing else decides how much memory is taken.
+The HDF5 library spends most of the time of a small read on bookkeeping, allows one reader at a time per process, cannot
+be carried into another process, and is not made for malicious files. But its file layout is open. Once the library has
+told where the chunks are (in another process, `svfl_data.storage.examination`), reading a chunk takes one ``pread`` and
+one ``zlib`` call, in any thread or process. A chunk can only have a form in which this package writes or accepts it:
+whole rows, compressed by gzip or not, bytes shuffled or not. A chunk must give exactly the number of bytes that follows
+from the shape of its array; otherwise it is refused. So only the shape decides how much memory is taken.
 """
 
 import math
@@ -23,23 +23,23 @@ from svfl_data.system.regular_file import kind_words, open_regular, refuse_link
 
 BLOCK_BYTES = 2**22
 SHUFFLE, GZIP, FLETCHER = 1, 2, 4
-"""Bits of the last column of `Placement.chunks`, as in `svfl_data.storage.examiner.FILTERS`."""
-FLETCHER32_BYTES = 4  # stand at the end of a chunk
+"""Bits of the filters in the last column of `Placement.chunks`, as in `svfl_data.storage.examiner.FILTERS`."""
+FLETCHER32_BYTES = 4  # size of the checksum at the end of a chunk
 
 
 @dataclass(frozen=True)
 class Extent:
-    """A piece of a file that holds one sealed episode: a whole episode file, or a member of a shard.
+    """A range of bytes of a file that holds one sealed episode: a whole episode file, or a member of a shard.
 
     Attributes:
-        file: Where.
-        offset: First byte.
-        size: Number of bytes, seal included.
-        file_size: Size of the whole file when it was found.
-        mtime_ns: Time of its last change when it was found, [ns].
-        member: Name of the episode inside a shard; empty for a file of its own.
-        identity: What else told the file from others when it was found: device, inode, time of the last change of
-            content or description [ns].
+        file: Path of the file.
+        offset: Position of the first byte of the episode in the file, [bytes].
+        size: Size of the episode, seal included, [bytes].
+        file_size: Size of the whole file when it was found, [bytes].
+        mtime_ns: Time of the last change of the file's content when the file was found, [ns].
+        member: Name of the episode inside its shard; empty if the episode has a file of its own.
+        identity: Further facts by which the file was distinguished from others when it was found: device, inode, and
+            time of the last change of its content or status [ns].
     """
 
     file: Path
@@ -52,10 +52,10 @@ class Extent:
 
     @classmethod
     def of_file(cls, file: Path) -> "Extent":
-        """The whole of a file, which must be an ordinary one: no link, pipe or device.
+        """Return the extent of a whole file, which must be an ordinary file: no link, pipe or device.
 
         Raises:
-            FormatError: If there is no such file.
+            FormatError: If the file does not exist or is not an ordinary file.
         """
         refuse_link(file)
         try:
@@ -68,17 +68,23 @@ class Extent:
         return cls(file, 0, found.st_size, found.st_size, found.st_mtime_ns, identity=identity)
 
     def part(self, member: str, offset: int, size: int) -> "Extent":
-        """A member of the shard that this is the whole of."""
+        """Return the extent of a member of a shard; this extent must be that of the whole shard.
+
+        Args:
+            member: Name of the episode inside the shard.
+            offset: Position of the member's first byte in the shard, [bytes].
+            size: Size of the member, [bytes].
+        """
         return replace(self, member=member, offset=offset, size=size)
 
     def __str__(self) -> str:
         return f"{self.file}/{self.member}" if self.member else str(self.file)
 
     def open(self) -> int:
-        """A descriptor of the file, for `pread`; the caller closes it.
+        """Open the file for `pread` and return its descriptor, which the caller must close.
 
         Raises:
-            FormatError: If the file is gone or is no longer the one that was found.
+            FormatError: If the file is gone, or has changed or been replaced since it was found.
         """
         try:
             descriptor = open_regular(self.file)
@@ -91,7 +97,7 @@ class Extent:
         return descriptor
 
     def blocks(self) -> Iterator[bytes]:
-        """Its bytes from first to last, a few MB at a time."""
+        """Read the bytes of the episode from first to last, in blocks of `BLOCK_BYTES`."""
         descriptor = self.open()
         try:
             for start in range(0, self.size, BLOCK_BYTES):
@@ -101,16 +107,16 @@ class Extent:
 
 
 def pread(extent: Extent, descriptor: int, size: int, offset: int) -> bytes:
-    """Bytes of an extent.
+    """Read some bytes of an extent.
 
     Args:
-        extent: Of what.
-        descriptor: From `Extent.open`.
-        size: How many bytes.
-        offset: Of the first, counted from the beginning of the extent.
+        extent: Extent to read from.
+        descriptor: Descriptor of its file, from `Extent.open`.
+        size: Number of bytes to read.
+        offset: Position of the first byte, counted from the beginning of the extent, [bytes].
 
     Raises:
-        FormatError: If they cannot be read.
+        FormatError: If the bytes cannot be read, or the file ends before the last of them.
     """
     try:
         content = os.pread(descriptor, size, extent.offset + offset)
@@ -123,15 +129,15 @@ def pread(extent: Extent, descriptor: int, size: int, offset: int) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Type, shape and whereabouts of one array.
+    """Type, shape and place of one array of an episode.
 
     Attributes:
-        dtype: Of its elements.
-        shape: Its sizes.
-        chunk_rows: Rows per chunk.
-        chunks: Offset and size in bytes, and which filters were applied, of each chunk: shape (K, 3), int64, a chunk's
-            position being its row // `chunk_rows`.
-        value: The array itself, if it has no rows, or rows that cannot be read one by one.
+        dtype: NumPy dtype of the elements.
+        shape: Shape of the array.
+        chunk_rows: Number of rows per chunk.
+        chunks: Table with one row per chunk: offset in the extent and size [bytes], and bits of the filters that were
+            applied; shape (K, 3), int64. Row r of the array lies in chunk r // `chunk_rows`.
+        value: The array itself, if it has no rows or its rows cannot be read one by one; None otherwise.
     """
 
     dtype: np.dtype
@@ -141,7 +147,17 @@ class Placement:
     value: np.ndarray | None = None
 
     def rows(self, extent: Extent, descriptor: int, start: int, stop: int) -> np.ndarray:
-        """Rows start .. stop-1, shape (stop - start, ...)."""
+        """Read the rows start .. stop-1, shape (stop - start, ...).
+
+        Args:
+            extent: Extent of the episode.
+            descriptor: Descriptor of its file, from `Extent.open`.
+            start: First row.
+            stop: Row after the last one.
+
+        Raises:
+            FormatError: If a chunk is damaged or cannot be read.
+        """
         if self.value is not None:
             return self.value[start:stop]
         if stop - start == 1 == self.chunk_rows:
@@ -154,29 +170,29 @@ class Placement:
         return out
 
     def _chunk(self, extent: Extent, descriptor: int, number: int) -> np.ndarray:
-        """The rows of a chunk; the last one of an array without compression may have fewer than the others."""
+        """Read the rows of one chunk; the last chunk of an uncompressed array may have fewer rows than the others."""
         offset, size, applied = self.chunks[number].tolist()
         if applied & FLETCHER:
-            size -= FLETCHER32_BYTES  # nothing is gained by checking it: the seal was
+            size -= FLETCHER32_BYTES  # the checksum need not be checked: the seal was
         content = pread(extent, descriptor, size, offset)
         try:
             if applied & GZIP:
                 content = _inflated(content, self.chunk_rows * self.row_bytes)
             flat = _unshuffled(content, self.dtype) if applied & SHUFFLE else np.frombuffer(content, self.dtype)
             if self.dtype.kind == "b":
-                flat = flat.view(np.uint8) != 0  # NumPy takes other bytes than 0 and 1 for granted
+                flat = flat.view(np.uint8) != 0  # NumPy expects only the bytes 0 and 1 in booleans
             return flat.reshape((-1, *self.shape[1:]))
         except (zlib.error, ValueError) as error:
             raise FormatError(f"{extent}: damaged at byte {offset} ({error})") from error
 
     @property
     def row_bytes(self) -> int:
-        """Bytes of a row in memory."""
+        """Size of one row in memory, [bytes]."""
         return self.dtype.itemsize * math.prod(self.shape[1:])
 
 
 def _inflated(content: bytes, size: int) -> bytes:
-    """What was compressed, if it is as large as it must be; no more than that is ever in memory."""
+    """Decompress a chunk that must have exactly `size` bytes; never more than that is held in memory."""
     inflater = zlib.decompressobj()
     inflated = inflater.decompress(content, size)
     if len(inflated) == size and not inflater.eof:
@@ -187,7 +203,7 @@ def _inflated(content: bytes, size: int) -> bytes:
 
 
 def _unshuffled(content: bytes, dtype: np.dtype) -> np.ndarray:
-    """Undo HDF5's shuffle filter: all first bytes, then all second bytes, and so on."""
+    """Undo HDF5's shuffle filter, which stores the first bytes of all elements, then all second bytes, and so on."""
     planes = np.frombuffer(content, np.uint8).reshape(dtype.itemsize, -1)
     elements = np.empty(planes.shape[1], dtype)
     interleaved = elements.view(np.uint8).reshape(-1, dtype.itemsize)

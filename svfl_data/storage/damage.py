@@ -1,7 +1,7 @@
-"""Which arrays of a damaged episode file cannot be read any more.
+"""Finding the arrays of a damaged episode file that cannot be read any more.
 
-The seal says that a file is damaged, not where. HDF5 knows more; it is asked in a process of its own, as for every
-file.
+The seal shows that a file is damaged, but not where. The HDF5 library can tell more. As for every file, it is asked in
+a separate process (`svfl_data.storage.examination`).
 """
 
 import os
@@ -19,11 +19,12 @@ def damaged_arrays(path: Path) -> list[str]:
     """Ask HDF5 which arrays of a file it cannot read.
 
     Args:
-        path: An episode file that does not match its seal, or has none.
+        path: Path of an episode file that does not match its seal, or has no seal.
 
     Returns:
-        Dataset paths of arrays that cannot be read or that are gone, as far as HDF5 gets; empty if the damage is
-        elsewhere (in metadata), or so bad that HDF5 does not return.
+        Dataset paths of the arrays that cannot be read or are gone, as far as HDF5 gets. The list is empty if the
+        damage is elsewhere (in metadata), if the file cannot be opened, or if the damage is so bad that HDF5 does not
+        return.
     """
     expected = [field.path for field in FIELDS if not field.optional and CAMERA not in field.path]
     try:

@@ -1,7 +1,8 @@
-"""The process that examines HDF5 files for this one: started with the first question, gone with whoever asked.
+"""Access to the process that examines HDF5 files for this process.
 
-See `svfl_data.storage.examiner` for what happens inside. Questions are asked one at a time, by any thread; a process
-that was forked starts an examiner of its own.
+The examiner starts with the first question and ends with the process that asked. `svfl_data.storage.examiner` describes
+what the examiner does. Questions are asked one at a time, by any thread. A forked process starts an examiner of its
+own.
 """
 
 import atexit
@@ -21,28 +22,29 @@ from typing import Any
 from svfl_data.errors import StorageError
 
 START_SECONDS, ANSWER_SECONDS = 60.0, 30.0
-"""Patience with the program itself; a question that takes too long is ended by the examiner, sooner than this."""
+"""Longest time to wait for the start of the examiner and for an answer, [s]. The examiner itself ends a question that
+takes too long before that."""
 ANSWER = 2**27
-"""Bytes of an answer, beside twice the size of the file."""
+"""Largest size of an answer, in addition to twice the size of the examined content, [bytes]."""
 PROGRAM = Path(__file__).with_name("examiner.py")
 FEW_THREADS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-NO_PLUGINS = {"HDF5_PLUGIN_PRELOAD": "::"}  # filters that are not HDF5's own would be loaded into the process
+NO_PLUGINS = {"HDF5_PLUGIN_PRELOAD": "::"}  # else HDF5 could load foreign filters into the process
 
 
 class Unanswered(Exception):  # noqa: N818 - an outcome
-    """The process that examined a file ended without an answer; the message says how."""
+    """The process that examined a file ended without an answer. The message says how it ended."""
 
 
 def ask(descriptor: int, question: dict[str, Any]) -> bytes:
-    """Have a piece of an open file examined.
+    """Have the examiner examine a range of bytes of an open file.
 
     Args:
-        descriptor: The file; the examiner gets this very one, not its name.
-        question: ``offset`` and ``size`` of the piece, and the other arguments of `examiner.examine`, or of
-            `examiner.damaged`.
+        descriptor: Descriptor of the open file. The examiner gets the descriptor itself, not the name of the file.
+        question: ``offset`` and ``size`` of the range [bytes], and the arguments of `examiner.examine` (``names`` and
+            ``meaning``) or of `examiner.damaged` (``expected``).
 
     Returns:
-        The answer.
+        Answer of the examiner, as `examiner.examine` or `examiner.damaged` describes it, in one piece.
 
     Raises:
         Unanswered: If the file makes HDF5 crash, hang, or take more memory or time than is allowed.
@@ -56,13 +58,13 @@ def ask(descriptor: int, question: dict[str, Any]) -> bytes:
             return _examiner.ask(descriptor, question)
         except BaseException as error:
             if not isinstance(error, Unanswered) or _examiner.lost:
-                _examiner.end()  # a question that was interrupted would be answered to the next one
+                _examiner.end()  # else the next question would get the answer of this one
                 _examiner = None
             raise
 
 
 class _Examiner:
-    """The running program, and the line to it."""
+    """The running examiner program, and the socket that connects this process with it."""
 
     def __init__(self) -> None:
         self.line, other = socket.socketpair()
@@ -86,7 +88,7 @@ class _Examiner:
             raise StorageError("the program that examines HDF5 files does not start: is h5py installed, memory left?")
 
     def ask(self, descriptor: int, question: dict[str, Any]) -> bytes:
-        """See the function of this name."""
+        """Have a range of bytes of an open file examined; see the function `ask`."""
         reading, writing = os.pipe()
         try:
             try:
@@ -109,7 +111,7 @@ class _Examiner:
         return answer
 
     def _read(self, pipe: int, limit: int) -> bytes:
-        """All of an answer: what is in the pipe when the process that answered has ended."""
+        """Read a whole answer: everything that the pipe gives until the process that answers has ended."""
         patience, pieces, size = time.monotonic() + ANSWER_SECONDS, [], 0
         poll = select.poll()
         poll.register(pipe, select.POLLIN)
@@ -122,7 +124,7 @@ class _Examiner:
                     raise self._lost("its description is larger than itself")
             elif self.line.fileno() in events:
                 return b"".join(pieces)
-            else:  # closed: only the end of the process is still to come
+            else:  # the pipe is closed; only the end of the process is still to come
                 poll.unregister(pipe)
         raise self._lost(f"examining it takes longer than {ANSWER_SECONDS:g} s")
 
@@ -131,9 +133,9 @@ class _Examiner:
         return Unanswered(why)
 
     def end(self) -> None:
-        """End the program; it is asked nothing any more."""
+        """End the program; no question may follow."""
         self.line.close()
-        self.process.kill()  # it holds nothing
+        self.process.kill()  # safe, since it holds no files or locks that others need
         self.process.wait()
 
 
@@ -148,7 +150,7 @@ def _words(code: int) -> str:
 _lock = threading.Lock()
 _examiner: _Examiner | None = None
 _inherited: list[_Examiner] = []
-"""Those of a parent process: kept, so that nothing waits for a process that is no child of this one."""
+"""Examiners of parent processes. They are kept so that nothing waits for a process that is no child of this one."""
 
 
 def _after_fork() -> None:

@@ -1,13 +1,13 @@
-"""Asking the HDF5 library what a file holds: where its arrays lie, their types and shapes, and their attributes.
+"""Program that asks the HDF5 library what a file holds: places, types, shapes and attributes of its arrays.
 
-The library may crash, hang or read other files when a file was made to that end, so this module runs as a program of
-its own, started by `svfl_data.storage.examination`. For each question it forks; the new process may open no further
-file, has little memory and time, answers and ends, so that one file cannot reach another one's answer. The program
-imports nothing of this package, so that it starts quickly and whatever lies in the current folder. Only what the own
-process has just written itself is examined without it, by calling `examine`.
+A malicious file can make the library crash, hang or read other files, so this module runs as a separate program, which
+`svfl_data.storage.examination` starts. The program forks for each question. The new process cannot open further files
+and has little memory and time. It answers and ends, so one file cannot change the answer about another one. The program
+imports nothing of this package, so that it starts quickly and independently of the files in the current folder. Only a
+file that a process has just written itself is examined without this program, by a call of `examine`.
 
-A question is a line of JSON, sent with two descriptors: the file, and a pipe for the answer. An answer is a line of
-JSON followed by bytes: chunk tables and the values of small arrays. Nothing in either can run code.
+A question is a line of JSON, sent with two descriptors: that of the file, and that of a pipe for the answer. An answer
+is a line of JSON followed by bytes: chunk tables and the values of small arrays. Neither can contain code that is run.
 """
 
 import gc
@@ -29,38 +29,48 @@ import numpy as np
 from h5py import h5a, h5d, h5g, h5l, h5o, h5p, h5s, h5t, h5z
 
 FILTERS = ((h5z.FILTER_SHUFFLE, 1), (h5z.FILTER_DEFLATE, 2), (h5z.FILTER_FLETCHER32, 4))
-"""The only ones, in the only order in which they are applied; with their bits in a chunk table."""
-DEPTH, OBJECTS = 8, 1000  # groups within groups; groups and arrays of a file
-TEXT, TEXTS = 2**23, 2**24  # bytes of one attribute, and of all of a file
-VALUES = 2**24  # bytes of all arrays that cannot be read directly
-BYTES_PER_CHUNK = 32  # a chunk and its place in an index take at least this much of a file
+"""The HDF5 filters that are allowed, in the only order that is allowed, each with its bit in a chunk table."""
+DEPTH, OBJECTS = 8, 1000  # largest nesting of groups; largest number of groups and arrays in a file
+TEXT, TEXTS = 2**23, 2**24  # largest size of one text attribute, and of all text attributes of a file, in bytes
+VALUES = 2**24  # largest size of all arrays that cannot be read row by row, in bytes
+BYTES_PER_CHUNK = 32  # bytes of a file that a chunk and its entry in an index take at least
 SLICE = 2**20  # bytes of an array without chunks that are read at once
-CPU_SECONDS, SECONDS = 4, 20  # of one question; the second for what waits without computing
-MEMORY = 2**28  # bytes of one question, beside the size of the file
+CPU_SECONDS, SECONDS = 4, 20  # limits of computing time and of total time for one question
+MEMORY = 2**28  # bytes of memory for one question, in addition to the size of the file
 CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 
 
 class Refused(Exception):  # noqa: N818 - the file's fault, not an error of this program
-    """The file holds something that no episode of ours has; the message says what and where."""
+    """The file holds something that is not allowed in an episode. The message says what and where."""
 
 
 class Content(io.RawIOBase):
-    """A piece of an open file as a file object, for HDF5."""
+    """A range of bytes of an open file as a file object for HDF5.
+
+    Args:
+        descriptor: Descriptor of the open file.
+        offset: Position of the first byte of the range in the file, [bytes].
+        size: Size of the range, [bytes].
+    """
 
     def __init__(self, descriptor: int, offset: int, size: int) -> None:
         self.descriptor, self.offset, self.size, self.position = descriptor, offset, size, 0
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """As of a file that begins and ends with the piece."""
+        """Move the current position, counted from the beginning of the range, and return it."""
         self.position = {os.SEEK_SET: 0, os.SEEK_CUR: self.position, os.SEEK_END: self.size}[whence] + offset
         return self.position
 
     def tell(self) -> int:
-        """Where the next byte is read."""
+        """Return the current position, counted from the beginning of the range."""
         return self.position
 
     def readinto(self, buffer: Any) -> int:  # noqa: ANN401 - any writable buffer
-        """Fill a buffer; OSError if that would take bytes from outside."""
+        """Fill a whole buffer from the current position.
+
+        Raises:
+            OSError: If that would need bytes from outside the range.
+        """
         view = memoryview(buffer)
         if not 0 <= self.position <= self.size - len(view):
             raise OSError(f"{len(view)} bytes at {self.position}, which lie outside the file's {self.size}")
@@ -70,17 +80,17 @@ class Content(io.RawIOBase):
 
 
 def examine(content: BinaryIO | Content, names: list[str], meaning: list[str]) -> list[bytes]:
-    """Where everything in a file lies.
+    """Describe a file: its attributes, and the type, shape, place and attributes of each of its arrays.
 
     Args:
-        content: The file; any file object.
-        names: Attributes of the file to read.
-        meaning: Attributes of each array to read.
+        content: File object with the HDF5 content.
+        names: Names of the attributes of the file to read.
+        meaning: Names of the attributes of each array to read.
 
     Returns:
-        The answer in pieces: a line of JSON with ``attributes``, ``problem`` (empty if there is none) and ``arrays``;
-        then, for each array in order, its chunk table (``chunks`` rows of offset, size and filters, int64) and its
-        ``value`` (so many bytes).
+        The answer in pieces. The first is a line of JSON with ``attributes``, ``problem`` (empty if there is none) and
+        ``arrays``. Then follow, for each array in order, its chunk table (``chunks`` rows of offset, size and filters,
+        int64) or the bytes of its value (``value`` is their number).
     """
     answer: dict[str, Any] = {"attributes": {}, "arrays": [], "problem": ""}
     tail: list[bytes] = []
@@ -110,17 +120,17 @@ def examine(content: BinaryIO | Content, names: list[str], meaning: list[str]) -
 
 
 def damaged(content: Content, expected: list[str]) -> Iterator[bytes]:
-    """Paths of arrays that are gone or cannot be read, a line each, as far as HDF5 gets.
+    """Yield the paths of arrays that are gone or cannot be read, one line each, as far as HDF5 gets.
 
     Args:
-        content: A file that is not what was sealed.
-        expected: Paths of arrays that every episode has.
+        content: Content of a file that does not match its seal, or has none.
+        expected: Dataset paths of the arrays that every episode has.
     """
     with h5py.File(content, "r") as file:
         found = dict(_datasets(h5g.open(file.id, b"/"), "", set(), DEPTH))
         gone = [path for path in expected if path not in found]
         if gone == expected:
-            return  # nothing of ours: a file of other software
+            return  # none of the expected arrays: a file of other software
         for path in [*gone, *(path for path, dataset in found.items() if not _reads(dataset))]:
             yield f"{path}\n".encode()
 
@@ -140,12 +150,12 @@ def _reads(dataset: h5d.DatasetID) -> bool:
 
 
 def _datasets(group: h5g.GroupID, prefix: str, seen: set[Any], depth: int) -> Iterator[tuple[str, h5d.DatasetID]]:
-    """Every array below a group, by plain links only, each object once."""
+    """Yield path and dataset of every array below a group; refuse all but hard links, and second names of an object."""
     names: list[bytes] = []
 
     def note(name: bytes) -> bool:
         names.append(name)
-        return len(names) + len(seen) > OBJECTS  # stops
+        return len(names) + len(seen) > OBJECTS  # True stops the iteration
 
     if group.links.iterate(note)[0]:
         raise Refused(f"holds more than {OBJECTS} objects")
@@ -164,7 +174,7 @@ def _datasets(group: h5g.GroupID, prefix: str, seen: set[Any], depth: int) -> It
                 raise Refused(f"{path} lies more than {DEPTH} groups deep")
             yield from _datasets(item, path + "/", seen, depth - 1)
         elif isinstance(item, h5d.DatasetID):
-            plan = item.get_create_plist()  # before anything else is asked: the shape of a virtual one opens files
+            plan = item.get_create_plist()  # checked first: asking for the shape of a virtual dataset opens files
             if plan.get_layout() == h5d.VIRTUAL:
                 raise Refused(f"{path} is a virtual dataset, whose numbers lie in other files")
             if plan.get_external_count():
@@ -185,7 +195,7 @@ def _checked_name(name: bytes, prefix: str) -> str:
 
 
 def _attributes(owner: h5g.GroupID | h5d.DatasetID, names: list[str], texts: list[int]) -> dict[str, Any]:
-    """Those attributes of an object that it has; `texts` is how many bytes of text are still allowed."""
+    """Read the named attributes that an object has; `texts` holds how many bytes of text are still allowed."""
     found = {}
     for name in names:
         try:
@@ -221,7 +231,7 @@ def _attribute(attribute: h5a.AttrID, name: str, texts: list[int]) -> str | int 
 
 
 def _placement(dataset: h5d.DatasetID, size: int, values: list[int], tail: list[bytes]) -> dict[str, Any]:
-    """Type, shape and place of an array; its chunk table or value goes to `tail`."""
+    """Return type, shape and layout of an array, and append its chunk table or its value to `tail`."""
     if dataset.get_space().get_simple_extent_type() == h5s.NULL:
         raise Refused("has no shape")
     plan, shape, dtype = dataset.get_create_plist(), tuple(map(int, dataset.shape)), _dtype(dataset.get_type())
@@ -255,7 +265,7 @@ def _placement(dataset: h5d.DatasetID, size: int, values: list[int], tail: list[
 
 
 def _dtype(kind: h5t.TypeID) -> np.dtype:
-    """The NumPy type with the same bytes."""
+    """Return the NumPy dtype with the same bytes as an HDF5 type; refuse types that have none."""
     if kind.committed():
         raise Refused("has a named type")
     try:
@@ -269,7 +279,7 @@ def _dtype(kind: h5t.TypeID) -> np.dtype:
 
 
 def _chunks(dataset: h5d.DatasetID, plan: h5p.PropDCID, size: int) -> np.ndarray:
-    """Offset, size and filters of each chunk, in order; shape (K, 3), int64."""
+    """Return offset [bytes], size [bytes] and filter bits of each chunk, in order; shape (K, 3), int64."""
     lengths = plan.get_chunk()
     codes = [plan.get_filter(position)[0] for position in range(plan.get_nfilters())]
     if codes != [code for code, _ in FILTERS if code in codes]:
@@ -300,13 +310,13 @@ def _chunks(dataset: h5d.DatasetID, plan: h5p.PropDCID, size: int) -> np.ndarray
 
 
 def main() -> None:
-    """Answer questions until whoever asks them is gone."""
+    """Answer questions until the process that asks them is gone."""
     asked = socket.socket(fileno=0)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _warm_up()
-    gc.disable()  # a process that answers one question ends before it would be worth it
+    gc.disable()  # a process that answers only one question does not need it
     base = _address_space()
-    asked.sendall(b"\n")  # ready
+    asked.sendall(b"\n")  # tells that the program is ready
     question = b""
     descriptors: list[int] = []
     while True:
@@ -326,7 +336,7 @@ def main() -> None:
 
 
 def _warm_up() -> None:
-    """Make h5py load what it loads only when it is needed: later it cannot, and now once is enough."""
+    """Use h5py once, so that it loads all that it needs: the forked processes cannot open files any more."""
     example = io.BytesIO()
     with h5py.File(example, "w") as file:
         file["numbers"], file["text"], file["words"] = np.zeros(3), np.bytes_(b"text"), ["some", "words"]
@@ -336,9 +346,9 @@ def _warm_up() -> None:
 
 
 def _answer(question: dict[str, Any], file: int, pipe: int, base: int) -> None:
-    """Answer one question and end the process."""
+    """Answer one question in a forked process, and end this process."""
     try:
-        os.dup2(1, 0)  # the line to whoever asks is not for this process
+        os.dup2(1, 0)  # this process may not use the socket to the asking process
         _confine(base + MEMORY + question["size"] if base else 0)
         content = Content(file, question["offset"], question["size"])
         lines: Callable[..., Any] = damaged if "expected" in question else examine
@@ -353,8 +363,8 @@ def _answer(question: dict[str, Any], file: int, pipe: int, base: int) -> None:
 
 
 def _confine(address_space: int) -> None:
-    """Take from this process what it does not need: other files, processes, memory, time."""
-    signal.alarm(SECONDS)  # ends the process, also within a library's loop
+    """Restrict this process: it may open no files, start no processes, and use limited memory and time."""
+    signal.alarm(SECONDS)  # ends the process even inside a loop of a library
     limits = {"NOFILE": 0, "FSIZE": 0, "CORE": 0, "NPROC": 0, "CPU": CPU_SECONDS}
     if address_space:
         limits["AS"] = address_space
@@ -365,7 +375,7 @@ def _confine(address_space: int) -> None:
 
 
 def _address_space() -> int:
-    """Bytes of address space that this process has now; 0 if the system does not tell."""
+    """Return the size of the address space of this process, [bytes]; 0 if the system does not tell it."""
     try:
         with open("/proc/self/statm") as file:
             return int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE")

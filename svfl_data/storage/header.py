@@ -1,8 +1,8 @@
-"""Opening an episode: its seal is checked, its arrays are located, and whether it is valid is judged, once.
+"""Opening of an episode: its seal is checked, its arrays are located, and its validity is judged, once.
 
-What was learned is kept in the process, and in the user's private cache (`svfl_data.storage.header_cache`) for the next
-one. HDF5 sees the bytes of a file in another process only (`svfl_data.storage.examination`), save those that this
-process has just written itself.
+The result is kept in this process, and in the user's private cache (`svfl_data.storage.header_cache`) for later
+processes. HDF5 reads a file only in another process (`svfl_data.storage.examination`), except files that this process
+has just written itself.
 """
 
 import hashlib
@@ -27,25 +27,26 @@ from svfl_data.system.printable import printable
 
 FORMAT = "svfl-episode"
 FORMAT_VERSION = "1.0"
-"""Major.minor: readers accept every minor of their own major, since a minor version only adds optional fields."""
+"""Version of the file format, major.minor. A reader accepts every minor version of its own major version, since a minor
+version only adds optional fields."""
 MEANING = ("unit", "axes", "about")
-"""Attributes of a dataset without which its numbers mean nothing; they must be as declared."""
+"""Attributes of an HDF5 dataset that give its numbers their meaning. They must be equal to the field's declaration."""
 NAMES = {"names": ["format", "format_version", *PLAIN_ATTRIBUTES, *JSON_ATTRIBUTES], "meaning": list(MEANING)}
 HEADERS_KEPT, BYTES_KEPT = 512, 2**27
-"""How many episodes a process remembers, and how large their descriptions may be in all."""
+"""Largest number of episodes that a process remembers, and largest size of all their descriptions, [bytes]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Header:
-    """What is known of a valid episode once it was opened.
+    """What is known of a valid episode after it was opened.
 
     Attributes:
-        seal: SHA-256 of its content, in hexadecimal.
-        attributes: Of the file, by name.
-        placements: Where each array lies, by dataset path.
-        hashed: Whether its bytes were compared with its seal in this process, rather than by an earlier one that saw
-            the same file, unchanged since.
-        nbytes: Memory that it takes, about.
+        seal: SHA-256 of the episode's content, in hexadecimal; empty for an episode without a seal.
+        attributes: Attributes of the episode file, by name.
+        placements: Type, shape and place of each array, by dataset path.
+        hashed: Whether this process compared the bytes of the episode with its seal. If False, an earlier process did
+            so, and the file has not changed since.
+        nbytes: Memory that the header takes, approximately, [bytes].
     """
 
     seal: str
@@ -56,15 +57,17 @@ class Header:
 
 
 def header(extent: Extent, hashed: bool = False) -> Header:
-    """What is known of an episode; the first time, it is found out.
+    """Return the header of an episode; the episode is opened and judged if this process does not know it yet.
 
     Args:
-        extent: The episode.
-        hashed: Whether its bytes must have been compared with its seal in this process.
+        extent: Place of the episode.
+        hashed: Whether the bytes of the episode must have been compared with its seal in this process.
 
     Raises:
-        FormatError: If the episode is damaged, foreign, of another version, refused, or has changed since it was found.
-        FieldError: If a field is missing or of another type or shape than declared.
+        FormatError: If the file is damaged, is not an episode, is of another version or is refused, or has changed
+            since it was found.
+        FieldError: If a field is missing or does not fit its declaration.
+        StorageError: If the examiner cannot be started.
     """
     with _lock:
         known = _known.get(extent)
@@ -72,7 +75,7 @@ def header(extent: Extent, hashed: bool = False) -> Header:
         known = _remembered(extent) or _opened(extent)
         _keep(extent, known)
     if not isinstance(known, Header):
-        raise type(known)(*known.args)  # a new one: each has the way that led to it
+        raise type(known)(*known.args)  # a new exception, since each has its own traceback
     if hashed and not known.hashed:
         if checked_seal(extent) != known.seal:
             raise FormatError(f"{extent}: not what it was when it was last read, though nothing says that it changed")
@@ -82,10 +85,14 @@ def header(extent: Extent, hashed: bool = False) -> Header:
 
 
 def know_own(extent: Extent) -> None:
-    """Get to know an episode that this very process has just written, without a process that examines it.
+    """Open and judge an episode that this process has just written itself, without an examining process.
+
+    Args:
+        extent: Place of the episode.
 
     Raises:
-        SvflError: As `header`.
+        FormatError: If the episode is damaged, or has changed since it was found.
+        FieldError: If a field is missing or does not fit its declaration.
     """
     from svfl_data.storage.examiner import Content, examine  # HDF5 is in this process already: it has written the file
 
@@ -99,25 +106,30 @@ def know_own(extent: Extent) -> None:
 
 
 def unsealed_header(extent: Extent) -> Header:
-    """What is known of an episode file that lost its seal to other software; `Header.seal` is empty.
+    """Return the header of an episode file that lost its seal to other software; its `Header.seal` is empty.
+
+    Args:
+        extent: Place of the episode: the whole file.
 
     Raises:
-        SvflError: As `header`.
+        FormatError: If the file is not a readable episode, or has changed since it was found.
+        FieldError: If a field is missing or does not fit its declaration.
+        StorageError: If the examiner cannot be started.
     """
     return _judged(extent, extent.size, "", _examined(extent, extent.size))
 
 
 def forget() -> None:
-    """Open every episode anew from now on; only the user's cache still knows them."""
+    """Forget every episode that this process knows, so that each is opened again; the user's cache is kept."""
     with _lock:
         _known.clear()
 
 
 def checked_seal(extent: Extent) -> str:
-    """SHA-256 of an episode's content, in hexadecimal, read and compared with its seal.
+    """Read an episode, compare its content with its seal, and return the SHA-256 of the content in hexadecimal.
 
     Raises:
-        FormatError: If the episode is damaged or was never sealed.
+        FormatError: If the episode is damaged or was never sealed, or its file cannot be read or has changed.
     """
     digest, head, tail = hashlib.sha256(), b"", b""
     for block in extent.blocks():
@@ -130,14 +142,14 @@ def checked_seal(extent: Extent) -> str:
 
 
 def check_format(attributes: Mapping[str, Any], where: object) -> None:
-    """Refuse files that are not episodes, or of another major version.
+    """Refuse files that are not episodes, and episodes of another major version of the format.
 
     Args:
-        attributes: Those of the file.
-        where: What to name in the error, such as the file.
+        attributes: Attributes of the file, by name.
+        where: Source of the attributes, such as the file, as the error message names it.
 
     Raises:
-        FormatError: If the file is another one.
+        FormatError: If the file is not an episode, or is an episode of another major version.
     """
     found = attributes.get("format")
     if found != FORMAT:
@@ -151,15 +163,15 @@ def check_format(attributes: Mapping[str, Any], where: object) -> None:
 
 
 def check_meaning(path: str, attributes: Mapping[str, Any], where: object) -> None:
-    """Refuse numbers of another unit, in other axes or about another point than declared.
+    """Refuse an array whose numbers have another unit, other axes or another reference point than declared.
 
     Args:
-        path: Dataset path.
-        attributes: Those of the dataset in the file.
-        where: What to name in the error, such as the file.
+        path: Dataset path of the array.
+        attributes: Attributes of the HDF5 dataset in the file, by name.
+        where: Source of the attributes, such as the file, as the error message names it.
 
     Raises:
-        FieldError: If one differs from the field's declaration.
+        FieldError: If ``unit``, ``axes`` or ``about`` differs from the field's declaration.
     """
     field = field_at(path)
     for name in MEANING if field else ():
@@ -173,7 +185,7 @@ def _short(value: object) -> str:
 
 
 def _remembered(extent: Extent) -> Header | None:
-    """What an earlier process learned of the same file, unchanged since."""
+    """Return the header that an earlier process found for the same unchanged file; None if there is none."""
     found = header_cache.recall(extent)
     if found is None:
         return None
@@ -184,11 +196,11 @@ def _remembered(extent: Extent) -> Header | None:
             digest, description.attributes, description.placements(extent.size - SEAL_SIZE), False, len(answer)
         )
     except (SvflError, ValueError):
-        return None  # other limits now: open it again, which says what is wrong
+        return None  # the limits have changed: opening it again gives the right error
 
 
 def _opened(extent: Extent) -> Header | FormatError | FieldError:
-    """An episode that nobody knows, or why it is refused."""
+    """Open an episode that neither this process nor the cache knows; return its header or the error that refuses it."""
     try:
         digest = checked_seal(extent)
         answer = _examined(extent, extent.size - SEAL_SIZE)
@@ -210,10 +222,10 @@ def _examined(extent: Extent, size: int) -> bytes:
 
 
 def _judged(extent: Extent, size: int, digest: str, answer: bytes) -> Header:
-    """The one verdict on an episode: whatever this lets pass, every tool can work with.
+    """Judge an episode by the examiner's answer and return its header; every tool can use an episode that passes.
 
     Raises:
-        SvflError: If it is not valid.
+        SvflError: If the episode is not valid.
     """
     description = Description(answer, extent)
     if not (description.problem and not description.attributes):

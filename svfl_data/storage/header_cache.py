@@ -1,9 +1,10 @@
-"""What was learned of episode files, kept in the user's private cache, so that unchanged ones are not opened again.
+"""Descriptions of episode files in the user's private cache, so that unchanged files need not be examined again.
 
-Each episode is a small file of its own (no lock can be left behind or time out on a network disk), named by a hash of
-what tells its file from all others: device, inode, size, times of change, place in a shard. Only valid episodes are
-kept, and only for the very code that judged them. A file in the dataset's folder could be anybody's; this folder is
-the user's alone. Whatever goes wrong here means that an episode is opened as if for the first time.
+Each episode has one small cache file (so no lock can be left behind or time out on a network disk). The name of the
+cache file is a hash of everything that distinguishes the episode file from all others: device, inode, size, times of
+change, and place in a shard. Only valid episodes are kept, and only for the version of the code that judged them. A
+file in the dataset's folder could have been written by anybody; only the user can write to the cache folder. If
+anything goes wrong in this module, the episode is opened as if for the first time.
 """
 
 import hashlib
@@ -17,11 +18,14 @@ from svfl_data.system.cache_folder import cache_folder, source_hash
 
 PURPOSE = "headers"
 JUDGES = ("schema", "storage", "symmetry.py")
-"""Files and folders of this package on which it depends whether an episode is valid."""
+"""Files and folders of this package whose code decides whether an episode is valid."""
 ENTRY, ENTRIES, BYTES = 2**22, 20_000, 2**28
-"""Most bytes of an entry, and most entries and bytes of all: the oldest are dropped beyond that."""
+"""Largest size of one cache entry [bytes], largest number of entries, and largest size of all entries [bytes].
+
+The oldest entries are deleted beyond that."""
 SETTLED_NS = 2_000_000_000
-"""A file that changed within the last two seconds may change again without its times telling."""
+"""Age below which a file is not cached, [ns]. A file that changed within the last two seconds may change again without
+a visible difference in its times."""
 DIGEST = hashlib.sha256().digest_size
 STORED_BETWEEN_SWEEPS = 500
 
@@ -29,7 +33,15 @@ _stored = 0
 
 
 def recall(extent: Extent) -> tuple[str, bytes] | None:
-    """Seal and description of an episode, as they were remembered; None if they were not."""
+    """Return the seal and the description of an episode from the cache.
+
+    Args:
+        extent: Place of the episode.
+
+    Returns:
+        SHA-256 of the episode's content, in hexadecimal, and the answer of the examiner; None if the cache has no
+        intact entry of this episode.
+    """
     place = _place(extent)
     if place is None:
         return None
@@ -40,17 +52,17 @@ def recall(extent: Extent) -> tuple[str, bytes] | None:
         return None
     mark, rest = content[:DIGEST], content[DIGEST:]
     if len(content) > ENTRY or len(rest) < DIGEST or hashlib.sha256(rest).digest() != mark:
-        return None  # written by halves, or damaged
+        return None  # only partly written, or damaged
     return rest[:DIGEST].hex(), rest[DIGEST:]
 
 
 def remember(extent: Extent, seal: str, description: bytes) -> None:
-    """Remember a valid episode, if its file is unlikely to change unnoticed.
+    """Put a valid episode into the cache, unless its file is so new that a change could go unnoticed.
 
     Args:
-        extent: The episode.
-        seal: SHA-256 of its content, in hexadecimal.
-        description: The examiner's answer.
+        extent: Place of the episode.
+        seal: SHA-256 of the episode's content, in hexadecimal.
+        description: Answer of the examiner (`svfl_data.storage.examination.ask`).
     """
     global _stored
     age_ns = time.time_ns() - max(extent.mtime_ns, extent.identity[2])
@@ -62,7 +74,7 @@ def remember(extent: Extent, seal: str, description: bytes) -> None:
         if _stored % STORED_BETWEEN_SWEEPS == 0:
             _sweep(place.parent)
         _stored += 1
-        # No rename and no sync: what is found written by halves does not match its hash.
+        # Neither a rename nor a sync is needed: an entry that is only partly written does not match its hash.
         place.write_bytes(hashlib.sha256(rest).digest() + rest)
 
 
@@ -75,7 +87,7 @@ def _place(extent: Extent) -> Path | None:
 
 
 def _sweep(folder: Path) -> None:
-    """Drop the oldest entries beyond what may be kept."""
+    """Delete the oldest entries beyond the `ENTRIES` and `BYTES` that may be kept."""
     with os.scandir(folder) as listing:
         found = sorted(((entry.stat(), entry.path) for entry in listing), key=lambda one: -one[0].st_mtime_ns)
     total = 0

@@ -1,4 +1,4 @@
-"""The metadata of an episode against one declared model: what is read from files and what programs give."""
+"""Checks of an episode's metadata against one declared model, whether a file or a program gives them."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ JSON_ATTRIBUTES = ("config", "software", "transforms", "annotations", "history")
 
 
 class Annotation(msgspec.Struct):
-    """What an annotation must say; who found it and how is its own."""
+    """Keys that every annotation must have. Other keys, such as who found it and how, are free."""
 
     name: str
     start_ns: Int64
@@ -26,7 +26,7 @@ class Annotation(msgspec.Struct):
 
 
 class Record(msgspec.Struct):
-    """What the record of a transform must say: the parameters of those in `signals.transforms`, if it has them."""
+    """Keys of the record of a transform: its name, and any parameters of those in `svfl_data.signals.transforms`."""
 
     name: str
     offset: list[float] | None = None
@@ -36,13 +36,13 @@ class Record(msgspec.Struct):
 
 
 class HistoryEntry(msgspec.Struct):
-    """What an entry of the history must say; what the tool did is its own."""
+    """Keys that every entry of the history must have. Other keys, such as what the tool did, are free."""
 
     tool: str
 
 
 class Model(msgspec.Struct):
-    """The types of `Meta`."""
+    """Types of the attributes of `svfl_data.schema.episode.Meta`, as they are checked."""
 
     task: str
     index: Int64
@@ -57,18 +57,19 @@ class Model(msgspec.Struct):
 
 
 def parse_meta(attributes: Mapping[str, Any], where: object) -> Meta:
-    """What the attributes of an episode file say.
+    """Read the metadata of an episode from the attributes of its file.
 
     Args:
-        attributes: As HDF5 gives them.
-        where: What to name in the error, such as the file.
+        attributes: Attributes of the file by name, as HDF5 gives them.
+        where: Source of the attributes, such as the file, as the error message names it.
 
     Raises:
-        FormatError: If one is missing or of another type, is not JSON, or says what nothing can be made of.
+        FormatError: If an attribute is missing, has a wrong type, is not JSON where JSON is expected, or has a value
+            that is not possible.
     """
     try:
         meta = _checked({key: _attribute(attributes, key) for key in (*PLAIN_ATTRIBUTES, *JSON_ATTRIBUTES)})
-        if meta.index < 0:  # a writer may leave its choice open, a file may not
+        if meta.index < 0:  # a writer may leave the index open (-1), a file may not
             raise FormatError(f"attribute index is {meta.index}; episodes are numbered from 0")
         return meta
     except FormatError as error:
@@ -76,13 +77,14 @@ def parse_meta(attributes: Mapping[str, Any], where: object) -> Meta:
 
 
 def checked_meta(meta: Meta) -> Meta:
-    """Metadata that can be stored and read again, with Python's numbers in place of NumPy's.
+    """Return metadata that can be stored and read again, with Python's numbers in place of NumPy's.
 
     Args:
-        meta: Given by a program.
+        meta: Metadata as a program gives them.
 
     Raises:
-        FieldError: If it cannot be stored, or says what nothing can be made of.
+        FieldError: If the metadata cannot be stored as JSON, or have a value of a wrong type or one that is not
+            possible.
     """
     try:
         values = {field.name: getattr(meta, field.name) for field in dataclasses.fields(meta)}
@@ -94,7 +96,7 @@ def checked_meta(meta: Meta) -> Meta:
 
 
 def _attribute(attributes: Mapping[str, Any], key: str) -> Any:  # noqa: ANN401 - any JSON value
-    """The value of an attribute as Python's number, text or JSON value."""
+    """Return the value of an attribute as a Python number, a text or a JSON value."""
     if key not in attributes:
         raise FormatError(f"attribute {key} is missing")
     value = attributes[key]
@@ -111,6 +113,6 @@ def _attribute(attributes: Mapping[str, Any], key: str) -> Any:  # noqa: ANN401 
 def _checked(values: dict[str, Any]) -> Meta:
     parse_as(values, Model, "attributes")
     for record in values["transforms"]:
-        if record["name"] in TRANSFORMS:  # one of a later version can be kept, though not applied
+        if record["name"] in TRANSFORMS:  # a transform of a later version can be kept, but not applied
             from_record(record, "attribute transforms")
     return Meta(**values)

@@ -1,9 +1,9 @@
-"""Lazy reading of one episode: shapes at once, numbers only when asked for.
+"""Lazy reading of one episode: shapes are known at once, numbers are read only when they are asked for.
 
-An episode is judged when it is first opened (`svfl_data.storage.header`); from then on its bytes are read by `pread` at
-known places (`svfl_data.storage.chunks`), and refused if the file has changed meanwhile. A reader holds no open file:
-it can be copied, pickled, and carried through a fork. Reading a whole episode compares its bytes with its seal, once in
-each process; reading rows relies on the file being the one, unchanged, whose seal was compared before.
+An episode is judged when it is first opened (`svfl_data.storage.header`). From then on its bytes are read by `pread` at
+known places (`svfl_data.storage.chunks`), and the read is refused if the file has changed meanwhile. A reader holds no
+open file: it can be copied, pickled, and carried through a fork. Reading a whole episode compares its bytes with its
+seal, once in each process. Reading single rows relies on the file being unchanged since its seal was last compared.
 """
 
 import functools
@@ -20,16 +20,16 @@ from svfl_data.storage.damage import damaged_arrays
 from svfl_data.storage.header import Header, header, unsealed_header
 from svfl_data.storage.metadata import parse_meta
 from svfl_data.storage.seal import SEAL_MARK, SEAL_SIZE
-from svfl_data.storage.stored_array import StoredArray as StoredArray  # for those who read
+from svfl_data.storage.stored_array import StoredArray as StoredArray  # imported for users of this module
 from svfl_data.system.printable import printable
 
 
 @dataclass(frozen=True)
 class EpisodeReader:
-    """An episode on disk; nothing is read before it is asked for, as in ``reader["streams/wrench/wrench"][-64:]``.
+    """An episode on disk, whose arrays are read only on request, as in ``reader["streams/wrench/wrench"][-64:]``.
 
     Attributes:
-        extent: Where it lies.
+        extent: Place of the episode: its file, or the part of a shard that holds it.
 
     Example:
         >>> reader = dataset.episode(0)
@@ -41,24 +41,24 @@ class EpisodeReader:
 
     @classmethod
     def of_file(cls, file: Path | str) -> "EpisodeReader":
-        """The episode of a file that the user names, be it by a link.
+        """Return the reader of an episode file that the user names; the path may be a symbolic link.
 
         Raises:
-            FormatError: If there is no such file.
+            FormatError: If there is no such file, or it is a folder, pipe or device.
         """
         return cls(_named(Path(file)))
 
     @property
     def seal(self) -> str:
-        """SHA-256 of the episode's content, in hexadecimal: equal for equal episodes."""
+        """Seal of the episode: the SHA-256 of its content, in hexadecimal. Equal episodes have equal seals."""
         return header(self.extent).seal
 
     @property
     def written_seal(self) -> str:
-        """The seal as it stands in the file, read without checking it.
+        """Seal as it stands in the file, in hexadecimal, read without checking it against the content.
 
         Raises:
-            FormatError: If the episode has none.
+            FormatError: If the episode has no seal, or its file has changed or cannot be read.
         """
         descriptor = self.extent.open()
         try:
@@ -71,22 +71,22 @@ class EpisodeReader:
 
     @property
     def format_version(self) -> str:
-        """Version of the format it was written in."""
+        """Version of the file format in which the episode was written, such as ``1.0``."""
         return str(header(self.extent).attributes["format_version"])
 
     @functools.cached_property
     def meta(self) -> Meta:
-        """What the episode is about."""
+        """Metadata of the episode."""
         return parse_meta(header(self.extent).attributes, self.extent)
 
     @property
     def paths(self) -> list[str]:
-        """Dataset paths of its arrays."""
+        """Dataset paths of the episode's arrays."""
         return list(header(self.extent).placements)
 
     @property
     def cameras(self) -> list[str]:
-        """Names of the cameras, sorted."""
+        """Names of the episode's cameras, sorted."""
         return camera_names(self.paths)
 
     @property
@@ -97,7 +97,7 @@ class EpisodeReader:
 
     @property
     def rates(self) -> dict[str, float]:
-        """Mean rate of every stream and camera with at least two rows, [Hz], by the path of its timestamps."""
+        """Mean rate of every stream and camera with at least two rows, [Hz], by the path of its time stamps."""
         rates = {}
         for path in self.paths:
             if path.endswith("/t_ns") and not path.startswith(EXTRA) and len(self[path]) > 1:
@@ -106,16 +106,16 @@ class EpisodeReader:
         return rates
 
     def load(self, images: bool = True) -> Episode:
-        """The whole episode in memory, its bytes compared with its seal.
+        """Read the whole episode into memory, and compare its bytes with its seal.
 
         Args:
-            images: Whether images and the user's own arrays are in memory too. Else they are `StoredArray` objects,
-                which give rows when indexed and cannot be read any more once the file has changed: enough to check an
-                episode or to copy it, in little memory, whatever its images expand to.
+            images: Whether to read images and the user's own arrays (``extra/``) into memory, too. If False, they are
+                `StoredArray` objects, which read rows when indexed and cannot be read any more once the file has
+                changed. These suffice to check or copy an episode in little memory, however large its images are.
 
         Raises:
             FieldError: If a field does not fit its declaration.
-            FormatError: If the file has changed or cannot be read.
+            FormatError: If the file has changed, is damaged, or cannot be read.
         """
         return _loaded(self.extent, header(self.extent, hashed=True), images)
 
@@ -132,7 +132,7 @@ class EpisodeReader:
         return self["actions/action"].shape[0]
 
     def table(self) -> str:
-        """Every array in one line: type, shape, unit, and mean rate if it has a clock."""
+        """Describe every array in one line: type, shape, unit, and mean rate if the array has time stamps."""
         rates, lines = self.rates, []
         for path in self.paths:
             array = self[path]
@@ -152,11 +152,11 @@ def read_episode(path: Path | str, images: bool = True) -> Episode:
     """Read a whole episode.
 
     Args:
-        path: An episode file.
-        images: See `EpisodeReader.load`.
+        path: Path of an episode file.
+        images: Whether to read images into memory, too; see `EpisodeReader.load`.
 
     Returns:
-        The episode, every array checked against its declaration.
+        The episode, with every array checked against its declaration.
 
     Raises:
         FormatError: If the file is missing, truncated, damaged, not an episode, or of an unknown version.
@@ -172,10 +172,10 @@ def read_episode(path: Path | str, images: bool = True) -> Episode:
 def read_unsealed(path: Path) -> Episode:
     """Read an episode file that lost its seal to other software.
 
-    Little protects from damage here: what HDF5 can read may still be other numbers than were written.
+    Without a seal, damage may go unnoticed: the numbers that HDF5 reads may differ from those that were written.
 
     Raises:
-        FormatError: If it is not a readable episode.
+        FormatError: If the file is not a readable episode.
         FieldError: If a field is missing or does not fit its declaration.
     """
     extent = Extent.of_file(path)
@@ -185,7 +185,7 @@ def read_unsealed(path: Path) -> Episode:
 
 
 def _named(file: Path) -> Extent:
-    """The whole of a file that the user names, be it by a link."""
+    """Return the extent of a whole file that the user names; the path may be a symbolic link."""
     if file.is_dir():
         raise FormatError(f"{file}: is a folder, not an episode file")
     if not file.exists():
@@ -202,6 +202,6 @@ def _loaded(extent: Extent, found: Header, images: bool) -> Episode:
 
 
 def _may_be_large(path: str) -> bool:
-    """Whether the size of an array is bounded with that of all only (`svfl_data.storage.admission`)."""
+    """Return whether only the limit of all arrays together bounds an array's size (`svfl_data.storage.admission`)."""
     field = field_at(path)
     return field is None or field.image

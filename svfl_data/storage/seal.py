@@ -1,4 +1,7 @@
-"""The seal behind an episode's HDF5 content: a SHA-256 of all bytes before it, checked before HDF5 sees any of them."""
+"""The seal at the end of an episode file: a SHA-256 of all bytes before it.
+
+The seal is checked before HDF5 reads any of these bytes.
+"""
 
 import hashlib
 import os
@@ -13,12 +16,17 @@ BLOCK = 2**20  # bytes read at once
 
 
 def seal(content: bytes) -> bytes:
-    """The seal of some content."""
+    """Return the seal that belongs behind the given content."""
     return _seal_of(hashlib.sha256(content).hexdigest())
 
 
 def file_seal(descriptor: int, size: int) -> bytes:
-    """The seal of the first bytes of an open file; memory holds a block at a time."""
+    """Compute the seal of the first bytes of an open file, with one block in memory at a time.
+
+    Args:
+        descriptor: File descriptor, open for reading.
+        size: Number of bytes to hash, counted from the beginning of the file.
+    """
     digest = hashlib.sha256()
     for start in range(0, size, BLOCK):
         digest.update(os.pread(descriptor, min(BLOCK, size - start), start))
@@ -30,10 +38,10 @@ def _seal_of(digest: str) -> bytes:
 
 
 def check_seal(path: Path) -> None:
-    """Check that a file is what was sealed, whatever its size; memory holds a block at a time.
+    """Check that the content of a file matches its seal, with one block of the file in memory at a time.
 
     Raises:
-        FormatError: If it is not, or cannot be read.
+        FormatError: If the content does not match the seal, or the file cannot be read.
     """
     try:
         with path.open("rb") as file:
@@ -48,20 +56,23 @@ def check_seal(path: Path) -> None:
 
 
 def has_seal(path: Path) -> bool:
-    """Whether a file ends as a sealed one does, intact or not; one that other software has changed does not."""
+    """Return whether a file ends with a seal, be its content intact or not.
+
+    A file that other software has changed does not end with a seal any more.
+    """
     with path.open("rb") as file:
         file.seek(max(0, os.fstat(file.fileno()).st_size - SEAL_SIZE))
         return file.read(len(SEAL_MARK)) == SEAL_MARK
 
 
 def broken(where: object, head: bytes, found: bytes, size: int) -> FormatError:
-    """What is wrong with an episode that is not what was sealed.
+    """Return the error that describes an episode file whose content does not match its seal.
 
     Args:
-        where: It lies, for the message.
-        head: Its first bytes, as many as `HDF5_MAGIC` has.
-        found: Its last bytes, as many as a seal has.
-        size: Number of its bytes.
+        where: Place of the episode, such as the path of its file, for the message.
+        head: First bytes of the file, as many as `HDF5_MAGIC` has.
+        found: Last bytes of the file, as many as a seal has.
+        size: Size of the file, [bytes].
     """
     if head != HDF5_MAGIC:
         return FormatError(f"{where}: not an episode file (no HDF5 file, {size} bytes)")

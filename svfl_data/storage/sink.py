@@ -1,7 +1,8 @@
-"""A file for the HDF5 library whose writes never fail.
+"""A file object for the HDF5 library whose writes never fail.
 
-The library crashes the process when the disk refuses a write (measured: h5py 3.12 and 3.16 on a full tmpfs, 8 of 8).
-So what the disk refuses is kept in memory until the library has closed its file; the error surfaces after that.
+The HDF5 library crashes the process when the disk refuses a write (measured with h5py 3.12 and 3.16 on a full tmpfs: 8
+of 8 times). So bytes that the disk refuses are kept in memory until the library has closed its file. The error is
+raised after that.
 """
 
 import io
@@ -9,11 +10,12 @@ import os
 
 
 class Sink(io.RawIOBase):
-    """The new file behind a descriptor, as h5py wants file objects.
+    """A new file, given by its descriptor, as a file object that h5py accepts.
 
     Attributes:
-        error: The first refusal of the disk, or another reason to stop that was set from outside. Whoever writes looks
-            at it now and then, stops, closes and raises it; until then every write takes memory.
+        error: First error of the disk, or another reason to stop that was set from outside; None while there is none.
+            The code that writes must look at this attribute regularly, then stop, close the HDF5 file and raise the
+            error. Until then every further write takes memory.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -24,7 +26,7 @@ class Sink(io.RawIOBase):
         self._refused: list[tuple[int, bytes]] = []
 
     def write(self, data) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001 - any buffer
-        """Write at the position; always the whole of it, to the disk or else to memory."""
+        """Write a whole buffer at the current position, to the disk or, if the disk refuses, to memory."""
         view = memoryview(data).cast("B")
         try:
             if self.error is None:
@@ -38,7 +40,7 @@ class Sink(io.RawIOBase):
         return len(view)
 
     def readinto(self, buffer) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001 - any buffer
-        """Read at the position what was written there, whether or not the disk took it."""
+        """Read the bytes at the current position into a buffer, be they on disk or in memory."""
         view = memoryview(buffer).cast("B")
         start, stop = self._position, min(self._position + len(view), self._end)
         count = max(0, stop - start)
@@ -52,16 +54,16 @@ class Sink(io.RawIOBase):
         return count
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Move the position."""
+        """Move the current position, and return the new one."""
         self._position = offset + (0, self._position, self._end)[whence]
         return self._position
 
     def tell(self) -> int:
-        """The position."""
+        """Return the current position."""
         return self._position
 
     def truncate(self, size: int | None = None) -> int:
-        """Set the size."""
+        """Set the size of the file, by default to the current position, and return the new size."""
         self._end = self._position if size is None else size
         try:
             os.ftruncate(self._descriptor, self._end)
@@ -70,23 +72,28 @@ class Sink(io.RawIOBase):
         return self._end
 
     def seekable(self) -> bool:
-        """Always."""
+        """Return True, since the position can always be moved."""
         return True
 
     def readable(self) -> bool:
-        """Always."""
+        """Return True, since the file can always be read."""
         return True
 
     def writable(self) -> bool:
-        """Always."""
+        """Return True, since the file can always be written."""
         return True
 
 
 def write_all(descriptor: int, view: memoryview, offset: int) -> None:
-    """Write all of a buffer at an offset.
+    """Write a whole buffer into a file at an offset.
+
+    Args:
+        descriptor: File descriptor, open for writing.
+        view: Bytes to write.
+        offset: Position of the first byte in the file, [bytes].
 
     Raises:
-        OSError: If the disk refuses, possibly after a part of it.
+        OSError: If the disk refuses. A part of the buffer may have been written by then.
     """
     while view:
         written = os.pwrite(descriptor, view, offset)

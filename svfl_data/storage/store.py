@@ -1,13 +1,14 @@
-"""Writing episode files, and reading whole ones; the only module that writes HDF5.
+"""Writing of episode files, and reading of whole ones; the only module that writes HDF5 files.
 
-A file is built in memory, or in a file beside it where it may be large, then synced and given its name. Writing HDF5
-straight to a full disk makes the HDF5 library crash the whole process, and a killed writer leaves a file that cannot be
-opened; this way an episode is either whole or absent. Equal episodes give equal bytes, whichever way they were written:
-HDF5's object times are not stored, and chunks are encoded by their content only (`svfl_data.storage.chunk_encoding`).
+An episode file is built in memory, or in a temporary file beside its destination if it may be large. It is then synced
+and renamed to its final name. If HDF5 wrote directly to a full disk, its library would crash the whole process, and a
+killed writer would leave a file that cannot be opened. This way an episode is either whole or absent. Equal episodes
+give equal bytes, whichever way they are written: HDF5's object times are not stored, and the encoding of a chunk
+depends on its content only (`svfl_data.storage.chunk_encoding`).
 
-Behind the HDF5 content stands a seal, a SHA-256 of all bytes before it. HDF5 readers ignore it; ours checks it before
-anything else, because damaged metadata can be read as if nothing had happened. How a file is read:
-`svfl_data.storage.header`.
+A seal, the SHA-256 of all bytes before it, follows the HDF5 content. HDF5 readers ignore the seal. The reader of this
+package checks it before anything else, because HDF5 may read damaged metadata without noticing. The module
+`svfl_data.storage.header` describes how a file is read.
 """
 
 import dataclasses
@@ -27,37 +28,37 @@ from svfl_data.schema.fields import field_at
 from svfl_data.storage.chunk_encoding import LEVEL, Encoding
 from svfl_data.storage.header import FORMAT, FORMAT_VERSION, MEANING
 from svfl_data.storage.metadata import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, checked_meta
-from svfl_data.storage.reader import read_episode as read_episode  # the other half of `write_episode`
+from svfl_data.storage.reader import read_episode as read_episode  # the counterpart of `write_episode`
 from svfl_data.storage.reader import read_unsealed as read_unsealed
-from svfl_data.storage.seal import SEAL_SIZE as SEAL_SIZE  # for readers
+from svfl_data.storage.seal import SEAL_SIZE as SEAL_SIZE  # imported for users of this module
 from svfl_data.storage.seal import file_seal, seal
 from svfl_data.storage.sink import Sink, write_all
 from svfl_data.system.atomic_io import write_atomically
 
 STREAM_CHUNK = 1024  # rows per chunk of a stream
-CHUNK_BYTES = 2**20  # and no more than this, unless one row is larger
-BLOCK_BYTES = 2**20  # encoded by a thread at once
-THREADS = 4  # of an episode that is sealed, at most; more would wait for HDF5 and the disk
+CHUNK_BYTES = 2**20  # largest size of a chunk of a stream, unless one row is larger
+BLOCK_BYTES = 2**20  # bytes that a thread encodes at once
+THREADS = 4  # most threads that encode an episode which is sealed; more would only wait for HDF5 and the disk
 TEXT = h5py.h5t.py_create(h5py.string_dtype(), logical=True)
 SCALAR = h5py.h5s.create(h5py.h5s.SCALAR)
 
 
 class Rows(Protocol):
-    """An array that may be larger than memory: a NumPy array, or anything that gives slices of rows as such."""
+    """An array that may be larger than memory: a NumPy array, or an object whose slices of rows are NumPy arrays."""
 
     @property
     def dtype(self) -> np.dtype:
-        """Type of its numbers."""
+        """NumPy dtype of the elements."""
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Its sizes."""
+        """Shape of the array."""
 
     def __getitem__(self, rows: slice, /) -> np.ndarray: ...
 
 
 def episode_bytes(episode: Episode) -> bytes:
-    """The episode as the content of a sealed HDF5 file; equal episodes give equal bytes."""
+    """Return the content of a sealed HDF5 file that holds an episode; equal episodes give equal bytes."""
     buffer = io.BytesIO()
     _write_hdf5(buffer, episode.meta, episode.arrays, None)
     content = buffer.getvalue()
@@ -65,21 +66,22 @@ def episode_bytes(episode: Episode) -> bytes:
 
 
 def write_sealed(descriptor: int, meta: Meta, arrays: Mapping[str, Rows]) -> None:
-    """Write a sealed episode of any length into a new file and sync it, with a few cores; memory holds a few blocks.
+    """Write a sealed episode of any length into a new file and sync the file.
 
-    The bytes are those of `episode_bytes` for the same content. What is written is read again for the seal.
+    A few threads encode the arrays, and only a few blocks are in memory at a time. The bytes are the same as those of
+    `episode_bytes` for the same content. They are read from the file again to compute the seal.
 
     Args:
-        descriptor: The file: empty, open for reading and writing.
-        meta: What the episode is about.
-        arrays: Dataset path to array; must be a valid episode, which is not checked here.
+        descriptor: Descriptor of an empty file that is open for reading and writing.
+        meta: Metadata of the episode.
+        arrays: Arrays by dataset path. They must form a valid episode, which is not checked here.
 
     Raises:
         OSError: If the disk refuses; the file then holds nothing of use.
     """
     sink = Sink(descriptor)
     encoders = ThreadPoolExecutor(min(THREADS, os.cpu_count() or 1), "encode")
-    with encoders, ThreadPoolExecutor(1) as thread:  # Ctrl-C interrupts the main thread, never HDF5 in its own
+    with encoders, ThreadPoolExecutor(1) as thread:  # Ctrl-C interrupts the main thread, never HDF5's
         try:
             thread.submit(_write_hdf5, sink, meta, arrays, encoders).result()
         except BaseException as error:
@@ -92,7 +94,10 @@ def write_sealed(descriptor: int, meta: Meta, arrays: Mapping[str, Rows]) -> Non
 
 
 def largest_size(arrays: Mapping[str, Rows]) -> int:
-    """Upper bound of the bytes that an episode takes on disk, for messages; compression usually saves most of it."""
+    """Return an upper bound of the size of an episode on disk, [bytes], for messages.
+
+    The real size is usually much smaller, because of compression.
+    """
     chunks = sum(array.shape[0] // _chunk_rows(path, array) + 1 for path, array in arrays.items() if array.shape)
     return sum(_bytes(array) for array in arrays.values()) + 256 * chunks + 2**14 * (len(arrays) + 1)
 
@@ -144,7 +149,7 @@ def _write_array(
 
 
 def _encoded(array: Rows, encoding: Encoding, encoders: ThreadPoolExecutor | None) -> Iterator[list[bytes]]:
-    """The chunks of an array in order, a block of them at a time; a few blocks are being encoded meanwhile."""
+    """Encode an array and yield its chunks in order, a block of chunks at a time, while threads encode later blocks."""
     rows, chunk = array.shape[0], encoding.chunk[0]
     step = max(1, BLOCK_BYTES * rows // _bytes(array) // chunk) * chunk
 
@@ -164,13 +169,13 @@ def _encoded(array: Rows, encoding: Encoding, encoders: ThreadPoolExecutor | Non
 
 
 def _write_text(owner: h5py.File | h5py.Dataset, name: str, text: str) -> None:
-    """What ``owner.attrs[name] = text`` does, in half the time: an episode has some ninety of them."""
+    """Write a text attribute as ``owner.attrs[name] = text`` does, in half the time; an episode has about ninety."""
     attribute = h5py.h5a.create(owner.id, name.encode(), TEXT, SCALAR)
     attribute.write(np.array(text, dtype=h5py.string_dtype()))
 
 
 def _chunk_rows(path: str, array: Rows) -> int:
-    """Rows per chunk: one image, or as much of a stream as is read at once."""
+    """Return the number of rows per chunk: one for images, and for streams about as many as are read at once."""
     field = field_at(path)
     if field and field.image:
         return 1
@@ -181,11 +186,11 @@ def write_episode(episode: Episode, path: Path) -> None:
     """Write an episode so that the file is either whole or absent.
 
     Args:
-        episode: What to write.
-        path: The file; replaced if it exists.
+        episode: Episode to write.
+        path: Path of the file. An existing file is replaced.
 
     Raises:
-        StorageError: If the disk is full, read-only or otherwise refuses; nothing is left behind.
+        StorageError: If the disk is full, read-only or refuses for another reason; nothing is left behind.
 
     Example:
         >>> from pathlib import Path
@@ -197,16 +202,17 @@ def write_episode(episode: Episode, path: Path) -> None:
 
 
 def resealed_bytes(path: Path, entry: dict[str, Any]) -> bytes:
-    """The episode of a file that other software has changed, written anew and sealed.
+    """Return the content of a new sealed file for an episode whose file other software has changed.
 
-    What other software added beside declared arrays and those below ``extra/`` is not kept.
+    Anything that other software added is left out, except declared arrays and arrays below ``extra/``.
 
     Args:
-        path: A valid episode file without a seal.
-        entry: What to add to its history.
+        path: Path of a valid episode file without a seal.
+        entry: Entry to add to the history of the episode.
 
     Raises:
-        SvflError: As `read_unsealed`.
+        FormatError: If the file is not a readable episode.
+        FieldError: If a field is missing or does not fit its declaration.
     """
     episode = read_unsealed(path)
     meta = dataclasses.replace(episode.meta, history=[*episode.meta.history, entry])

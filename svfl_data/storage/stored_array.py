@@ -1,4 +1,4 @@
-"""An array of an episode on disk, of which rows are read when they are asked for."""
+"""Arrays of an episode on disk, whose rows are read when they are asked for."""
 
 import math
 import operator
@@ -14,12 +14,12 @@ from svfl_data.storage.chunks import Extent, Placement
 
 @dataclass(frozen=True, eq=False)
 class StoredArray:
-    """An array of an episode on disk; index it to read.
+    """An array of an episode on disk, whose rows are read by indexing the object.
 
     Attributes:
-        path: Its name in the episode.
-        extent: The episode.
-        placement: Where it lies.
+        path: Dataset path of the array in the episode.
+        extent: Place of the episode: its file and the range of bytes in it.
+        placement: Type, shape and place of the array inside the episode.
     """
 
     path: str
@@ -28,36 +28,36 @@ class StoredArray:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Its sizes."""
+        """Shape of the array."""
         return self.placement.shape
 
     @property
     def dtype(self) -> np.dtype:
-        """Type of its elements."""
+        """NumPy dtype of the elements."""
         return self.placement.dtype
 
     @property
     def ndim(self) -> int:
-        """Number of its axes."""
+        """Number of axes."""
         return len(self.shape)
 
     @property
     def size(self) -> int:
-        """Number of its elements."""
+        """Number of elements."""
         return math.prod(self.shape)
 
     @property
     def unit(self) -> str:
-        """Unit of its numbers, ``-`` for none or unknown."""
+        """Unit of the numbers; ``-`` if they have none or the array is not declared in `svfl_data.schema.fields`."""
         field = field_at(self.path)
         return field.unit if field else "-"
 
     def __getitem__(self, rows: int | slice | tuple[()] | Sequence[int] | np.ndarray) -> np.ndarray:
-        """Read one row, a range of rows, some rows, or (with ``[()]`` or ``[:]``) everything.
+        """Read one row, a range of rows, several chosen rows, or (with ``[()]`` or ``[:]``) the whole array.
 
         Raises:
-            IndexError: If there is no such row.
-            FormatError: If the file has changed or cannot be read.
+            IndexError: If the array does not have a requested row.
+            FormatError: If the file has changed since it was found, or cannot be read.
         """
         if not self.shape:
             return np.asarray(self.placement.value)
@@ -69,14 +69,14 @@ class StoredArray:
         if not isinstance(rows, slice) and np.ndim(rows):
             found = [self[int(row)] for row in np.arange(len(self))[np.asarray(rows)]]
             return np.stack(found) if found else np.empty((0, *self.shape[1:]), self.dtype)
-        row = operator.index(rows)  # type: ignore[arg-type] # what has no dimensions is one row
+        row = operator.index(rows)  # type: ignore[arg-type] # an index without dimensions is one row
         row += len(self) if row < 0 else 0
         if not 0 <= row < len(self):
             raise IndexError(f"{self.path} of {self.extent}: no row {rows}; it has {len(self)}")
         return self.rows(row, row + 1)[0]
 
     def rows(self, start: int, stop: int) -> np.ndarray:
-        """Rows start .. stop-1, both within the array."""
+        """Read the rows start .. stop-1, which must lie within the array."""
         descriptor = self.extent.open()
         try:
             return self.placement.rows(self.extent, descriptor, start, stop)
@@ -84,7 +84,7 @@ class StoredArray:
             os.close(descriptor)
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        """Its rows, one in memory at a time."""
+        """Read the rows one after the other, with one row in memory at a time."""
         return (self[row] for row in range(len(self)))
 
     def __array__(self, dtype: np.dtype | None = None, copy: bool | None = None) -> np.ndarray:
