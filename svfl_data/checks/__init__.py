@@ -1,7 +1,7 @@
-"""What can be wrong with recorded data, as small functions that say so in words.
+"""Checks of recorded data: small functions that describe in words what is wrong with an episode or a dataset.
 
-A check takes a valid episode (`svfl_data.schema.validity`) and yields findings. That it is valid, and that the file is
-whole, is checked when it is read; `check_file` turns what reading says into findings too.
+A check takes a valid episode (`svfl_data.schema.validity`) and yields findings. Reading an episode already checks that
+it is valid and that its file is whole. `check_file` turns the errors of reading into findings, too.
 """
 
 import re
@@ -23,7 +23,14 @@ __all__ = ["Finding", "Severity", "check_dataset", "check_episode", "check_file"
 
 
 def check_file(path: Path) -> list[Finding]:
-    """Everything that is wrong with one episode file, from its seal to its content.
+    """Return everything that is wrong with one episode file, from its seal to its content.
+
+    Args:
+        path: Path of the episode file.
+
+    Returns:
+        Findings of all checks. If the file cannot be read, the first finding gives the error, and the others name the
+        arrays that are damaged.
 
     Example:
         >>> [one.words for one in check_file(dataset.episode_path(0)) if one.severity == "error"]
@@ -36,7 +43,13 @@ def check_file(path: Path) -> list[Finding]:
 
 
 def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
-    """Everything that is wrong with a dataset, one list per episode, then one for what is wrong between them.
+    """Yield everything that is wrong with a dataset: one list of findings per episode, then one for the whole dataset.
+
+    The last list tells what does not fit together between the episodes (`svfl_data.checks.between`), and names
+    unfinished episodes.
+
+    Args:
+        dataset: Dataset to check.
 
     Example:
         >>> [one.words for found in check_dataset(dataset) for one in found if one.severity == "error"]
@@ -64,7 +77,15 @@ def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
 
 
 def unreadable(name: str, problem: SvflError) -> list[Finding]:
-    """What reading says about a file, with the field and index that it names, and which arrays are damaged."""
+    """Turn the error of reading an episode file into findings.
+
+    Args:
+        name: Path of the file.
+        problem: Error that reading the file has raised.
+
+    Returns:
+        One finding for the error, with the field and index that its message names, then one for each damaged array.
+    """
     words = str(problem)
     field = re.search(r"field (\S+?)[ ']", words)
     index = re.search(r"at index \((\d+)", words)

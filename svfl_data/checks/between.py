@@ -1,4 +1,4 @@
-"""What is wrong between the episodes of a dataset: other setups, copies, names and numbers that do not fit."""
+"""Checks between the episodes of a dataset: different setups, copies, and names or numbers that do not fit."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,14 +14,14 @@ from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.printable import printable
 
 NAMED = 5
-"""Names that one finding lists."""
+"""Largest number of names that one finding lists."""
 
 
 class Between:
-    """Gathers episodes one after the other and says what does not fit together.
+    """Comparison of the episodes of a dataset, which are added one after the other.
 
     Args:
-        dataset: Whose episodes.
+        dataset: Dataset to which the episodes belong.
     """
 
     def __init__(self, dataset: Dataset) -> None:
@@ -32,7 +32,13 @@ class Between:
         self._found: list[Finding] = []
 
     def add(self, index: int, reader: EpisodeReader, episode: Episode) -> None:
-        """Take in an episode that could be read."""
+        """Add an episode that could be read.
+
+        Args:
+            index: Index of the episode in the dataset.
+            reader: Reader of the episode.
+            episode: The episode itself; its images need not be in memory.
+        """
         arrays = {path: reader[path] for path in reader.paths}
         self._setups.append((episode.name, Setup.of(episode.meta, arrays)))
         self._contents.append((episode.name, content_id(reader)))
@@ -40,11 +46,11 @@ class Between:
         self._found += [*check_place(self._dataset, index), *self._lacking(self._first, episode)]
 
     def findings(self) -> list[Finding]:
-        """Everything that does not fit together."""
+        """Return everything that does not fit together among the episodes added so far."""
         return [*self._found, *self._unlike(), *self._copies(), *self._named()]
 
     def _lacking(self, first: Episode, episode: Episode) -> Iterator[Finding]:
-        """Episodes of a dataset have the same arrays; of cameras the setup says so."""
+        """Find arrays that only one of two episodes has, other than those of cameras, which the setup compares."""
         for path in sorted(first.arrays.keys() ^ episode.arrays.keys()):
             if not path.startswith("cameras/"):
                 words = f"{'missing' if path in first.arrays else 'extra'}, compared with {Path(first.name).name}"
@@ -65,7 +71,7 @@ class Between:
             yield Finding(copy, "", None, "error", words)
 
     def _named(self) -> Iterator[Finding]:
-        """What looks like an episode and is none, and episodes that lie in several shards."""
+        """Find files that look like episodes but are none, and episodes that lie in several shards."""
         name = str(self._dataset.path)
         if strays := self._dataset.strays():
             words = "not counted as episodes, which are named like episode_000012.hdf5: "

@@ -1,4 +1,4 @@
-"""What a check says about an episode."""
+"""Findings: the results of checks of an episode, and helpers that put them into words."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,21 +8,23 @@ import numpy as np
 from svfl_data.schema.episode import Episode
 
 Severity = Literal["error", "warning", "note"]
-"""error: do not use as it is; warning: probably not what was meant; note: good to know."""
+"""How much a finding matters. An ``error`` means that the episode must not be used as it is, a ``warning`` that the
+recording is probably not what was meant. A ``note`` only informs."""
 
-SHOWN = 3  # places named in one finding
+SHOWN = 3  # largest number of places that one finding names
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong, or worth knowing, about one episode.
+    """One thing that is wrong, or worth knowing, about one episode or a whole dataset.
 
     Attributes:
-        episode: File of the episode, or the dataset's name if it concerns the whole.
-        field: Dataset path in the file, attribute, or empty if it concerns the whole file.
-        index: First row concerned, None if it concerns no row.
-        severity: How much it matters.
-        words: What is wrong, in words, with times and units.
+        episode: File of the episode, or name of the dataset if the finding concerns the whole dataset.
+        field: Dataset path of the array, or name of the attribute, that the finding concerns; empty if it concerns the
+            whole file.
+        index: First row that the finding concerns; None if it concerns no row.
+        severity: How much the finding matters: ``error``, ``warning`` or ``note``; see `Severity`.
+        words: Description of what is wrong, with times and units.
     """
 
     episode: str
@@ -37,40 +39,45 @@ class Finding:
 
 
 def error(episode: Episode, field: str, index: int | None, words: str) -> Finding:
-    """A finding that makes the episode unfit for use."""
+    """Return a finding of severity ``error``, which makes the episode unfit for use; see `Finding`."""
     return Finding(episode.name, field, index, "error", words)
 
 
 def warning(episode: Episode, field: str, index: int | None, words: str) -> Finding:
-    """A finding that is probably not what was meant."""
+    """Return a finding of severity ``warning``, for a recording that is probably not what was meant; see `Finding`."""
     return Finding(episode.name, field, index, "warning", words)
 
 
 def note(episode: Episode, field: str, index: int | None, words: str) -> Finding:
-    """A finding that is good to know."""
+    """Return a finding of severity ``note``, which only informs; see `Finding`."""
     return Finding(episode.name, field, index, "note", words)
 
 
 def places(rows: np.ndarray, t_ns: np.ndarray) -> str:
-    """Rows with their times, e.g. ``rows 7 (0.014 s), 9 (0.018 s) and 2 more``."""
+    """Describe rows with their times, e.g. ``rows 7 (0.014 s), 9 (0.018 s) and 2 more``.
+
+    Args:
+        rows: Row numbers, shape (K,).
+        t_ns: Time stamps of all rows of the stream, shape (M,), [ns].
+    """
     named = ", ".join(f"{row} ({seconds(t_ns[row])})" for row in rows[:SHOWN])
     more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
     return f"row{'s' if len(rows) > 1 else ''} {named}{more}"
 
 
 def seconds(t_ns: int | np.integer) -> str:
-    """A time of the episode clock, in words."""
+    """Return a time of the episode clock, given in [ns], as a text in seconds."""
     return f"{t_ns / 1e9:.3f} s"
 
 
 def longest_run(same: np.ndarray) -> tuple[int, int]:
-    """The longest run of true values.
+    """Find the longest run of true values.
 
     Args:
         same: Truth values, shape (M,).
 
     Returns:
-        Its first row and its length; (0, 0) if there is none.
+        First row and length of the longest run; (0, 0) if no value is true.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
     starts, lengths = edges[::2], edges[1::2] - edges[::2]
@@ -81,7 +88,13 @@ def longest_run(same: np.ndarray) -> tuple[int, int]:
 
 
 def travel_m(episode: Episode, start_ns: int, end_ns: int) -> float:
-    """How far the TCP moves between two times, largest extent along an axis, [m]."""
+    """Return how far the TCP moves between two times: the largest extent of its path along a base axis, [m].
+
+    Args:
+        episode: Episode to look at.
+        start_ns: Beginning of the interval on the episode clock, [ns].
+        end_ns: End of the interval on the episode clock, [ns].
+    """
     within = (episode.t_ns >= start_ns) & (episode.t_ns <= end_ns)
     path = episode.proprio[within, 1:4]
     return float(np.ptp(path, axis=0).max()) if len(path) else 0.0

@@ -1,4 +1,4 @@
-"""Did the cameras see anything? Images are looked at one by one, so that memory holds two of them."""
+"""Checks that the cameras saw something. Images are read one by one, so that at most two of them are in memory."""
 
 from collections.abc import Iterator
 
@@ -7,12 +7,12 @@ import numpy as np
 from svfl_data.checks.finding import Finding, error, longest_run, places, seconds, travel_m, warning
 from svfl_data.schema.episode import Camera, Episode
 
-HOLES = 0.5  # share of a depth image without measurement that is worth a warning
-FROZEN_FRAMES, FROZEN_TRAVEL_M = 5, 0.01  # identical images in a row, while the gripper moves this far
+HOLES = 0.5  # share of pixels without measurement in a depth image above which a warning is given
+FROZEN_FRAMES, FROZEN_TRAVEL_M = 5, 0.01  # a camera is frozen if so many images are equal while the TCP moves so far
 
 
 def check_color(episode: Episode, camera: Camera) -> Iterator[Finding]:
-    """No colour image is black or of one colour, and the picture is not frozen while the gripper moves."""
+    """Check that no colour image is black or of one grey, and that images do not freeze while the gripper moves."""
     path = f"cameras/{camera.name}/color"
     flat, black, repeated = [], True, []
     previous: np.ndarray | None = None
@@ -31,7 +31,7 @@ def check_color(episode: Episode, camera: Camera) -> Iterator[Finding]:
 
 
 def _images(camera: Camera, kind: str) -> Iterator[np.ndarray]:
-    """The images of a camera, one at a time, also where they still lie on disk."""
+    """Yield the images of a camera one at a time, whether they are in memory or on disk."""
     stored = camera.arrays[kind]
     return (stored[row] for row in range(stored.shape[0]))
 
@@ -51,7 +51,7 @@ def _frozen(episode: Episode, camera: Camera, path: str, repeated: np.ndarray) -
 
 
 def check_depth(episode: Episode, camera: Camera) -> Iterator[Finding]:
-    """Depth images have measurements in most pixels, and differ from pixel to pixel."""
+    """Check that most pixels of each depth image have a measurement, and that no depth image is constant."""
     if not camera.has("depth") or not camera.arrays["depth"].shape[0]:
         return
     path = f"cameras/{camera.name}/depth"

@@ -1,4 +1,4 @@
-"""All checks of one episode: those of its streams, then those of its cameras' images."""
+"""All checks of one episode: first those of its streams, then those of the images of its cameras."""
 
 from collections.abc import Callable, Iterator
 
@@ -18,7 +18,7 @@ IMAGE_CHECKS: tuple[Callable[[Episode, Camera], Iterator[Finding]], ...] = (chec
 
 
 def check_episode(episode: Episode) -> list[Finding]:
-    """Everything the checks find in one episode.
+    """Return everything that the checks find in one episode.
 
     Example:
         >>> [one.words for one in check_episode(dataset[0]) if one.severity == "error"]
@@ -29,10 +29,15 @@ def check_episode(episode: Episode) -> list[Finding]:
 
 
 def check_streams(episode: Episode) -> list[Finding]:
-    """What they find without looking at images."""
+    """Return everything that the checks find in one episode without looking at its images."""
     return [finding for check in STREAM_CHECKS for finding in check(episode)]
 
 
 def check_images(episode: Episode, camera: str) -> list[Finding]:
-    """What they find in the images of a camera."""
+    """Return everything that the checks find in the images of one camera of an episode.
+
+    Args:
+        episode: Episode to check.
+        camera: Name of the camera.
+    """
     return [finding for check in IMAGE_CHECKS for finding in check(episode, episode.cameras[camera])]

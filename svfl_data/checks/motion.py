@@ -1,4 +1,4 @@
-"""Are actions, positions, poses and labels possible, and do they agree with each other?"""
+"""Checks that actions, proprioception, labels, transforms and annotations are possible and agree with each other."""
 
 from collections.abc import Iterator
 from typing import Any, TypeGuard
@@ -13,12 +13,15 @@ from svfl_data.schema.fields import FARTHEST_NS
 from svfl_data.signals.transforms import recorded_transforms
 from svfl_data.symmetry import DIRECTIONS, OFFSET_PARTS, act, points_towards
 
-OUTSIDE_M = 0.03  # an admittance controller lets contact push the gripper out of the workspace by up to this
-OPENING = 0.05  # fingers stop a little before or after their nominal range
+OUTSIDE_M = 0.03  # contact may push the gripper out of the workspace this far, through an admittance controller
+OPENING = 0.05  # the fingers may stop this far outside their nominal range of 0 to 1
 
 
 def check_action(episode: Episode) -> Iterator[Finding]:
-    """Actions are within the bounds of the configuration, or else of the paper."""
+    """Check that actions are within the bounds of the episode's configuration or, if it has none, of the paper.
+
+    The paper is Kohler et al., CoRL 2023; see `svfl_data.schema.action_bounds`.
+    """
     bounds = ActionBounds.of(episode.meta.config)
     for name in ("action", "expert_action"):
         if episode.has(name) and (fault := bounds.fault(getattr(episode, name))):
@@ -26,7 +29,7 @@ def check_action(episode: Episode) -> Iterator[Finding]:
 
 
 def check_proprio(episode: Episode) -> Iterator[Finding]:
-    """The gripper is where it can be: opening 0 to 1, TCP in the workspace."""
+    """Check that the gripper opening is between 0 and 1, and that the TCP is in the workspace."""
     opening, tcp = episode.proprio[:, 0], episode.proprio[:, 1:4]
     if len(rows := np.flatnonzero(np.abs(opening - 0.5) > 0.5 + OPENING)):
         words = f"gripper opening {opening[rows[0]]:.3g} is not within 0 to 1"
@@ -39,7 +42,11 @@ def check_proprio(episode: Episode) -> Iterator[Finding]:
 
 
 def check_label(episode: Episode) -> Iterator[Finding]:
-    """Labels are there for the task that needs them, both or none, and the direction is nearest to the offset."""
+    """Check the labels ``labels/offset`` and ``labels/direction`` of an episode.
+
+    The task ``centering`` needs both labels; other tasks have both or none. The direction must be the nearest one to
+    the offset in the image of at least one camera.
+    """
     missing = [name for name in ("offset", "direction") if not episode.has(f"label_{name}")]
     if missing:
         if len(missing) == 1 or episode.meta.task == "centering":
@@ -57,7 +64,7 @@ def check_label(episode: Episode) -> Iterator[Finding]:
 
 
 def check_records(episode: Episode) -> Iterator[Finding]:
-    """Recorded transforms can be applied; annotations have a name and lie within the episode."""
+    """Check that recorded transforms can be applied, and that annotations have a name and lie within the episode."""
     try:
         recorded_transforms(episode)
     except FormatError as problem:

@@ -1,4 +1,4 @@
-"""Is an episode what its file's name and its dataset say?"""
+"""Check that an episode agrees with the name of its file and with its dataset."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,12 @@ from svfl_data.datasets.dataset import Dataset
 
 
 def check_place(dataset: Dataset, index: int) -> Iterator[Finding]:
-    """An episode is what its file's name and its dataset say."""
+    """Check that index and task of an episode are those of its file's name and of its dataset.
+
+    Args:
+        dataset: Dataset to which the episode belongs.
+        index: Index of the episode, as the name of its file gives it.
+    """
     reader = dataset.episode(index)
     name, meta = str(reader.extent), reader.meta
     if meta.index != index:

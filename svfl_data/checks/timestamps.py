@@ -1,4 +1,4 @@
-"""Are the clocks of an episode plausible? Each stream alone, then against the observations."""
+"""Checks that the time stamps of an episode are plausible, of each stream alone and compared with the observations."""
 
 from collections.abc import Iterator
 
@@ -10,29 +10,37 @@ from svfl_data.schema.episode import Episode
 from svfl_data.schema.fields import field_at
 from svfl_data.schema.rates import declared_hz, rate_fault, rate_words
 
-GAP = 1.5  # periods; beyond it a reading is missing
-REGULAR = 0.25  # of a period; 9 of 10 intervals of a regular stream are this near the period
-IRREGULAR_GAP = 4.0  # in an irregular stream: times what 9 of 10 intervals are shorter than
-JITTER = 0.1  # of a period; more is worth a warning
-BEHIND = 3  # readings that lie before an earlier one: up to two are out of order, more mean that the clock was set back
-MISSING = 0.01  # share of missing readings that is worth a warning
-CLOCK_START_S = 3600.0  # an episode clock starts with the episode; later starts are clocks of another kind
+GAP = 1.5  # a reading is missing in an interval that is longer than so many periods
+REGULAR = 0.25  # 9 of 10 intervals of a regular stream differ from the period by at most this share of the period
+IRREGULAR_GAP = 4.0  # a gap in an irregular stream is longer than so many times the 90th percentile of its intervals
+JITTER = 0.1  # a warning is given if intervals vary by more than this share of the period
+BEHIND = 3  # the clock was set back if so many readings in a row lie behind; fewer readings are out of order
+MISSING = 0.01  # a warning is given if more than this share of the readings is missing
+CLOCK_START_S = 3600.0  # an episode clock starts with the episode; a later first observation means another clock
 
 
 def clocks(episode: Episode) -> dict[str, np.ndarray]:
-    """Timestamps of every declared stream and camera, [ns], by dataset path."""
+    """Return the time stamps of the observations and of every declared stream and camera, [ns], by dataset path."""
     return {path: array for path, array in episode.arrays.items() if path.endswith("/t_ns") and field_at(path)}
 
 
 def period_ns(t_ns: np.ndarray) -> float:
-    """Median of the forward intervals, [ns]; 0 if there is none."""
+    """Return the median of the positive intervals between time stamps, [ns]; 0 if there is no such interval."""
     forward = np.diff(t_ns)
     forward = forward[forward > 0]
     return float(np.median(forward)) if len(forward) else 0.0
 
 
 def expected_ns(episode: Episode, path: str) -> float:
-    """The period that a stream should have, [ns]: as declared, otherwise the median; 0 if there is neither."""
+    """Return the period that a stream should have, [ns].
+
+    Args:
+        episode: Episode to which the stream belongs.
+        path: Dataset path of the stream's time stamps.
+
+    Returns:
+        The declared period or, if none was declared, the median interval; 0 if there is neither.
+    """
     declared = declared_hz(episode.meta.config, _group(path))
     return 1e9 / declared if declared else period_ns(episode.arrays[path])
 
@@ -42,7 +50,7 @@ def _group(path: str) -> str:
 
 
 def check_rates(episode: Episode) -> Iterator[Finding]:
-    """Time stamps are nanoseconds, and streams have the rates that were declared for them."""
+    """Check that time stamps are nanoseconds, and that streams have the rates that were declared for them."""
     for path, t_ns in clocks(episode).items():
         group = _group(path)
         found = without_gaps(t_ns, declared_gaps(episode.meta.annotations, group))
@@ -54,7 +62,7 @@ def check_rates(episode: Episode) -> Iterator[Finding]:
 
 
 def check_order(episode: Episode) -> Iterator[Finding]:
-    """Timestamps ascend: none is repeated, none lies before an earlier one, the clock is not set back."""
+    """Check that time stamps ascend: none is repeated, none lies before an earlier one, and no clock is set back."""
     for path, t_ns in clocks(episode).items():
         intervals = np.diff(t_ns)
         repeated = np.flatnonzero(intervals == 0) + 1
@@ -72,13 +80,16 @@ def check_order(episode: Episode) -> Iterator[Finding]:
 
 
 def _set_back(t_ns: np.ndarray, row: int) -> bool:
-    """Whether the readings from `row` on lie at or before the one ahead of it, and not only one or two of them."""
+    """Return whether at least `BEHIND` readings in a row, from `row` on, do not lie after the reading before `row`."""
     after = t_ns[row : row + BEHIND]
     return len(after) == BEHIND and bool((after <= t_ns[row - 1]).all())
 
 
 def check_gaps(episode: Episode) -> Iterator[Finding]:
-    """No reading is missing, and the clock is not set forward: then the stream would end after all the others."""
+    """Check that no reading is missing, and that no clock is set forward.
+
+    A wide interval counts as a clock that was set forward if the stream ends after all others by about as much.
+    """
     every = clocks(episode)
     for path, t_ns in every.items():
         intervals, period = np.diff(t_ns), expected_ns(episode, path)
@@ -101,7 +112,7 @@ def check_gaps(episode: Episode) -> Iterator[Finding]:
 
 
 def _declared(episode: Episode, path: str) -> np.ndarray:
-    """Which intervals of a stream contain a gap that was declared when recording, shape (M - 1,), bool."""
+    """Return which intervals of a stream overlap a gap that was declared when recording, shape (M - 1,), bool."""
     t_ns = episode.arrays[path]
     known = np.zeros(len(t_ns) - 1, dtype=np.bool_)
     for start, end in declared_gaps(episode.meta.annotations, _group(path)):
@@ -114,14 +125,14 @@ def _regular(t_ns: np.ndarray) -> bool:
 
 
 def _spread(t_ns: np.ndarray) -> float:
-    """How far 9 of 10 forward intervals lie from the period at most, in periods."""
+    """Return the 90th percentile of the deviation of positive intervals from the period, in periods."""
     intervals, period = np.diff(t_ns), period_ns(t_ns)
     intervals = intervals[intervals > 0]
     return float(np.percentile(np.abs(intervals - period), 90) / period) if len(intervals) else 0.0
 
 
 def _ends_late(path: str, excess: float, every: dict[str, np.ndarray]) -> bool:
-    """Whether a stream ends after all the others by about the excess of one of its intervals."""
+    """Return whether a stream ends after all others by about `excess` [ns], that of one interval over the period."""
     others = [t_ns for other, t_ns in every.items() if other != path and len(t_ns)]
     if not others:
         return False
@@ -130,7 +141,7 @@ def _ends_late(path: str, excess: float, every: dict[str, np.ndarray]) -> bool:
 
 
 def check_jitter(episode: Episode) -> Iterator[Finding]:
-    """Intervals are about equal, and the rate by the mean interval is the rate by the median interval."""
+    """Check that the intervals of a stream are about equal, and that mean and median interval give the same rate."""
     for path, t_ns in clocks(episode).items():
         intervals, period, spread = np.diff(t_ns), period_ns(t_ns), _spread(t_ns)
         if spread > JITTER:
@@ -153,7 +164,7 @@ def check_jitter(episode: Episode) -> Iterator[Finding]:
 
 
 def check_coverage(episode: Episode) -> Iterator[Finding]:
-    """Streams share the episode clock and last from before the first observation to the last one."""
+    """Check that streams share the episode clock and last from the first observation, or earlier, to the last one."""
     start, end = int(episode.t_ns[0]), int(episode.t_ns[-1])
     if start < 0 or start > CLOCK_START_S * 1e9:
         words = f"the clock does not start with the episode: the first observation is at {seconds(start)}"

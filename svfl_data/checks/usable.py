@@ -1,4 +1,4 @@
-"""Training and ``svfl-data validate`` are one judgement: what validate calls an error is not learned from."""
+"""Selection of the episodes that training may use: those in which ``svfl-data validate`` finds no error."""
 
 import sys
 from collections.abc import Collection, Sequence
@@ -16,22 +16,23 @@ from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.progress import progress
 
 STREAMS = "streams"
-"""Name of the part of a verdict that looks at no image; the others have the names of the cameras."""
+"""Name of the part of the checks that looks at no image. The other parts have the names of the cameras."""
 
 
 def check_usable(dataset: Dataset, episodes: Sequence[int], uses: Collection[str] | None = None) -> None:
-    """Refuse episodes for which ``svfl-data validate`` finds an error; say in one line how many have warnings.
+    """Refuse episodes in which ``svfl-data validate`` finds an error; print in one line how many have warnings.
 
     Args:
-        dataset: Where they lie.
-        episodes: Which.
-        uses: What will be read beside observations, actions and constants, such as ``streams/wrench``,
-            ``cameras/front`` or ``labels/offset``: what is wrong with the rest does not matter. Everything by default.
+        dataset: Dataset to which the episodes belong.
+        episodes: Indices of the episodes to check.
+        uses: Groups that will be read, in addition to observations, actions and constants, such as ``streams/wrench``,
+            ``cameras/front`` or ``labels/offset``. Findings about other streams, cameras and labels are ignored. None
+            means everything.
 
     Raises:
-        DatasetError: If one is unfit for training.
-        FieldError: If one is invalid (`svfl_data.schema.validity`).
-        FormatError: If one is damaged.
+        DatasetError: If an episode is unfit for training.
+        FieldError: If an episode is invalid (`svfl_data.schema.validity`).
+        FormatError: If an episode is damaged.
     """
     unfit: list[Finding] = []
     doubtful: list[Finding] = []
@@ -54,7 +55,10 @@ def check_usable(dataset: Dataset, episodes: Sequence[int], uses: Collection[str
 
 
 def sound(dataset: Dataset) -> list[int]:
-    """The episodes of a dataset in which ``svfl-data validate`` finds no error, by index; others may be unreadable."""
+    """Return the indices of the episodes in which ``svfl-data validate`` finds no error.
+
+    Episodes that cannot be read are left out.
+    """
     found: list[int] = []
     with Verdicts() as verdicts:
         for index in progress(dataset.indices, "checking episodes"):
@@ -65,12 +69,12 @@ def sound(dataset: Dataset) -> list[int]:
 
 
 def _first(findings: Sequence[Finding]) -> str:
-    """The first of several findings, with its file's name only: the folder stands before it."""
+    """Describe the first of several findings, with the name of its file but without the folder."""
     return f"the first: {replace(findings[0], episode=Path(findings[0].episode).name)}"
 
 
 def _verdict(reader: EpisodeReader, uses: Collection[str] | None, verdicts: Verdicts) -> list[Finding]:
-    """What concerns the groups that are used; images of others are not looked at."""
+    """Return the findings about the groups that are used; images of cameras that are not used are not looked at."""
     cameras = [camera for camera in reader.cameras if uses is None or f"cameras/{camera}" in uses]
     findings: list[Finding] = []
     for part in (STREAMS, *cameras):

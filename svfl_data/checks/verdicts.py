@@ -1,7 +1,8 @@
-"""What the checks found in episodes, kept from one program to the next: looking at every image takes long.
+"""Verdicts of the checks, kept from one program to the next, because looking at every image takes long.
 
-A verdict holds for the content of an episode (its seal) and for the rules that it was judged by (the source text of the
-checks), and is kept in the user's own cache. Wherever that fails, the episode is judged again.
+A verdict is the list of findings about a part of an episode. It is valid for the content of the episode (its seal) and
+for the rules by which the episode was judged (the source text of the checks). Verdicts are kept in the user's own
+cache. If the cache cannot be read or written, the episode is judged again.
 """
 
 import json
@@ -14,15 +15,15 @@ from svfl_data.checks.finding import Finding
 from svfl_data.system.cache_folder import cache_folder, source_hash
 
 RULES = ("checks", "schema", "signals/transforms.py", "symmetry.py")
-"""Files and folders of this package on which a verdict depends."""
+"""Files and folders of this package whose code decides a verdict."""
 TABLE = "CREATE TABLE IF NOT EXISTS verdict (rules, seal, part, findings, PRIMARY KEY (rules, seal, part))"
 PATIENCE_S = 1.0
 TROUBLE = (sqlite3.Error, OSError, ValueError, TypeError)
-"""What a full, damaged or locked cache raises."""
+"""Exceptions that a full, damaged or locked cache raises."""
 
 
 class Verdicts:
-    """The verdicts that are known, while the ``with`` block lasts; new ones are kept when it ends."""
+    """Access to the known verdicts inside a ``with`` block; new verdicts are stored when the block ends."""
 
     def __init__(self) -> None:
         self._new: list[tuple[str, str, str, str]] = []
@@ -40,19 +41,19 @@ class Verdicts:
     ) -> None:
         if self._database is None:
             return
-        with closing(self._database), suppress(*TROUBLE):  # nothing is lost but time
+        with closing(self._database), suppress(*TROUBLE):  # a failure costs only the time of judging again
             if self._new:
                 self._database.execute("DELETE FROM verdict WHERE rules != ?", (source_hash(*RULES),))
                 self._database.executemany("INSERT OR REPLACE INTO verdict VALUES (?, ?, ?, ?)", self._new)
                 self._database.commit()
 
     def known(self, seal: str, part: str, name: str) -> list[Finding] | None:
-        """The verdict on a part of an episode, None if there is none.
+        """Return the stored findings about a part of an episode; None if none are stored.
 
         Args:
-            seal: Of the episode.
-            part: Which part of the checks.
-            name: What to call the episode in the findings.
+            seal: Seal of the episode: the SHA-256 of its content, in hexadecimal.
+            part: Part of the checks: ``streams``, or the name of a camera.
+            name: Name of the episode to put into the findings.
         """
         question = "SELECT findings FROM verdict WHERE rules = ? AND seal = ? AND part = ?"
         with suppress(*TROUBLE):
@@ -61,6 +62,12 @@ class Verdicts:
         return None
 
     def keep(self, seal: str, part: str, findings: list[Finding]) -> None:
-        """Remember a verdict."""
+        """Remember the findings about a part of an episode, to store them when the ``with`` block ends.
+
+        Args:
+            seal: Seal of the episode: the SHA-256 of its content, in hexadecimal.
+            part: Part of the checks: ``streams``, or the name of a camera.
+            findings: Findings of this part; empty if there are none.
+        """
         plain = [(found.field, found.index, found.severity, found.words) for found in findings]
         self._new.append((source_hash(*RULES), seal, part, json.dumps(plain)))

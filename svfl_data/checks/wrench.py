@@ -1,4 +1,4 @@
-"""Is the wrench what a living, tared sensor reads?"""
+"""Checks that the wrench looks like the readings of a working, tared sensor."""
 
 from collections.abc import Iterator
 
@@ -11,15 +11,15 @@ PATH, TARE = "streams/wrench/wrench", "streams/wrench/tare"
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 UNITS = ("N", "N", "N", "N m", "N m", "N m")
 
-CLIPPED_READINGS = 8  # in a row at the very same extreme, while other components go on changing
-CLIPPED_LOAD = np.array([10.0, 10.0, 10.0, 0.5, 0.5, 0.5])  # N and N m beyond the tare; a sensor clips far from rest
-STUCK_S, STUCK_READINGS = 0.1, 20  # identical in all six components
-MOVED_M = 0.005  # a gripper that moves this far changes what a living sensor reads
-TARE_MISFIT = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])  # N and N m
+CLIPPED_READINGS = 8  # so many readings in a row at the same extreme, while other components change, are clipped
+CLIPPED_LOAD = np.array([10.0, 10.0, 10.0, 0.5, 0.5, 0.5])  # N and N m from the tare; a sensor clips far from rest
+STUCK_S, STUCK_READINGS = 0.1, 20  # a sensor is stuck if all six components stay equal for this time and number
+MOVED_M = 0.005  # a gripper that moves this far changes the readings of a working sensor
+TARE_MISFIT = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])  # N and N m by which mean readings may differ from the tare
 
 
 def check_saturation(episode: Episode) -> Iterator[Finding]:
-    """No component is clipped: held at its extreme value while others change."""
+    """Check that no component is clipped, that is, held at its extreme value while other components change."""
     wrench = episode.wrench
     if len(wrench) < CLIPPED_READINGS:
         return
@@ -39,7 +39,10 @@ def check_saturation(episode: Episode) -> Iterator[Finding]:
 
 
 def check_stuck(episode: Episode) -> Iterator[Finding]:
-    """The sensor lives: it does not repeat a reading while the gripper moves (at rest, noise-free simulation does)."""
+    """Check that the sensor does not repeat a reading while the gripper moves.
+
+    At rest, repeated readings are only noted, since a simulated sensor without noise repeats its readings then.
+    """
     wrench, t_ns = episode.wrench, episode.wrench_t_ns
     if len(wrench) and not wrench.any():
         yield warning(episode, PATH, None, "every reading is zero: was there a sensor?")
@@ -57,7 +60,7 @@ def check_stuck(episode: Episode) -> Iterator[Finding]:
 
 
 def check_tare(episode: Episode) -> Iterator[Finding]:
-    """The tare is what the sensor reads before the first motion."""
+    """Check that the tare agrees with the mean reading of the sensor before the first motion."""
     moving = np.flatnonzero(episode.action[:, 1:].any(axis=1))
     start = int(episode.t_ns[moving[0]]) if len(moving) else int(episode.t_ns[-1])
     before = episode.wrench[episode.wrench_t_ns <= start].astype(np.float64)

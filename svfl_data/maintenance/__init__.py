@@ -1,1 +1,1 @@
-"""Changing datasets: repair, merge, relabel and pack."""
+"""Changes to whole datasets: repairing, merging, filtering, relabelling and packing."""

@@ -1,4 +1,4 @@
-"""New datasets from old ones: chosen episodes, copied whole, each with where it came from in its history."""
+"""New datasets from old ones: chosen episodes are copied whole, and the history of each copy tells its origin."""
 
 import dataclasses
 import os
@@ -20,16 +20,16 @@ from svfl_data.storage.store import write_episode
 from svfl_data.system.leftovers import clear_folders, folder_aside
 from svfl_data.system.progress import progress
 
-RATE_TOLERANCE = 0.05  # mean rates of short episodes differ by up to a reading
+RATE_TOLERANCE = 0.05  # share by which rates may differ; mean rates of short episodes vary by up to one reading
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """An episode that shall be in the new dataset.
+    """An episode that is chosen for the new dataset.
 
     Attributes:
-        source: Where it is.
-        entry: What the index says of it.
+        source: Dataset that holds the episode.
+        entry: Entry of the episode in the index of that dataset.
     """
 
     source: Dataset
@@ -45,17 +45,17 @@ def merge(
     """Put the episodes of several datasets into a new one, numbered from 0.
 
     Args:
-        sources: Where from, in this order.
-        destination: A folder that does not exist yet, or is empty.
-        varies: Paths and groups in which the episodes may differ, beside what the sources say.
-        once: Whether of copies of one recording only the first is taken.
+        sources: Datasets to copy the episodes from, in this order.
+        destination: Folder of the new dataset, which must be absent or empty.
+        varies: Dataset paths and groups in which the episodes may differ, in addition to those that the sources name.
+        once: Whether to take only the first of several copies of one recording. If False, copies are an error.
 
     Returns:
-        Number of episodes, and of copies that were left out.
+        Number of episodes in the new dataset, and number of copies that were left out.
 
     Raises:
-        DatasetError: If the destination is taken, an episode is damaged, two differ in their setup or are copies, or
-            streams or rates of datasets differ.
+        DatasetError: If the destination is taken, a source has no episodes, an episode is damaged, two episodes differ
+            in their setup or are copies, or the streams or rates of two datasets differ.
         StorageError: If the disk refuses; no part of the destination remains.
 
     Example:
@@ -77,23 +77,24 @@ def choose(
     once: bool = False,
     valid: bool = False,
 ) -> tuple[int, int]:
-    """Put the episodes that meet conditions into a new dataset, numbered from 0.
+    """Put the episodes of a dataset that meet some conditions into a new dataset, numbered from 0.
 
     Args:
-        source: Where from.
-        destination: A folder that does not exist yet, or is empty.
-        keep: Whether to keep an episode.
-        conditions: The same in words, for the record.
-        varies: Paths and groups in which the episodes may differ, beside what the source says.
-        once: Whether of copies of one recording only the first is taken.
-        valid: Leave out what ``svfl-data validate`` calls an error, episodes that cannot be read among them.
+        source: Dataset to copy the episodes from.
+        destination: Folder of the new dataset, which must be absent or empty.
+        keep: Function that returns whether to keep an episode.
+        conditions: The conditions of `keep` in words. They are stored in the configuration of the new dataset.
+        varies: Dataset paths and groups in which the episodes may differ, in addition to those that the source names.
+        once: Whether to take only the first of several copies of one recording. If False, copies are an error.
+        valid: Whether to leave out episodes in which ``svfl-data validate`` finds an error, and episodes that cannot be
+            read.
 
     Returns:
-        Number of episodes, and of copies that were left out.
+        Number of episodes in the new dataset, and number of copies that were left out.
 
     Raises:
-        DatasetError: If the destination is taken, an episode is damaged, none meets the conditions, or two that do
-            differ in their setup or are copies.
+        DatasetError: If the destination is taken, an episode is damaged (unless `valid`), no episode meets the
+            conditions, or two that meet them differ in their setup or are copies.
         StorageError: If the disk refuses; no part of the destination remains.
     """
     check_free(destination)
@@ -107,13 +108,13 @@ def choose(
 
 
 def _sound(source: Dataset) -> list[Entry]:
-    """The index of a dataset without the episodes in which ``svfl-data validate`` finds an error."""
+    """Return the index of a dataset without the episodes in which ``svfl-data validate`` finds an error."""
     wanted = set(sound(source))
     return [entry for entry in entries(source) if entry.index in wanted]
 
 
 def _have(found: Sequence[Entry]) -> str:
-    """What the usual conditions ask for, as the episodes have it."""
+    """Describe success, sources and tasks of some episodes, for which filter conditions usually ask."""
     successes = sum(entry.success for entry in found)
     sources, tasks = (sorted({getattr(entry, key) for entry in found}) for key in ("source", "task"))
     return f"{successes} have success=true, sources are {', '.join(sources)}, tasks {', '.join(tasks)}"
@@ -127,7 +128,24 @@ def copy(
     varies: Collection[str] = (),
     once: bool = False,
 ) -> tuple[int, int]:
-    """Copy episodes into a new dataset, which appears when it is whole; see `merge` and `choose`."""
+    """Copy episodes into a new dataset, which gets its name only when it is whole; used by `merge` and `choose`.
+
+    Args:
+        chosen: Episodes to copy, in the order in which they are numbered.
+        destination: Folder of the new dataset, which must be absent or empty.
+        command: Command of ``svfl-data`` that makes the copy, such as ``merge``.
+        facts: Facts about the copy to store in the configuration of the new dataset (JSON values).
+        varies: Dataset paths and groups in which the episodes may differ, in addition to those that the sources name.
+        once: Whether to take only the first of several copies of one recording. If False, copies are an error.
+
+    Returns:
+        Number of episodes in the new dataset, and number of copies that were left out.
+
+    Raises:
+        DatasetError: If the destination is taken, two episodes differ in their setup or are copies, or the streams or
+            rates of two datasets differ.
+        StorageError: If the disk refuses; no part of the destination remains.
+    """
     check_free(destination)
     sources = list({one.source.path: one.source for one in chosen}.values())
     kept = _without_copies(chosen, once)
@@ -172,7 +190,8 @@ def check_free(destination: Path) -> None:
     """Check that a folder can become a new dataset.
 
     Raises:
-        DatasetError: If it is not empty, or a file.
+        DatasetError: If the folder is not empty, or there is a file of its name.
+        StorageError: If the folder cannot be read.
     """
     try:
         if os.path.lexists(destination) and (not destination.is_dir() or any(destination.iterdir())):
@@ -192,15 +211,15 @@ def _moved(episode: Episode, source: Dataset, number: int, command: str) -> Epis
 
 
 def _name(dataset: Dataset) -> str:
-    """The folder's name; where it lies on this machine is nobody's business."""
+    """Return the name of a dataset's folder, without its path on this machine, which must stay private."""
     return dataset.path.resolve().name
 
 
 def readable(dataset: Dataset) -> list[Entry]:
-    """The index of a dataset all of whose episodes can be read.
+    """Return the index of a dataset after checking that all of its episodes can be read.
 
     Raises:
-        DatasetError: If one is damaged, or there are none.
+        DatasetError: If an episode is damaged, or the dataset has no episodes.
     """
     found = entries(dataset)
     for entry in found:
@@ -212,10 +231,12 @@ def readable(dataset: Dataset) -> list[Entry]:
 
 
 def _check_rates(chosen: Sequence[Chosen], varies: Collection[str]) -> None:
-    """Check that episodes of several datasets have the same streams, at about the same rates; setups do not say so.
+    """Check that the episodes of several datasets have the same streams and about the same rates.
+
+    Setups do not compare these facts.
 
     Raises:
-        DatasetError: If they do not.
+        DatasetError: If streams or rates differ.
     """
     sources = {one.source.path: [other.entry for other in chosen if other.source is one.source] for one in chosen}
     first, *others = [(path, dict(_rates(found))) for path, found in sources.items()]
@@ -230,7 +251,7 @@ def _check_rates(chosen: Sequence[Chosen], varies: Collection[str]) -> None:
 
 
 def _rates(found: Sequence[Entry]) -> Iterator[tuple[str, float]]:
-    """The median rates of the streams and cameras of a dataset, by group, [Hz]; 0 if none has two readings."""
+    """Yield each stream and camera of some episodes with its median rate, [Hz]; 0 if no episode has two readings."""
     for kind in ("cameras", "streams"):
         measured: dict[str, list[float]] = {}
         for entry in found:

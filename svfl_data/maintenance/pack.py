@@ -1,4 +1,4 @@
-"""Packing thousands of episode files into a few large shards, and back; each episode stays the same to the byte."""
+"""Packing of thousands of episode files into a few large shards, and unpacking; the bytes of episodes never change."""
 
 import re
 import zipfile
@@ -16,28 +16,29 @@ from svfl_data.system.regular_file import read_regular, refuse_link
 from svfl_data.system.side_files import SIZE_LIMIT
 
 SHARD_BYTES = 2**30
-"""Large enough for disks and networks to run at full speed, small enough to be sent again after a failure."""
+"""Default size of a shard, [bytes]. It is large enough for disks and networks to run at full speed, and small enough to
+be sent again after a failure."""
 
 SHARD = re.compile(r"shard_(\d{6,18})\.zip", re.ASCII)
-EARLIEST = (1980, 1, 1, 0, 0, 0)  # times would make equal shards differ
+EARLIEST = (1980, 1, 1, 0, 0, 0)  # time stamp of every member; real times would make equal shards differ
 
 
 def pack(dataset: Dataset, out: Path | str, shard_bytes: int = SHARD_BYTES) -> Dataset:
     """Copy a dataset into shards.
 
-    Every episode's seal is checked on the way. An interrupted call is taken up again by the same call.
+    The seal of every episode is checked. After an interruption, the same call continues the work.
 
     Args:
-        dataset: What to copy, its splits included.
-        out: Folder of the new dataset: absent, empty, or what an interrupted call left.
-        shard_bytes: A shard is closed before it would grow beyond this, unless a single episode does, [bytes].
+        dataset: Dataset to copy; its splits are copied, too.
+        out: Folder of the new dataset, which must be absent, empty, or the result of an interrupted call.
+        shard_bytes: Largest size of a shard, [bytes]. Only a shard with a single episode may be larger.
 
     Returns:
         The new dataset.
 
     Raises:
-        UsageError: If `shard_bytes` is not positive, or `out` is the dataset itself.
-        DatasetError: If the folder holds another dataset.
+        UsageError: If `shard_bytes` is not positive, or `out` is the folder of `dataset` itself.
+        DatasetError: If `out` holds another dataset or other files.
         FormatError: If an episode is damaged; shards that were finished before are kept.
         StorageError: If the disk refuses; shards that were finished before are kept.
 
@@ -68,20 +69,20 @@ def pack(dataset: Dataset, out: Path | str, shard_bytes: int = SHARD_BYTES) -> D
 
 
 def unpack(dataset: Dataset, out: Path | str) -> Dataset:
-    """Copy a dataset into one file per episode, undoing `pack`.
+    """Copy a dataset into one file per episode, which undoes `pack`.
 
     Args:
-        dataset: What to copy, its splits included.
-        out: Folder of the new dataset: absent, empty, or what an interrupted call left.
+        dataset: Dataset to copy; its splits are copied, too.
+        out: Folder of the new dataset, which must be absent, empty, or the result of an interrupted call.
 
     Returns:
         The new dataset.
 
     Raises:
-        UsageError: If `out` is the dataset itself.
-        DatasetError: If the folder holds another dataset.
-        FormatError: If an episode is damaged; those written before are kept.
-        StorageError: If the disk refuses; episodes written before are kept.
+        UsageError: If `out` is the folder of `dataset` itself.
+        DatasetError: If `out` holds another dataset or other files.
+        FormatError: If an episode is damaged; episodes that were written before are kept.
+        StorageError: If the disk refuses; episodes that were written before are kept.
 
     Example:
         >>> len(unpack(dataset, "data/unpacked"))
@@ -97,7 +98,7 @@ def unpack(dataset: Dataset, out: Path | str) -> Dataset:
 
 
 def _copy_of(dataset: Dataset, out: Path | str) -> Dataset:
-    """A dataset of the same description and splits in another folder."""
+    """Create, or open again, a dataset with the same description and splits in another folder."""
     out = Path(out)
     if out.exists() and dataset.path.exists() and out.samefile(dataset.path):
         raise UsageError(f"{out} is the dataset itself; name another folder")

@@ -1,4 +1,4 @@
-"""Changing what is said about an episode, never what was recorded: the file is rewritten, with a history entry."""
+"""Changes of an episode's metadata: the file is rewritten with a new history entry, and its arrays stay the same."""
 
 import dataclasses
 import fcntl
@@ -21,20 +21,26 @@ from svfl_data.system.regular_file import open_regular
 BY_HAND = {"tool": "svfl-data relabel --annotate"}
 
 Change = Callable[[Episode], Meta]
-"""What the metadata of an episode shall be; the history is not its business."""
+"""Function that returns the new metadata of an episode. The history entry of the change is added afterwards."""
 
 
 def relabel(dataset: Dataset, index: int, change: Change) -> list[str]:
-    """Change the metadata of one episode of a dataset; one that lies in a shard gets a file of its own before it.
+    """Change the metadata of one episode of a dataset.
 
-    Of several that change an episode at once, each sees what the one before it has left.
+    An episode that lies in a shard gets a file of its own, which is read instead of the shard from then on. If several
+    processes change an episode at once, they wait for each other, and each sees the changes of those before it.
+
+    Args:
+        dataset: Dataset that holds the episode.
+        index: Index of the episode.
+        change: Function that returns the new metadata of the episode.
 
     Returns:
-        Names of what changed; empty if nothing did, and then the file is left alone.
+        Names of the attributes of `Meta` that changed. If the list is empty, the file is not rewritten.
 
     Raises:
-        DatasetError: If there is no such episode.
-        FormatError: If it is damaged.
+        DatasetError: If the dataset has no such episode.
+        FormatError: If the episode is damaged.
         StorageError: If the disk refuses; the old file is then intact.
     """
     with _held(lambda: dataset.extent(index).file):
@@ -42,17 +48,30 @@ def relabel(dataset: Dataset, index: int, change: Change) -> list[str]:
 
 
 def relabel_file(file: Path, change: Change) -> list[str]:
-    """Change the metadata of an episode file; see `relabel`."""
+    """Change the metadata of an episode file.
+
+    Args:
+        file: Path of the episode file.
+        change: Function that returns the new metadata of the episode.
+
+    Returns:
+        Names of the attributes of `Meta` that changed. If the list is empty, the file is not rewritten.
+
+    Raises:
+        FormatError: If the file is missing or damaged.
+        StorageError: If the disk refuses; the old file is then intact.
+    """
     with _held(lambda: file):
         return _rewrite(read_episode(file, images=False), file, change)
 
 
 @contextmanager
 def _held(find: Callable[[], Path]) -> Iterator[None]:
-    """Lock the file that holds an episode, however often others replace it meanwhile.
+    """Lock the file that holds an episode, even if others replace the file meanwhile.
 
     Args:
-        find: Says which file that is now: the shard, until somebody gives the episode a file of its own.
+        find: Function that returns the file that holds the episode now. This is the shard until somebody gives the
+            episode a file of its own.
     """
     while True:
         file = find()
@@ -70,7 +89,7 @@ def _held(find: Callable[[], Path]) -> Iterator[None]:
 
 
 def _still_named(descriptor: int, file: Path) -> bool:
-    """Whether an open file is the one of that name."""
+    """Return whether an open file still has the given name."""
     try:
         return os.path.samestat(os.fstat(descriptor), os.lstat(file))
     except FileNotFoundError:
@@ -88,21 +107,31 @@ def _rewrite(episode: Episode, file: Path, change: Change) -> list[str]:
 
 
 def history_entry(command: str, **facts: Any) -> dict[str, Any]:  # noqa: ANN401 - any JSON value
-    """An entry of `Meta.history`: which tool of which version, when, and what it did."""
+    """Return an entry of `Meta.history`, which says which tool in which version did something, when, and what it did.
+
+    Args:
+        command: Command of ``svfl-data``, such as ``relabel``.
+        facts: Further facts to store in the entry (JSON values).
+    """
     now = datetime.now(UTC).isoformat(timespec="seconds")
     return {"tool": f"svfl-data {command}", "version": version("svfl"), "time": now, **facts}
 
 
 def with_success(success: bool) -> Change:
-    """Say whether the task was achieved."""
+    """Return a change that sets whether the task was achieved."""
     return lambda episode: dataclasses.replace(episode.meta, success=success)
 
 
 def with_annotation(name: str, start_s: float, end_s: float) -> Change:
-    """Add a named interval, in seconds of the episode clock.
+    """Return a change that adds an annotation.
+
+    Args:
+        name: Name of the annotation.
+        start_s: Beginning of the interval on the episode clock, [s].
+        end_s: End of the interval on the episode clock, [s].
 
     Raises:
-        UsageError: When applied, if the interval does not lie within the episode.
+        UsageError: When the change is applied, if the interval does not lie within the episode.
     """
 
     def change(episode: Episode) -> Meta:
@@ -119,7 +148,10 @@ def with_annotation(name: str, start_s: float, end_s: float) -> Change:
 
 
 def with_contacts(rule: ContactRule) -> Change:
-    """Find contacts; those that were found by an earlier rule are replaced, those set by hand are kept."""
+    """Return a change that annotates the contacts that a rule finds.
+
+    Contacts that an earlier rule found are replaced. Contacts that were annotated by hand are kept.
+    """
 
     def change(episode: Episode) -> Meta:
         kept = [one for one in episode.meta.annotations if one.get("name") != CONTACT or one.get("by") == BY_HAND]
@@ -130,7 +162,7 @@ def with_contacts(rule: ContactRule) -> Change:
 
 
 def without_annotations(name: str) -> Change:
-    """Remove the annotations of a name, whoever made them."""
+    """Return a change that removes all annotations of a name, by whomever they were made."""
 
     def change(episode: Episode) -> Meta:
         kept = [one for one in episode.meta.annotations if one.get("name") != name]
@@ -140,7 +172,7 @@ def without_annotations(name: str) -> Change:
 
 
 def with_transforms(transforms: Sequence[Tare | LowPass | Gravity]) -> Change:
-    """Record how the raw wrench becomes usable, in place of what was recorded before."""
+    """Return a change that replaces the recorded transforms, which make the raw wrench usable, by the given ones."""
     records = [as_record(transform) for transform in transforms]
     return lambda episode: dataclasses.replace(episode.meta, transforms=records)
 

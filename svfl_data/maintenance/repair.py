@@ -1,7 +1,7 @@
-"""Bringing a dataset back in order after kills, power cuts and damage: what can be saved is, nothing is deleted.
+"""Repair of a dataset after kills, power cuts and damage.
 
-Journals of writers that are gone become episodes; damaged files move to ``damaged/``. Writers that live are left alone,
-and running it twice changes nothing more.
+Journals of writers that are gone become episodes. Damaged files are moved to ``damaged/``, never deleted. Writers that
+are still running are not disturbed. A second repair changes nothing more.
 """
 
 import filecmp
@@ -27,15 +27,17 @@ DAMAGED = "damaged"
 
 @dataclass(frozen=True)
 class RepairAction:
-    """One thing that was found and what was done about it.
+    """One thing that a repair found, and what it did about it.
 
     Attributes:
-        path: The file that matters now.
-        done: ``published`` (a whole episode that lacked only its name), ``salvaged`` (an unfinished episode, up to the
-            last flush), ``resealed``, ``quarantined`` (moved to ``damaged/``), ``cleared`` (remains of a step that was
-            finished already), ``in use`` (its writer lives, nothing was done) or ``left alone`` (it cannot be opened).
-        detail: In words, for a person.
-        saved: Whether readings became usable by it.
+        path: File that matters after the repair: the episode, or the file that was moved or left alone.
+        done: What was done: ``published`` (a whole episode lacked only its final name), ``salvaged`` (an unfinished
+            episode was saved up to the last flush), ``resealed`` (a valid episode that had lost its seal got a new
+            one), ``quarantined`` (the file was moved to ``damaged/``), ``cleared`` (the remains of a finished step were
+            removed), ``in use`` (nothing was done, because the writer is running) or ``left alone`` (nothing was done,
+            because the file cannot be opened).
+        detail: Description in words.
+        saved: Whether readings became usable by the repair.
         lost: Whether readings are missing, or a file cannot be used.
     """
 
@@ -50,16 +52,16 @@ def repair_dataset(path: Path | str, reseal: bool = False) -> list[RepairAction]
     """Repair a dataset.
 
     Args:
-        path: The dataset's folder.
-        reseal: Whether files that lost their seal to other software are sealed again, if what they hold is a valid
-            episode; otherwise they are set aside like damaged ones.
+        path: Folder of the dataset.
+        reseal: Whether to seal files again that lost their seal to other software and hold a valid episode. If False,
+            such files are moved to ``damaged/`` like damaged ones.
 
     Returns:
         What was found and done; empty if everything was in order.
 
     Raises:
         FormatError: If the folder is not a dataset.
-        StorageError: If the disk refuses; what was done before stays done, and repairing again goes on.
+        StorageError: If the disk refuses. Everything that was repaired before stays so, and a new call continues.
 
     Example:
         >>> repair_dataset("data/week")
@@ -77,14 +79,14 @@ def repair_dataset(path: Path | str, reseal: bool = False) -> list[RepairAction]
 
 
 def repair_exit_code(actions: list[RepairAction]) -> int:
-    """How a repair went, as a process says it: 0 all saved, 3 some readings lost, 1 nothing could be saved."""
+    """Return the exit code of a repair: 0 if nothing was lost, 3 if only a part was lost, 1 if nothing could be saved."""
     if not any(action.lost for action in actions):
         return 0
     return 3 if any(action.saved for action in actions) else 1
 
 
 def _finish(dataset: Dataset, path: Path) -> list[RepairAction]:
-    """Make an episode of a journal, if its writer is gone."""
+    """Turn a journal into an episode, if the writer of the journal is gone."""
     try:
         descriptor = take_over(path)
     except (FormatError, IsADirectoryError) as error:
@@ -97,7 +99,7 @@ def _finish(dataset: Dataset, path: Path) -> list[RepairAction]:
         return [_finish_journal(dataset, path, descriptor)]
     except StorageError:
         raise
-    except Exception as error:  # whoever made it: one journal that cannot be used must not keep others from being saved
+    except Exception as error:  # of any kind: a journal that cannot be used must not keep others from being saved
         path.with_suffix(PART).unlink(missing_ok=True)
         return [_set_aside(dataset, path, _words(error, path))]
     finally:
@@ -136,7 +138,7 @@ def _publish(dataset: Dataset, saved: Salvaged) -> RepairAction:
             part.unlink()
             return RepairAction(path, "cleared", "had been published already", saved=True, lost=not saved.whole)
         part.unlink()
-        index, descriptor, journal = claim(dataset)  # the index went to another episode: take the next one
+        index, descriptor, journal = claim(dataset)  # another episode has the index: take the next one
         try:
             return _publish(dataset, replace(saved, meta=replace(meta, index=index)))
         finally:
@@ -155,13 +157,13 @@ def _salvaged_words(steps: int, meta: Meta) -> str:
 
 
 def _words(error: Exception, path: Path) -> str:
-    """Why a journal cannot be used, in a line."""
+    """Return in one line why a journal cannot be used."""
     words = str(error) if isinstance(error, SvflError) else f"not a readable journal ({error!r})"
     return printable(words.replace(f"{path}: ", ""), 500)
 
 
 def _check_file(dataset: Dataset, index: int, path: Path, reseal: bool) -> list[RepairAction]:
-    """Set a damaged episode aside."""
+    """Check the seal of an episode file; seal a broken file again if that is wanted and possible, or set it aside."""
     try:
         check_seal(path)
         return []
@@ -179,7 +181,7 @@ def _check_file(dataset: Dataset, index: int, path: Path, reseal: bool) -> list[
 
 
 def _set_aside(dataset: Dataset, path: Path, why: str) -> RepairAction:
-    """Move a file to ``damaged/``, never over another one."""
+    """Move a file to ``damaged/`` under a name that no other file has."""
     folder = inner_folder(dataset.path, DAMAGED)
     with locked(inflight(dataset.path)):
         copies = [path.name, *(f"{path.stem}.{number}{path.suffix}" for number in range(1, 10_000))]
