@@ -79,7 +79,7 @@ def repair_dataset(path: Path | str, reseal: bool = False) -> list[RepairAction]
 
 
 def repair_exit_code(actions: list[RepairAction]) -> int:
-    """Return the exit code of a repair: 0 if nothing was lost, 3 if only a part was lost, 1 if nothing could be saved."""
+    """Return the exit code of a repair: 0 if nothing was lost, 3 if a part was lost, 1 if nothing could be saved."""
     if not any(action.lost for action in actions):
         return 0
     return 3 if any(action.saved for action in actions) else 1

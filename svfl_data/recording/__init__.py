@@ -1,1 +1,1 @@
-"""How an episode grows: appending, the journal, sealing, and what is saved after a crash."""
+"""Recording of an episode: appending, the journal, sealing, and salvage after a crash."""

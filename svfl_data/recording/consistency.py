@@ -1,9 +1,9 @@
-"""That all episodes of a dataset agree: writers are held to what is sealed and to what others are recording now.
+"""Checks that all episodes of a dataset have the same setup, those that are sealed and those that are being recorded.
 
-Nothing is remembered beside the episodes. What a dataset's setup is follows from its sealed episodes (through the
-index, so that they need not be opened again), and from writers that live: each keeps its setup in a file beside its
-journal, which counts as long as the journal's lock is held. So an attempt that was discarded, and episodes that were
-deleted, bind nobody.
+The setup of a dataset is not stored separately. It follows from the sealed episodes (through the index, so that they
+need not be opened again) and from the writers that are running. Each writer keeps its setup in a file beside its
+journal, which is valid as long as the lock of the journal is held. So discarded recordings and deleted episodes have no
+effect on later ones.
 """
 
 import os
@@ -25,17 +25,17 @@ from svfl_data.system.side_files import parse_as, read_side_file
 
 
 class Agreement:
-    """What one writer records with, held to what the dataset's other episodes were recorded with.
+    """The setup of one writer, which is compared with the setups of the dataset's other episodes.
 
     Args:
-        dataset: Where it records.
-        journal: Its journal, locked.
-        meta: What its episode is about.
+        dataset: Dataset into which the writer records.
+        journal: Path of the writer's journal, which must be locked.
+        meta: Metadata of the writer's episode.
         constants: Calibration and other arrays that the episode has once, by dataset path.
 
     Raises:
-        DatasetError: If sealed episodes, or those being recorded now, say otherwise.
-        FormatError: If the folder is no dataset any more.
+        DatasetError: If sealed episodes, or episodes that are being recorded now, have a different setup.
+        FormatError: If the folder is not a dataset any more.
         StorageError: If the disk refuses.
     """
 
@@ -47,24 +47,33 @@ class Agreement:
         self._hold(self._setup, fresh=True)
 
     def extend(self, arrays: Mapping[str, Array]) -> None:
-        """Hold the first rows of a stream to those of others; errors as above, and then nothing is remembered."""
+        """Compare the first rows of a stream with those of other episodes, and add them to the setup if they agree.
+
+        Args:
+            arrays: First rows of each array of the stream, by dataset path.
+
+        Raises:
+            DatasetError: If other episodes have rows of another type or shape; the setup is then unchanged.
+            FormatError: If the folder is not a dataset any more.
+            StorageError: If the disk refuses.
+        """
         with self._lock:
             self._hold(self._setup.with_arrays(arrays))
 
     def confirm(self, constants: Mapping[str, Array]) -> None:
-        """Compare the whole episode once more before it is sealed, with what has been sealed meanwhile.
+        """Compare the setup of the whole episode, before it is sealed, with the episodes that were sealed meanwhile.
 
         Args:
-            constants: Arrays that have become known since.
+            constants: Constant arrays that became known while recording, by dataset path.
 
         Raises:
-            DatasetError: If sealed episodes say otherwise; what was recorded is intact.
+            DatasetError: If another episode has a different setup; the recorded readings are intact.
         """
         with self._lock:
             self._hold(self._setup.with_arrays(constants), fresh=True, whole=True)
 
     def leave(self) -> None:
-        """The writer has ended."""
+        """Remove the setup file of the writer, which has ended."""
         self._file.unlink(missing_ok=True)
 
     def _hold(self, setup: Setup, fresh: bool = False, whole: bool = False) -> None:
@@ -85,7 +94,7 @@ class Agreement:
         self._setup = setup
 
     def _living(self) -> Iterator[tuple[str, Setup]]:
-        """What other writers record with that live; what dead ones have left is removed."""
+        """Yield name and setup of the other writers that are running, and remove the setup files of dead writers."""
         for file in sorted(self._file.parent.glob(f"*{SETUP}")):
             if file == self._file:
                 continue
@@ -99,7 +108,7 @@ class Agreement:
             yield f"{file.stem}, which is being recorded", parse_as(read_side_file(file), Setup, file)
 
     def _write(self, setup: Setup) -> None:
-        try:  # neither synced nor renamed: it is read under the same lock, and means nothing once its writer is dead
+        try:  # no sync or rename: the file is read under the same lock, and is not valid once its writer is dead
             descriptor = open_regular(self._file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
             with os.fdopen(descriptor, "wb") as file:
                 file.write(msgspec.json.encode(setup))
@@ -111,13 +120,13 @@ def check_agreement(dataset: Dataset, episodes: Sequence[int], cameras: Collecti
     """Check that episodes that are to be used together were recorded with the same setup.
 
     Args:
-        dataset: Where they are.
-        episodes: Which.
-        cameras: The cameras that will be used; all by default.
+        dataset: Dataset that holds the episodes.
+        episodes: Indices of the episodes.
+        cameras: Names of the cameras that will be used. None means all cameras.
 
     Raises:
-        DatasetError: If two differ in what the dataset does not say to vary.
-        FormatError: If one is damaged.
+        DatasetError: If two episodes differ in a fact that neither the dataset nor an episode declares to vary.
+        FormatError: If an episode is damaged.
     """
     wanted = set(episodes)
     found = [entry for entry in entries(dataset) if entry.index in wanted]

@@ -1,8 +1,8 @@
-"""What may be appended to an episode while it grows, and when it is whole.
+"""Rules for the rows that may be appended to an episode while it is recorded, and for a whole episode.
 
-Everything is refused before a byte of it is stored: unknown or missing streams, wrong dtypes and shapes, streams of one
-clock that disagree about the number of rows, images that change their size, NaN. What time stamps may be is said in
-`svfl_data.schema.clocks`.
+Wrong rows are refused before any of their bytes are stored: unknown or missing streams, wrong dtypes and shapes,
+streams of one clock with different numbers of rows, images that change their size, and NaN. The rules for time stamps
+are in `svfl_data.recording.recording_clocks`.
 """
 
 from collections.abc import Mapping
@@ -16,19 +16,21 @@ from svfl_data.system.printable import printable
 
 
 def grows(field: Field) -> bool:
-    """Whether a field has a row per reading, rather than one value per episode."""
+    """Return whether a field has a row per reading, rather than one value per episode."""
     return bool(field.shape) and isinstance(field.shape[0], str)
 
 
 def check_constants(constants: Mapping[str, np.ndarray], required: bool = True) -> None:
-    """Check the arrays that an episode has once.
+    """Check the constants of an episode, which are the arrays that it has once.
 
     Args:
-        constants: Dataset path to array.
-        required: Whether all that an episode must have shall be there: workspace, tare, calibration of its cameras.
+        constants: Constants by dataset path.
+        required: Whether all constants that an episode must have must be present: workspace, tare, and the calibration
+            of its cameras.
 
     Raises:
-        FieldError: If one is missing, unknown, grows, or does not fit its declaration.
+        FieldError: If a constant is missing, is unknown, has rows that must be appended, or does not fit its
+            declaration.
     """
     for path, array in constants.items():
         field = field_at(path)
@@ -45,14 +47,14 @@ def check_constants(constants: Mapping[str, np.ndarray], required: bool = True) 
 
 
 ROW_COUNTS = {"rows", *(field.shape[0] for field in FIELDS if grows(field))}
-"""Symbols of sizes that differ from one append to the next; all others, such as the height of images, stay."""
+"""Symbols of sizes that differ from one append to the next. Other sizes, such as the height of images, must not change."""
 
 
 class Growth:
-    """The streams of one growing episode and what they are made of.
+    """Types and shapes of the streams of one episode that is being recorded.
 
     Args:
-        constants: Arrays that the episode has once, for their paths.
+        constants: Arrays that the episode has once, by dataset path.
     """
 
     def __init__(self, constants: Mapping[str, np.ndarray]) -> None:
@@ -61,17 +63,18 @@ class Growth:
         self._sizes: dict[str, dict[str, tuple[int, str]]] = {}
 
     def check(self, group: str, arrays: Mapping[str, np.ndarray]) -> bool:
-        """Check rows that are to be appended.
+        """Check rows that are to be appended to a group.
 
         Args:
-            group: Streams that share a clock, e.g. ``streams/wrench`` or ``cameras/front``.
-            arrays: Dataset path to rows.
+            group: Group of streams that share a clock, e.g. ``streams/wrench`` or ``cameras/front``.
+            arrays: Rows of each stream, by dataset path.
 
         Returns:
-            Whether these are the group's first.
+            Whether these are the first rows of the group.
 
         Raises:
-            FieldError: If the rows do not fit.
+            FieldError: If the rows do not fit their declarations or the first rows of the group, or a stream or
+                constant that the group needs is missing.
         """
         sizes = dict(self._sizes.get(group, {}))
         for path, array in arrays.items():
@@ -85,7 +88,7 @@ class Growth:
         return first
 
     def begin(self, group: str, arrays: Mapping[str, np.ndarray]) -> None:
-        """Hold a group to what its first rows were."""
+        """Remember types and shapes of the first rows of a group, with which all later rows must agree."""
         sizes: dict[str, tuple[int, str]] = {}
         for path, array in arrays.items():
             _check_rows(path, array, sizes)
@@ -93,12 +96,12 @@ class Growth:
         self._columns[group] = {path: (array.dtype, array.shape[1:]) for path, array in arrays.items()}
 
     def check_whole(self, rows: Mapping[str, int], late: Mapping[str, np.ndarray], where: str) -> None:
-        """Check that the streams and constants make an episode.
+        """Check that the streams and constants form a whole episode.
 
         Args:
             rows: Number of rows of each stream, by dataset path.
-            late: Constants that came at the end.
-            where: What to name in the error.
+            late: Constants that were only given at the end, by dataset path.
+            where: Name of the episode for the error message.
 
         Raises:
             FieldError: If a stream is missing or streams disagree about their length.
@@ -109,7 +112,7 @@ class Growth:
             for path, (dtype, row_shape) in columns.items()
             if path in rows
         }
-        check_arrays({**self._constants, **late, **streams}, where, values=False)  # they were judged when they came
+        check_arrays({**self._constants, **late, **streams}, where, values=False)  # values were checked when they came
 
     def _check_group(self, group: str, columns: Mapping[str, object]) -> None:
         camera = group.partition("/")[2]
@@ -144,7 +147,7 @@ def _check_own(path: str, array: np.ndarray) -> None:
 
 
 def _paths(cameras: list[str]) -> list[str]:
-    """Dataset paths of all declared fields, for some cameras."""
+    """Return the dataset paths of all declared fields, with those of the given cameras."""
     whole = [field.path for field in FIELDS if CAMERA not in field.path]
     return whole + [f.path.replace(CAMERA, camera) for camera in cameras for f in FIELDS if CAMERA in f.path]
 

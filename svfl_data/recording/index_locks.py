@@ -1,8 +1,9 @@
-"""Who writes which episode of a dataset: claims that hold between processes, and publication that never overwrites.
+"""Claims of episode indices that hold between processes, and publication of episodes that never overwrites a file.
 
-An episode that is being written is a journal ``.inflight/episode_000012.journal``, created exclusively (the claim) and
-locked while its writer lives (the kernel lets go when a process dies). Publishing puts the whole file under its final
-name before the journal goes; whoever creates a journal looks for the final name afterwards, so no index is taken twice.
+An episode that is being written has a journal ``.inflight/episode_000012.journal``. The journal is created exclusively,
+which is the claim, and stays locked while its writer is running (the kernel releases the lock when a process dies).
+Publishing gives the whole file its final name before the journal is removed. A process that creates a journal looks for
+the final name afterwards, so no index is taken twice.
 """
 
 import fcntl
@@ -22,19 +23,22 @@ from svfl_data.system.atomic_io import name_unless_taken, sync_folder
 from svfl_data.system.regular_file import open_regular
 
 NEXT = -1
-"""In place of an episode's index: the first after all that exist or are being written."""
+"""Stands for the first index after those of all episodes that exist or are being written."""
 INFLIGHT = ".inflight"
 JOURNAL = re.compile(rf"episode_(\d{{6,18}}){re.escape(SUFFIX)}", re.ASCII)
 PART = ".part"
 SETUP = ".setup"
-"""Suffix of the file beside a journal that says with what its writer records (`svfl_data.recording.consistency`)."""
+"""Suffix of the file beside a journal that holds the setup of its writer (`svfl_data.recording.consistency`)."""
 
 
 def inflight(folder: Path) -> Path:
-    """The folder of a dataset's unfinished episodes; made if it does not exist.
+    """Return the folder of a dataset's unfinished episodes, and create it if it does not exist.
+
+    Args:
+        folder: Folder of the dataset.
 
     Raises:
-        FormatError: If it is a link or a file.
+        FormatError: If there is a link or a file of its name.
         StorageError: If the disk refuses.
     """
     return inner_folder(folder, INFLIGHT)
@@ -42,7 +46,11 @@ def inflight(folder: Path) -> Path:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold a folder; waits for whoever else does."""
+    """Hold the lock of a folder during the ``with`` block, and wait until no other process holds it.
+
+    Raises:
+        StorageError: If the folder cannot be locked.
+    """
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         try:
@@ -58,11 +66,11 @@ def claim(dataset: Dataset, index: int = NEXT) -> tuple[int, int, Path]:
     """Claim an episode of a dataset for this process.
 
     Args:
-        dataset: Where to.
-        index: Which one, or `NEXT`.
+        dataset: Dataset into which the episode will be written.
+        index: Index of the episode, or `NEXT`.
 
     Returns:
-        The index, and the descriptor and path of its new, empty, locked journal.
+        Index of the episode, and descriptor and path of its new, empty, locked journal.
 
     Raises:
         DatasetError: If the wanted episode exists or is being written.
@@ -91,7 +99,7 @@ def claim(dataset: Dataset, index: int = NEXT) -> tuple[int, int, Path]:
 
 
 def _create(path: Path) -> int | None:
-    """A new locked file; None if there is one already."""
+    """Create and lock a new file, and return its descriptor; None if the file exists already."""
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
     except FileExistsError:
@@ -106,16 +114,22 @@ def _create(path: Path) -> int | None:
         raise StorageError(f"cannot lock {path}: {error.strerror}") from error
     if os.fstat(descriptor).st_nlink:
         return descriptor
-    os.close(descriptor)  # a repair that came between creation and lock took it for an abandoned one
+    os.close(descriptor)  # a repair between creation and lock removed the file as abandoned
     return None
 
 
 def take_over(path: Path) -> int | None:
-    """Lock the journal of a writer that is gone; None if the writer lives, or the journal is gone too.
+    """Open and lock the journal of a writer that is gone.
+
+    Args:
+        path: Path of the journal.
+
+    Returns:
+        Descriptor of the journal, which the caller must close; None if the writer is running or the journal is gone.
 
     Raises:
-        FormatError: If it is no ordinary file.
-        OSError: If it cannot be opened or locked.
+        FormatError: If the journal is not an ordinary file.
+        OSError: If the journal cannot be opened or locked for another reason.
     """
     try:
         descriptor = open_regular(path, os.O_RDWR)
@@ -136,10 +150,18 @@ def take_over(path: Path) -> int | None:
 
 
 def build(dataset: Dataset, meta: Meta, arrays: Mapping[str, Rows]) -> Path:
-    """Write the sealed file of a claimed episode aside.
+    """Write the sealed file of a claimed episode under a temporary name in the folder of unfinished episodes.
+
+    Args:
+        dataset: Dataset to which the episode belongs.
+        meta: Metadata of the episode.
+        arrays: Arrays of the episode, by dataset path.
+
+    Returns:
+        Path of the temporary file, for `publish`.
 
     Raises:
-        StorageError: If the disk refuses; nothing is left behind but the journal.
+        StorageError: If the disk refuses; only the journal is left behind.
     """
     part = inflight(dataset.path) / f"episode_{meta.index:06d}{PART}"
     try:
@@ -164,16 +186,20 @@ def build(dataset: Dataset, meta: Meta, arrays: Mapping[str, Rows]) -> Path:
 def _free_words(folder: Path) -> str:
     try:
         free = os.statvfs(folder)
-    except OSError as error:  # a disk that is gone
+    except OSError as error:  # the disk may be gone
         return f"free space unknown: {error.strerror}"
     return f"{free.f_bavail * free.f_frsize} free"
 
 
 def publish(part: Path, path: Path) -> None:
-    """Give a whole file its final name, which nothing may have yet.
+    """Give a whole episode file its final name, which no other file may have, and add the episode to the index.
+
+    Args:
+        part: Path of the file that `build` has written.
+        path: Final path of the episode file.
 
     Raises:
-        FileExistsError: If the name is taken; nothing is changed.
+        FileExistsError: If the name is taken; nothing is changed then.
         StorageError: If the disk refuses.
     """
     try:
@@ -184,5 +210,5 @@ def publish(part: Path, path: Path) -> None:
         raise
     except OSError as error:
         raise StorageError(f"cannot publish {path}: {error.strerror}") from error
-    with suppress(SvflError):  # the index lacks a line then, and is mended by whoever reads it next
+    with suppress(SvflError):  # then the index lacks a line, which its next reader adds
         append_index(path.parent, path)

@@ -1,7 +1,7 @@
-"""The clocks of an episode while it is recorded: they ascend, gaps are declared, and what is missing is named.
+"""Checks of the clocks of an episode while it is recorded: time stamps must ascend, and missing readings are reported.
 
-Everything that reads an episode needs ascending time stamps, and a sensor that fell silent leaves a file that looks
-whole. Both are told while the robot still stands there, not found in the data set weeks later.
+All readers of an episode need ascending time stamps, and a sensor that stopped sending leaves a file that looks whole.
+Both faults are reported during the recording, while the robot is still set up, and not weeks later.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,28 +16,28 @@ from svfl_data.schema.rates import FEW, Found, rate_words
 
 Late = Literal["refuse", "drop"]
 COVERED = 0.9
-"""Share of an episode that a stream must have readings of, apart from declared gaps."""
+"""Smallest share of an episode for which a stream must have readings, apart from declared gaps."""
 STOPPED_NS = 1_000_000_000
-"""Before the end of the episode that a stream may stop at most, [ns]."""
+"""Longest time before the end of the episode at which a stream may stop, [ns]."""
 SILENCE_PERIODS, SILENCE_NS = 10, 500_000_000
-"""Time without a reading from which it counts as silence: so many periods, and no less than so many ns."""
+"""Time without a reading above which a stream counts as silent: so many of its periods, and at least so many [ns]."""
 
 
 def is_clock(t_ns: np.ndarray) -> bool:
-    """Whether an array of this name is one of time stamps; below ``extra/`` it may be anything."""
+    """Return whether an array with the name ``t_ns`` holds time stamps; below ``extra/`` it may be any array."""
     return t_ns.dtype == np.int64 and t_ns.ndim == 1
 
 
 @dataclass
 class Clock:
-    """The time stamps of one group so far.
+    """Summary of the time stamps that one group has so far.
 
     Attributes:
-        count: How many.
-        first_ns: The first, [ns].
-        last_ns: The last, [ns].
-        silences: Times of more than `SILENCE_NS` between two readings, start and end, [ns].
-        dropped: Readings that came too late and were left out.
+        count: Number of time stamps.
+        first_ns: First time stamp, [ns].
+        last_ns: Last time stamp, [ns].
+        silences: Start and end of each time of more than `SILENCE_NS` between two readings, [ns].
+        dropped: Number of readings that came too late and were left out.
     """
 
     count: int = 0
@@ -47,18 +47,20 @@ class Clock:
     dropped: int = 0
 
     def newer(self, group: str, t_ns: np.ndarray, late: Late) -> np.ndarray | None:
-        """Which rows may be appended.
+        """Return which rows may be appended, because they are newer than all rows before them.
 
         Args:
-            group: For the message.
-            t_ns: Their time stamps, shape (M,), [ns].
-            late: What to do with rows that are not newer than all before them.
+            group: Name of the group, for the error message.
+            t_ns: Time stamps of the rows, shape (M,), [ns].
+            late: What to do with rows that are not newer than all before them: ``refuse`` raises an error, ``drop``
+                leaves these rows out.
 
         Returns:
-            Boolean, shape (M,); None, which is most often and soon told, for all.
+            Whether each row may be appended, shape (M,), bool. None means all rows, which is the usual case and is
+            found quickly.
 
         Raises:
-            FieldError: If one is not newer and none may be dropped.
+            FieldError: If a row is not newer and `late` is ``refuse``.
         """
         if not len(t_ns) or ((not self.count or int(t_ns[0]) > self.last_ns) and bool((t_ns[1:] > t_ns[:-1]).all())):
             return None
@@ -74,7 +76,7 @@ class Clock:
         return newer
 
     def take(self, t_ns: np.ndarray) -> None:
-        """Count rows that were appended."""
+        """Count rows that were appended, given by their time stamps, shape (M,), [ns]."""
         if not len(t_ns):
             return
         first, last = int(t_ns[0]), int(t_ns[-1])
@@ -89,12 +91,12 @@ class Clock:
 
     @property
     def found(self) -> Found:
-        """The time stamps in short."""
+        """Number, first and last of the time stamps."""
         return Found(self.count, self.first_ns, self.last_ns)
 
     @property
     def period_ns(self) -> float:
-        """Mean interval, silences left aside, [ns]; 0 for fewer than two readings."""
+        """Mean interval between readings without silences, [ns]; 0 for fewer than two readings."""
         found, silent = self.found, sum(end - start for start, end in self.silences)
         if found.count - 1 > len(self.silences):
             return (found.last_ns - found.first_ns - silent) / (found.count - 1 - len(self.silences))
@@ -103,13 +105,13 @@ class Clock:
 
 @dataclass(frozen=True)
 class Gap:
-    """A time in which a stream has no readings, as its recorder says.
+    """A time in which a stream has no readings, as declared by the recording program.
 
     Attributes:
-        stream: The group.
-        start_ns: From when, [ns].
-        end_ns: Until when, [ns]; None while nobody knows.
-        reason: In words.
+        stream: Group of the stream, such as ``streams/wrench``.
+        start_ns: Start of the gap on the episode clock, [ns].
+        end_ns: End of the gap on the episode clock, [ns]; None while the end is not known.
+        reason: Reason for the gap, in words.
 
     Example:
         >>> Gap("streams/wrench", start_ns=1_000_000_000, end_ns=1_200_000_000, reason="loose cable").reason
@@ -122,10 +124,10 @@ class Gap:
     reason: str
 
     def __post_init__(self) -> None:
-        """Refuse what is none.
+        """Check that times and reason are valid.
 
         Raises:
-            UsageError: If it ends before it starts, or has no reason.
+            UsageError: If the gap ends before it starts, its times are not integers, or it has no reason.
         """
         times = [self.start_ns] if self.end_ns is None else [self.start_ns, self.end_ns]
         if any(type(time) is not int for time in times) or times != sorted(times):
@@ -134,12 +136,12 @@ class Gap:
             raise UsageError(f"{self.stream}: a gap needs a reason")
 
     def annotation(self, start_ns: int, end_ns: int, tool: str) -> dict[str, Any] | None:
-        """The gap as an annotation, cut to an episode; None if it lies outside.
+        """Return the gap as an annotation that is cut to the time of an episode; None if the gap lies outside.
 
         Args:
             start_ns: Beginning of the episode, [ns].
-            end_ns: Its end, [ns].
-            tool: Who says so.
+            end_ns: End of the episode, [ns].
+            tool: Name of the tool that makes the annotation.
         """
         start = max(self.start_ns, start_ns)
         end = end_ns if self.end_ns is None else min(self.end_ns, end_ns)
@@ -154,12 +156,12 @@ class Gap:
 def clock_faults(
     clocks: Mapping[str, Clock], span_ns: tuple[int, int], gaps: Sequence[Gap], rates_hz: Mapping[str, float]
 ) -> Iterator[str]:
-    """What is wrong with the clocks of an episode that is about to be sealed, in words.
+    """Yield in words what is wrong with the clocks of an episode that is about to be sealed.
 
     Args:
-        clocks: By group.
-        span_ns: First and last observation, [ns].
-        gaps: What was declared.
+        clocks: Clocks by group.
+        span_ns: Times of the first and the last observation, [ns].
+        gaps: Declared gaps.
         rates_hz: Declared rates by group, [Hz].
     """
     for group in rates_hz.keys() - clocks.keys() - {gap.stream for gap in gaps} - {"actions"}:
@@ -176,10 +178,11 @@ def clock_faults(
 def _coverage_words(
     group: str, clock: Clock, span_ns: tuple[int, int], gaps: Sequence[Gap], declared_hz: float | None
 ) -> str | None:
-    """Whether a stream was silent for too much of an episode.
+    """Return in words that a stream was silent for too much of an episode; None if it was not.
 
-    Watched are the streams that an episode must have and those with a declared rate, from the first observation on;
-    other ``streams/`` from their own first reading on; none below ``extra/``, which may hold rare events.
+    Streams that an episode must have, cameras, and streams with a declared rate are watched from the first observation
+    on. Other ``streams/`` are watched from their own first reading on. Groups below ``extra/`` without a declared rate
+    are not watched, since they may hold rare events.
     """
     (start, end), found = span_ns, clock.found
     needed = declared_hz is not None or group == "streams/wrench" or group.startswith("cameras/")
@@ -201,7 +204,7 @@ def _coverage_words(
 
 
 def _outside(span_ns: tuple[int, int], gaps: Sequence[Gap]) -> int:
-    """Length of a time outside some gaps, [ns]."""
+    """Return the length of the part of a time span that lies outside of some gaps, [ns]."""
     start, end = span_ns
     left, at = 0, start
     for gap in sorted(gaps, key=lambda gap: gap.start_ns):
@@ -211,6 +214,6 @@ def _outside(span_ns: tuple[int, int], gaps: Sequence[Gap]) -> int:
 
 
 def _without(found: Found, gaps: Sequence[Gap]) -> Found:
-    """Time stamps as if declared gaps took no time."""
+    """Return a summary of time stamps in which declared gaps take no time."""
     length = _outside((found.first_ns, found.last_ns), gaps)
     return Found(found.count, found.first_ns, found.first_ns + length) if gaps else found

@@ -1,4 +1,4 @@
-"""What a recording knows about itself: its clocks, its declared gaps, and what went wrong, until it is sealed."""
+"""Log of a recording until it is sealed: its clocks, its declared gaps, and its faults."""
 
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -13,15 +13,15 @@ from svfl_data.schema.rates import declared_rates
 
 TOOL = "EpisodeWriter"
 FAULTS = 100
-"""Faults of an episode that are kept in words; of more only the number."""
+"""Largest number of faults of an episode that are kept in words. Further faults are only counted."""
 WRENCH, OBSERVATIONS = "streams/wrench", "observations"
 
 
 class RecordingLog:
-    """The log of one episode; whoever uses it from several threads holds a lock.
+    """Log of one episode. Callers that use the log from several threads must hold a lock.
 
     Args:
-        note: Puts a record without rows into the episode's journal, so that repair knows of it.
+        note: Function that puts a record without rows into the episode's journal, so that repair can read the record.
     """
 
     def __init__(self, note: Callable[[dict[str, Any]], None]) -> None:
@@ -33,15 +33,21 @@ class RecordingLog:
 
     @property
     def faults(self) -> list[str]:
-        """What went wrong so far, in words."""
+        """Faults of the recording so far, in words."""
         return [*self._faults, *([f"and {self._beyond} more"] if self._beyond else [])]
 
     def newer(self, group: str, t_ns: np.ndarray, late: Late) -> np.ndarray | None:
-        """Which rows of a group may be appended; see `svfl_data.recording.recording_clocks.Clock.newer`."""
+        """Return which rows of a group may be appended; see `svfl_data.recording.recording_clocks.Clock.newer`."""
         return self._clocks.setdefault(group, Clock()).newer(group, t_ns, late)
 
     def take(self, group: str, t_ns: np.ndarray, dropped: int) -> None:
-        """Count rows that were appended, and some that were left out; a reading ends an open gap."""
+        """Count the rows of a group that were appended and those that were left out; a reading ends an open gap.
+
+        Args:
+            group: Group to which the rows were appended, such as ``streams/wrench``.
+            t_ns: Time stamps of the rows that were appended, shape (M,), [ns].
+            dropped: Number of rows that were left out because they came too late.
+        """
         self._clocks[group].take(t_ns)
         self._clocks[group].dropped += dropped
         for row, gap in enumerate(self._gaps if len(t_ns) else ()):
@@ -50,19 +56,19 @@ class RecordingLog:
                 self._note({"gap": asdict(self._gaps[row])})
 
     def declare(self, gap: Gap) -> None:
-        """Keep a gap, unless one without an end is open in the same stream and this has none either."""
+        """Keep a declared gap, unless it has no end and the same stream already has an open gap without an end."""
         if gap.end_ns is None and any(known.stream == gap.stream and known.end_ns is None for known in self._gaps):
             return
         self._gaps.append(gap)
         self._note({"gap": asdict(gap)})
 
     def mark(self, group: str, t_ns: np.ndarray | None, words: str) -> None:
-        """Keep a fault.
+        """Keep the fault that an append was refused.
 
         Args:
-            group: What was appended to.
-            t_ns: Time stamps of what was refused, if it had any.
-            words: Why.
+            group: Group to which the rows were to be appended, such as ``streams/wrench``.
+            t_ns: Time stamps of the refused rows, [ns]; None if the rows had none.
+            words: Reason for the refusal.
         """
         if len(self._faults) == FAULTS:
             self._beyond += 1
@@ -72,10 +78,14 @@ class RecordingLog:
         self._note({"fault": self._faults[-1]})
 
     def closed(self, meta: Meta, despite_faults: bool) -> Meta:
-        """The final metadata, with gaps, faults and readings left out.
+        """Return the final metadata, which tell of the gaps, the faults and the number of readings that were left out.
+
+        Args:
+            meta: Metadata of the episode without these facts.
+            despite_faults: Whether an episode with a fault may be a success.
 
         Raises:
-            FieldError: If the episode is to be a success in spite of a fault.
+            FieldError: If the episode has a fault and is to be a success, and `despite_faults` is False.
         """
         span = self._clocks[OBSERVATIONS].found
         rates = declared_rates(meta.config)

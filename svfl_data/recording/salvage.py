@@ -1,4 +1,4 @@
-"""From a journal to an episode: everything intact is kept, what is missing is named, nothing is invented."""
+"""Salvage of an episode from a journal: intact rows are kept, missing ones are marked as gaps, and none are invented."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -22,12 +22,12 @@ OBSERVATIONS, ACTIONS = "observations", "actions"
 
 @dataclass(frozen=True)
 class Salvaged:
-    """What a journal gives.
+    """An episode that was made from a journal.
 
     Attributes:
-        meta: What the episode is about.
-        arrays: Dataset path to array.
-        whole: Whether it is all that was recorded, as its writer meant it.
+        meta: Metadata of the episode.
+        arrays: Arrays of the episode, by dataset path.
+        whole: Whether the episode holds everything that was recorded, with the final metadata of its writer.
     """
 
     meta: Meta
@@ -36,21 +36,22 @@ class Salvaged:
 
 
 def salvage(journal: Journal, where: str) -> Salvaged:
-    """Make an episode of a journal.
+    """Make an episode from a journal.
 
-    Of one that was being sealed and is intact, everything as its writer meant it. Otherwise the episode is no success,
-    and each group keeps the rows that are intact in all its streams. Rows that are missing inside a group with a clock
-    become a ``gap`` annotation. Steps cannot be left out in the middle, since each action leads from one observation to
-    the next: the longest run of intact steps is kept, and groups without a clock, which have a row per step, are cut to
-    the same rows.
+    If the journal is intact and its writer was already sealing it, the episode is exactly the one that the writer
+    intended. Otherwise the episode is marked as no success, and each group keeps the rows that are intact in all its
+    streams. Rows that are missing inside a group with a clock become a ``gap`` annotation. Steps cannot be left out in
+    the middle, since each action leads from one observation to the next. So the longest run of intact steps is kept,
+    and groups without a clock, which have a row per step, are cut to the same rows.
 
     Args:
-        journal: What is intact of it.
-        where: What to name in errors.
+        journal: The intact content of the journal.
+        where: Name of the journal for error messages.
 
     Raises:
-        FormatError: If its metadata are not intact.
-        FieldError: If too little was recorded for an episode, or it holds numbers that no episode may hold.
+        FormatError: If the metadata of the journal are not intact.
+        FieldError: If too little was recorded for an episode, or the journal holds numbers that are not valid in an
+            episode.
     """
     if journal.meta is None:
         raise FormatError("not even its first record is intact")
@@ -63,7 +64,7 @@ def salvage(journal: Journal, where: str) -> Salvaged:
 
 
 def _kept(journal: Journal) -> dict[str, Spans]:
-    """The rows that are kept of each group."""
+    """Return the ranges of rows of each group that are kept."""
     intact: dict[str, Spans] = {}
     for path, stream in journal.streams.items():
         group = path.rpartition("/")[0]
@@ -84,8 +85,8 @@ def _kept(journal: Journal) -> dict[str, Spans]:
 
 
 def _longest_run(observations: Spans, actions: Spans) -> tuple[int, int]:
-    """First step and number of steps of the longest run in which nothing is missing."""
-    followed = [(start, stop - 1) for start, stop in observations if stop - 1 > start]  # by another observation
+    """Return the first step and the number of steps of the longest run in which no observation or action is missing."""
+    followed = [(start, stop - 1) for start, stop in observations if stop - 1 > start]  # steps with a next observation
     runs = _common(followed, actions)
     if runs:
         start, stop = max(runs, key=lambda run: run[1] - run[0])
@@ -94,7 +95,7 @@ def _longest_run(observations: Spans, actions: Spans) -> tuple[int, int]:
 
 
 def _common(one: Spans, other: Spans) -> Spans:
-    """The rows that are in both; each is disjoint and ascending."""
+    """Return the rows that are in both lists of ranges; the ranges of each list are disjoint and ascending."""
     spans: Spans = []
     left, right = 0, 0
     while left < len(one) and right < len(other):
@@ -113,7 +114,7 @@ def _cut(journal: Journal, kept: Mapping[str, Spans]) -> dict[str, Rows]:
 
 
 def _with_constants(journal: Journal, streams: dict[str, Rows]) -> dict[str, Rows]:
-    """What had not begun yet has no rows; cameras without a frame are left out."""
+    """Add constants, and empty arrays for required streams without rows; leave out cameras without frames."""
     for field in FIELDS:
         if grows(field) and not field.optional and CAMERA not in field.path and field.path not in streams:
             sizes = [size for size in field.shape[1:] if isinstance(size, int)]
@@ -125,13 +126,13 @@ def _with_constants(journal: Journal, streams: dict[str, Rows]) -> dict[str, Row
 
 
 def _checked(arrays: dict[str, Rows], where: str) -> dict[str, Rows]:
-    """The arrays, if they make an episode."""
+    """Return the arrays after checking that they form a valid episode."""
     check_arrays(arrays, where)
     return arrays
 
 
 def _meta(journal: Journal, kept: Mapping[str, Spans], arrays: Mapping[str, Rows]) -> Meta:
-    """The metadata of an episode that is not whole."""
+    """Return the metadata of an episode that is not whole."""
     meta = journal.end or journal.meta
     assert meta is not None
     rows = {path: array.shape[0] for path, array in arrays.items() if path in journal.streams}
@@ -152,19 +153,19 @@ def _meta(journal: Journal, kept: Mapping[str, Spans], arrays: Mapping[str, Rows
 
 
 def _declared(journal: Journal) -> list[Gap]:
-    """What the recorder declared; a gap that was given an end later stands there twice."""
+    """Return the gaps that were declared while recording; of two with the same start, the later record is kept."""
     gaps: dict[tuple[str, int], Gap] = {}
     for facts in journal.gaps if journal.end is None else ():
         try:
             gap = msgspec.convert(facts, Gap)
-        except (msgspec.ValidationError, UsageError):  # means nothing
+        except (msgspec.ValidationError, UsageError):  # the record is not a valid gap
             continue
         gaps[gap.stream, gap.start_ns] = gap
     return list(gaps.values())
 
 
 def _missing(kept: Mapping[str, Spans], arrays: Mapping[str, Rows], start_ns: int) -> Iterable[Gap]:
-    """Where rows of a group with a clock are missing between others, or before the first."""
+    """Yield a gap for every place in a group with a clock where rows are missing between others or before the first."""
     for group, spans in kept.items():
         t_ns = arrays.get(f"{group}/t_ns")
         if t_ns is None or group == OBSERVATIONS or not spans:

@@ -1,6 +1,7 @@
-"""Readings on their way to the journal: whoever appends goes on at once, a thread of its own waits for the disk.
+"""Writing of readings to the journal in a separate thread, so that appending need not wait for the disk.
 
-What waits is bounded in time, which is what a kill costs, and in bytes, which is the memory that a slow disk costs.
+The waiting readings are bounded in time, which limits the loss when the process is killed, and in bytes, which limits
+the memory that a slow disk costs.
 """
 
 import threading
@@ -17,20 +18,20 @@ from svfl_data.recording.journal import JournalWriter
 from svfl_data.system.own_process import OwnProcess
 
 FLUSH_BYTES = 2**23
-"""Readings that wait in memory at most while the disk keeps up; more are handed over at once, whatever the time."""
+"""Size of the waiting readings at which they are written at once, without waiting for the flush interval, [bytes]."""
 WHOLE_BYTES = 2**16
-"""Bytes of an append from which it is a record of its own; smaller ones of a stream are joined."""
+"""Size from which the rows of one append become a journal record of their own, [bytes]. Smaller ones are joined."""
 WhenFull = Literal["wait", "refuse"]
 
 
 @dataclass(frozen=True)
 class Waiting:
-    """What was appended and is not in the journal yet.
+    """Rows and notes that were appended and are not in the journal yet.
 
     Attributes:
-        stored: Rows in the journal, by dataset path.
-        rows: Appends in their order, each by dataset path.
-        notes: Records without rows.
+        stored: Number of rows that are in the journal, by dataset path.
+        rows: Rows of each append, by dataset path, in the order of the appends.
+        notes: Labels of records without rows, in order.
     """
 
     stored: dict[str, int]
@@ -39,19 +40,19 @@ class Waiting:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing waits."""
+        """Whether neither rows nor notes are waiting."""
         return not self.rows and not self.notes
 
 
 class WriteBehind(OwnProcess):
-    """Grippers appended rows to a journal.
+    """Buffer that passes appended rows on to a journal.
 
     Args:
-        journal: Where they go.
-        flush_s: Seconds after which rows are handed over; with 0 every append does it itself and waits, [s].
-        sync_s: Seconds after which the disk is told to keep them, [s].
-        most_bytes: Rows that may wait.
-        when_full: Whether an append beyond that waits or is refused.
+        journal: Journal to write to.
+        flush_s: Time after which waiting rows are written, [s]. With 0 every append writes its rows itself and waits.
+        sync_s: Time after which the disk is told to keep the written rows, [s].
+        most_bytes: Largest size of the rows that may wait in memory, [bytes].
+        when_full: What an append beyond `most_bytes` does: ``wait`` until there is room, or ``refuse`` the rows.
     """
 
     def __init__(
@@ -59,8 +60,8 @@ class WriteBehind(OwnProcess):
     ) -> None:
         self._journal, self._flush_s, self._sync_s = journal, flush_s, sync_s
         self._most_bytes, self._when_full = most_bytes, when_full
-        self._change = threading.Condition()  # guards what waits; never held while the disk is asked
-        self._disk = threading.RLock()  # of whoever writes to the journal
+        self._change = threading.Condition()  # guards the waiting rows and notes; never held during disk access
+        self._disk = threading.RLock()  # held by the thread that writes to the journal
         self._waiting = Waiting({})
         self._bytes = 0
         self._refusal: StorageError | None = None
@@ -72,14 +73,17 @@ class WriteBehind(OwnProcess):
 
     @property
     def stored(self) -> dict[str, int]:
-        """Rows in the journal, by dataset path."""
+        """Number of rows that are in the journal, by dataset path."""
         return self._waiting.stored
 
     def append(self, rows: dict[str, np.ndarray]) -> None:
-        """Add rows, which must not be changed any more.
+        """Add rows, which the caller must not change afterwards.
+
+        Args:
+            rows: Rows of one append, by dataset path.
 
         Raises:
-            StorageError: If the disk refused what was appended before, or too much waits; these rows are not taken.
+            StorageError: If the disk refused earlier rows, or too many bytes are waiting; these rows are not taken.
         """
         size = sum(array.nbytes for array in rows.values())
         if self._thread is None and self._refusal is not None:
@@ -93,20 +97,20 @@ class WriteBehind(OwnProcess):
             if self._bytes == size or self._bytes >= FLUSH_BYTES:
                 self._change.notify_all()
         if self._thread is None:
-            with suppress(StorageError):  # the rows are taken; who appends next is told
+            with suppress(StorageError):  # the rows are taken; the next append raises the error
                 self.flush()
 
     def note(self, label: dict[str, Any]) -> None:
-        """Add a record without rows; never waits and never fails."""
+        """Add a record without rows, given by its label; this method never waits for the disk and never fails."""
         with self._change:
             self._waiting.notes.append(label)
             self._change.notify_all()
 
     def flush(self) -> None:
-        """Gripper everything appended so far to the system, and wait for that.
+        """Write everything that was appended so far to the journal, and wait until the system has taken it.
 
         Raises:
-            StorageError: If the disk refuses; what did not fit is kept in memory and tried again.
+            StorageError: If the disk refuses. The rest is kept in memory, and a later flush tries again.
         """
         self.check_process()
         with self._disk:
@@ -118,7 +122,11 @@ class WriteBehind(OwnProcess):
             self._refusal = None
 
     def record(self, label: dict[str, Any], content: bytes | memoryview = b"") -> None:
-        """Put a record into the journal, and wait for that.
+        """Write a record to the journal at once, and wait until the system has taken it.
+
+        Args:
+            label: Label of the record (`svfl_data.recording.journal.Label`).
+            content: Content of the record.
 
         Raises:
             StorageError: If the disk refuses.
@@ -127,7 +135,7 @@ class WriteBehind(OwnProcess):
             self._journal.append(label, content)
 
     def close(self) -> None:
-        """End the thread; what still waits is dropped."""
+        """End the thread; rows and notes that are still waiting are dropped."""
         with self._change:
             self._closed = True
             self._change.notify_all()
@@ -162,7 +170,7 @@ class WriteBehind(OwnProcess):
         for label in notes:
             self._journal.append(label)
         with self._change:
-            # One assignment: whatever is interrupted before it, by Ctrl-C or the disk, is done again as a whole.
+            # A single assignment: anything that Ctrl-C or the disk interrupts before it is done again as a whole.
             self._waiting = Waiting(stored, known.rows[len(rows) :], known.notes[len(notes) :])
             self._bytes = sum(array.nbytes for arrays in self._waiting.rows for array in arrays.values())
             self._change.notify_all()
@@ -171,7 +179,7 @@ class WriteBehind(OwnProcess):
             self._synced = time.monotonic()
 
     def _hand_over(self) -> None:
-        """The thread: waits until there is something, gathers for a while, writes."""
+        """Run the thread: wait until something was appended, gather more for a while, write, and repeat."""
         while True:
             with self._change:
                 self._change.wait_for(lambda: self._closed or not self._waiting.empty)
@@ -180,7 +188,7 @@ class WriteBehind(OwnProcess):
                     return
             try:
                 self.flush()
-            except Exception as error:  # kept for whoever appends next; this thread tries again
+            except Exception as error:  # the next append raises it; this thread tries again
                 if not isinstance(error, StorageError):
                     self._refusal = StorageError(f"cannot record to {self._journal.path}: {error!r}")
                 with self._change:
@@ -192,7 +200,7 @@ class WriteBehind(OwnProcess):
 
 
 def _joined(appends: list[dict[str, np.ndarray]]) -> Iterator[tuple[str, np.ndarray]]:
-    """The rows by path, each piece a record: large appends as they are, small ones of a stream joined."""
+    """Yield the rows in pieces, each for one record, with their path; small appends of a stream are joined."""
     for path in dict.fromkeys(path for arrays in appends for path in arrays):
         small: list[np.ndarray] = []
         for rows in (arrays[path] for arrays in appends if path in arrays):
