@@ -47,7 +47,7 @@ def check_constants(constants: Mapping[str, np.ndarray], required: bool = True) 
 
 
 ROW_COUNTS = {"rows", *(field.shape[0] for field in FIELDS if grows(field))}
-"""Symbols of sizes that differ from one append to the next. Other sizes, such as the height of images, must not change."""
+"""Symbols of sizes that differ between appends. All other sizes, such as the height of images, must not change."""
 
 
 class Growth:

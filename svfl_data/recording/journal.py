@@ -1,14 +1,15 @@
-"""The append-only file in which an episode grows while it is recorded; whatever ends the writer, it stays readable.
+"""The journal: the append-only file of an episode that is being recorded, readable however its writer ends.
 
-A journal is a sequence of records, each a header (`HEADER`: magic, bytes of the label, bytes of the content, CRC-32 of
-both), a label (JSON, `Label`) and the content. ``{"meta": ...}`` opens the journal; ``{"path", "dtype", "shape",
-"start"}`` gives rows of a stream from a certain row on, and a whole array with ``"constant"`` in place of ``"start"``;
-``{"gap": ...}`` and ``{"fault": ...}`` say what is missing and what went wrong; ``{"end": ...}`` closes it with the
-final metadata. Nothing is ever overwritten, so what was intact once stays so. After a damaged record reading goes on
-with the next intact one; since rows are numbered, what is missing between them is known.
+A journal is a sequence of records. Each record has a header (`HEADER`: magic, size of the label, size of the content,
+CRC-32 of both), a label (JSON, `Label`) and a content. The label ``{"meta": ...}`` opens the journal. The label
+``{"path", "dtype", "shape", "start"}`` gives rows of a stream from a certain row on; with ``"constant"`` in place of
+``"start"`` it gives a whole array. ``{"gap": ...}`` declares missing readings, and ``{"fault": ...}`` tells what went
+wrong. ``{"end": ...}`` closes the journal with the final metadata. Nothing is ever overwritten, so an intact record
+stays intact. After a damaged record, reading continues with the next intact one. Since rows are numbered, it is known
+which rows are missing between them.
 
-A journal may come from anywhere, so nothing in it is believed before it is checked: labels against their types, sizes
-against the file.
+A journal may come from an untrusted source, so everything in it is checked before use: labels against their types, and
+sizes against the file.
 """
 
 import os
@@ -38,25 +39,27 @@ HEADER = struct.Struct("<4sIQI")
 MAGIC = b"SVJ1"
 SUFFIX = ".journal"
 BLOCK = 2**22
-"""Bytes that are read at once, so that memory does not grow with a record."""
+"""Number of bytes that are read at once, so that memory does not grow with the size of a record."""
 LABEL_BYTES = 2**22
-"""Size of a label at most; metadata hold the configuration."""
+"""Largest size of a label, [bytes]. The label of metadata holds the whole configuration."""
 ARRAYS, WORDS = 1000, 10_000
-"""Arrays of an episode, and declared gaps or faults, at most."""
+"""Largest number of arrays of an episode, and largest number of declared gaps and of faults."""
 ROW_BYTES = 2**32
-"""Size of a row at most."""
+"""Largest size of a row, [bytes]."""
 DIMENSIONS = 16
-"""Of an array at most."""
+"""Largest number of dimensions of an array."""
 SEARCHED, SEARCH_BLOCK = 8, 2**16
-"""How often the size of the file is read at most while looking for intact records after damage; bytes read at once."""
+"""Limit of the bytes that are read to find intact records after damage, in multiples of the file's size, and number of
+bytes that are read at once in this search."""
 
 
 class JournalWriter(OwnProcess):
-    """Appends records to a new journal.
+    """Writer that appends records to a new journal.
 
     Args:
-        descriptor: The file: empty and open for reading and writing; closed with `close`.
-        path: Its name, for messages.
+        descriptor: Descriptor of the journal file, which must be empty and open for reading and writing. `close` closes
+            the descriptor.
+        path: Path of the journal file, for messages.
     """
 
     def __init__(self, descriptor: int, path: Path) -> None:
@@ -67,11 +70,15 @@ class JournalWriter(OwnProcess):
         self._sync: Future[None] | None = None
 
     def append(self, label: dict[str, Any], content: bytes | bytearray | memoryview = b"") -> None:
-        """Append a record; when this returns, a killed process loses it no more.
+        """Append a record; after the return of this method, a killed process does not lose the record any more.
+
+        Args:
+            label: Label of the record, with the keys of `Label` (JSON values).
+            content: Content of the record.
 
         Raises:
-            StorageError: If the disk refuses; the journal is as it was before and may be appended to again.
-            UsageError: In another process than the writer's.
+            StorageError: If the disk refuses. The journal is then as it was before, and may be appended to again.
+            UsageError: If this process is not the one that made the writer.
         """
         self.check_process()
         words = canonical_json(label).encode()
@@ -85,11 +92,13 @@ class JournalWriter(OwnProcess):
         self._end += size
 
     def sync(self) -> None:
-        """Have the disk, not only the system, take what was appended so far; does not wait for it.
+        """Start to sync the journal to the disk in a separate thread, without waiting for it.
+
+        If an earlier sync is still running, nothing is started.
 
         Raises:
-            StorageError: If the disk refused the previous time.
-            UsageError: In another process than the writer's.
+            StorageError: If the disk refused the previous sync.
+            UsageError: If this process is not the one that made the writer.
         """
         self.check_process()
         if self._sync is not None and not self._sync.done():
@@ -102,15 +111,15 @@ class JournalWriter(OwnProcess):
         self._sync = self._syncer.submit(os.fdatasync, self.descriptor)
 
     def close(self) -> None:
-        """Close the file, which also gives up its lock; the journal stays."""
+        """Close the journal file, which also releases its lock; the file remains."""
         self._syncer.shutdown()
         descriptor, self.descriptor = self.descriptor, -1
         if descriptor >= 0:
-            with suppress(OSError):  # of a disk that is gone; what it had not taken was not promised
+            with suppress(OSError):  # the disk may be gone; only synced readings were promised
                 os.close(descriptor)
 
     def forked(self) -> None:
-        """A fork of the process holds neither the file nor its lock, so that repair can tell when the writer dies."""
+        """Close the journal in a forked process, so that its lock is released when the process of the writer dies."""
         descriptor, self.descriptor = self.descriptor, -1
         if descriptor >= 0:
             os.close(descriptor)
@@ -120,7 +129,7 @@ class JournalWriter(OwnProcess):
             os.ftruncate(self.descriptor, self._end)
             free = os.fstatvfs(self.descriptor)
             room = f"{size} more bytes needed, {free.f_bavail * free.f_frsize} free"
-        except OSError:  # a disk that is gone refuses this as well
+        except OSError:  # if the disk is gone, this fails, too
             room = f"{size} more bytes needed"
         return StorageError(
             f"cannot record to {self.path}: {error.strerror} ({room}); everything recorded before is intact"
@@ -128,18 +137,18 @@ class JournalWriter(OwnProcess):
 
 
 class Label(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """What stands before the content of a record; which of these it has says what it is.
+    """Label of a record, which stands before its content. The attributes that are set tell the kind of the record.
 
     Attributes:
-        meta: Metadata at the beginning.
-        end: Final metadata.
-        gap: Arguments of a `svfl_data.schema.clocks.Gap`.
-        fault: What went wrong, in words.
-        path: Dataset path of an array.
-        dtype: Type of its numbers, as NumPy writes it.
-        shape: Its sizes, or those of the rows in this record.
-        start: First row; absent for constants.
-        constant: Whether the array does not grow.
+        meta: Metadata with which the journal was opened.
+        end: Final metadata of the episode.
+        gap: Arguments of a `svfl_data.recording.recording_clocks.Gap`.
+        fault: Description of a fault of the recording, in words.
+        path: Dataset path of an array; empty in records of another kind.
+        dtype: Dtype of the array, as NumPy writes it in ``dtype.str``.
+        shape: Shape of the rows in this record, or of the whole array if `constant` is True.
+        start: Number of the first row in this record; absent for constants.
+        constant: Whether the record holds a whole array that the episode has once.
     """
 
     meta: Meta | None = None
@@ -155,14 +164,14 @@ class Label(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 @dataclass(frozen=True)
 class JournalRows:
-    """Rows of a stream in a journal, as an array whose slices are read when asked for.
+    """Rows of a stream in a journal, as an array whose slices are read when they are asked for.
 
     Attributes:
-        descriptor: The journal, open for reading.
-        dtype: Type of its numbers.
-        row_shape: Shape of a row.
-        starts: First row of each piece.
-        offsets: Where the content of each piece begins in the file.
+        descriptor: Descriptor of the journal, open for reading.
+        dtype: NumPy dtype of the elements.
+        row_shape: Shape of one row.
+        starts: Number of the first row of each contiguous piece.
+        offsets: Position of the content of each piece in the file, [bytes].
         rows: Number of rows.
     """
 
@@ -175,12 +184,12 @@ class JournalRows:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Sizes of the whole array."""
+        """Shape of the whole array."""
         return (self.rows, *self.row_shape)
 
     @property
     def row_bytes(self) -> int:
-        """Bytes of a row."""
+        """Size of one row, [bytes]."""
         return prod(self.row_shape) * self.dtype.itemsize
 
     def __getitem__(self, rows: slice) -> np.ndarray:
@@ -199,17 +208,17 @@ class JournalRows:
 
 
 Spans = list[tuple[int, int]]
-"""Ranges of rows, from one to before another, disjoint and ascending."""
+"""Ranges of rows, each given by its first row and the row after its last one; disjoint and ascending."""
 
 
 @dataclass
 class Stream:
-    """What is intact of a stream; its rows are numbered as they were appended.
+    """The intact rows of a stream in a journal, numbered in the order in which they were appended.
 
     Attributes:
-        descriptor: The journal, open for reading.
-        dtype: Type of its numbers.
-        row_shape: Shape of a row.
+        descriptor: Descriptor of the journal, open for reading.
+        dtype: NumPy dtype of the elements.
+        row_shape: Shape of one row.
     """
 
     descriptor: int
@@ -220,7 +229,13 @@ class Stream:
     _offsets: "array[int]" = field(default_factory=lambda: array("q"))
 
     def add(self, start: int, rows: int, offset: int) -> None:
-        """Add the rows of a record that are new: an interrupted one may have been written again, and longer."""
+        """Add those rows of a record that are new; an interrupted record may have been written again with more rows.
+
+        Args:
+            start: Number of the first row of the record.
+            rows: Number of rows in the record.
+            offset: Position of the record's content in the file, [bytes].
+        """
         known = self._stops[-1] if self._stops else 0
         first = max(start, known)
         if start + rows > first:
@@ -230,7 +245,7 @@ class Stream:
 
     @property
     def spans(self) -> Spans:
-        """Which rows are intact."""
+        """Ranges of the intact rows."""
         spans: Spans = []
         for first, stop in zip(self._firsts, self._stops, strict=True):
             if spans and spans[-1][1] == first:
@@ -240,10 +255,11 @@ class Stream:
         return spans
 
     def rows(self, spans: Iterable[tuple[int, int]] | None = None) -> JournalRows:
-        """Some intact rows, one after the other.
+        """Return some intact rows as one array.
 
         Args:
-            spans: Which, disjoint and ascending, within `spans`; by default all.
+            spans: Ranges of the wanted rows, disjoint and ascending. They must lie within the ranges of the property
+                `spans`. None means all intact rows.
         """
         starts, offsets, count, size = array("q"), array("q"), 0, prod(self.row_shape) * self.dtype.itemsize
         for low, high in self.spans if spans is None else spans:
@@ -258,18 +274,18 @@ class Stream:
 
 @dataclass
 class Journal:
-    """What is intact in a journal.
+    """The intact content of a journal.
 
     Attributes:
-        meta: Metadata that it was opened with; None if they are not intact.
-        end: Final metadata; None if the writer never got that far.
-        constants: Arrays that do not grow, by dataset path.
-        streams: Arrays that grow, by dataset path.
-        gaps: What was declared, as arguments of `svfl_data.schema.clocks.Gap`; later ones with the same start replace
-            earlier.
-        faults: What went wrong while recording, in words.
-        damaged: Where something is not intact: first byte and number of bytes.
-        size: Bytes of the file.
+        meta: Metadata with which the journal was opened; None if they are not intact.
+        end: Final metadata; None if the writer did not begin to seal the episode, or appended more rows after that.
+        constants: Arrays that the episode has once, by dataset path.
+        streams: Intact rows of the arrays that grow, by dataset path.
+        gaps: Declared gaps, as arguments of `svfl_data.recording.recording_clocks.Gap`. A later gap of the same stream
+            with the same start replaces an earlier one.
+        faults: Descriptions of the faults of the recording, in words.
+        damaged: First byte and number of bytes of each damaged part of the file.
+        size: Size of the file, [bytes].
     """
 
     size: int
@@ -283,17 +299,17 @@ class Journal:
 
     @property
     def incomplete(self) -> bool:
-        """Whether something is missing before what is intact; a killed writer leaves damage at the end only."""
+        """Whether something is missing before intact content; a killed writer leaves damage only at the end."""
         every = [stream.spans for stream in self.streams.values()]
         holes = any(len(spans) > 1 or spans[0][0] > 0 for spans in every if spans)
         return holes or any(start + size < self.size for start, size in self.damaged)
 
 
 def read_journal(descriptor: int) -> Journal:
-    """Read what is intact of a journal; rows stay on disk, so memory does not grow with the episode.
+    """Read the intact content of a journal; rows stay on disk, so memory does not grow with the episode.
 
     Args:
-        descriptor: The journal, open for reading; must stay open while the streams are used.
+        descriptor: Descriptor of the journal, open for reading. It must stay open while the streams are used.
     """
     journal = Journal(size=os.fstat(descriptor).st_size)
     known = 0
@@ -329,13 +345,13 @@ def _add_array(journal: Journal, label: Label, descriptor: int, offset: int, siz
     stream = journal.streams.setdefault(label.path, Stream(descriptor, dtype, tuple(row_shape)))
     if (stream.dtype, stream.row_shape) == (dtype, tuple(row_shape)):
         stream.add(label.start, rows, offset)
-        journal.end = None  # the writer could not seal, and went on
+        journal.end = None  # the writer could not seal the episode and continued to record
     else:
         journal.damaged.append((offset, size))
 
 
 def _records(descriptor: int, size: int) -> Iterator[tuple[Label, int, int, int]]:
-    """The intact records: label, where the content begins, its bytes, and where the record begins."""
+    """Yield the intact records: label, position and size of the content, and position of the record, in bytes."""
     offset, left = 0, SEARCHED * size + 1000 * SEARCH_BLOCK
     while offset < size:
         found = _record(descriptor, offset, size)
@@ -347,12 +363,12 @@ def _records(descriptor: int, size: int) -> Iterator[tuple[Label, int, int, int]
         at = _next_magic(descriptor, offset + 1, size)
         left -= at - offset + SEARCH_BLOCK + _claimed(descriptor, at, size)
         if left < 0:
-            return  # made to take for ever
+            return  # the file seems made to be searched without end
         offset = at
 
 
 def _record(descriptor: int, offset: int, size: int) -> tuple[Label, int, int] | None:
-    """The record at an offset if it is intact: label, where the content begins, its bytes."""
+    """Return label, position and size of the content of the record at an offset; None if the record is not intact."""
     head = os.pread(descriptor, HEADER.size, offset)
     if len(head) < HEADER.size:
         return None
@@ -371,7 +387,7 @@ def _record(descriptor: int, offset: int, size: int) -> tuple[Label, int, int] |
 
 
 def _label(words: bytes, content_size: int) -> Label | None:
-    """A label that means something and fits its content."""
+    """Parse a label; None if the label is not valid or does not fit the size of its content."""
     try:
         label = msgspec.json.decode(words, type=Label)
         return label if not label.path or _fits(label, content_size) else None
@@ -394,7 +410,7 @@ def _fits(label: Label, content_size: int) -> bool:
 
 
 def _next_magic(descriptor: int, offset: int, size: int) -> int:
-    """Where the magic stands next, or the end of the file."""
+    """Return the position of the next magic at or after an offset, or the size of the file if there is none."""
     while offset < size:
         block = os.pread(descriptor, SEARCH_BLOCK, offset)
         found = block.find(MAGIC)
@@ -407,7 +423,7 @@ def _next_magic(descriptor: int, offset: int, size: int) -> int:
 
 
 def _claimed(descriptor: int, offset: int, size: int) -> int:
-    """Bytes that checking the record at an offset will read."""
+    """Return how many bytes must be read to check the record at an offset."""
     head = os.pread(descriptor, HEADER.size, offset)
     if len(head) < HEADER.size:
         return 0

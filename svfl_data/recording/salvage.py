@@ -1,4 +1,4 @@
-"""Salvage of an episode from a journal: intact rows are kept, missing ones are marked as gaps, and none are invented."""
+"""Salvage of an episode from a journal: intact rows are kept, missing rows are marked as gaps, none are invented."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace

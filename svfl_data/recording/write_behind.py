@@ -111,6 +111,7 @@ class WriteBehind(OwnProcess):
 
         Raises:
             StorageError: If the disk refuses. The rest is kept in memory, and a later flush tries again.
+            UsageError: If this process is not the one that made the object.
         """
         self.check_process()
         with self._disk:

@@ -1,4 +1,4 @@
-"""Recording an episode of any length: memory stays flat, and whatever ends the recording costs half a second of it."""
+"""Recording of episodes of any length in constant memory; a crash loses at most the last half second by default."""
 
 import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -28,48 +28,53 @@ from svfl_data.storage.store import Rows
 from svfl_data.system.own_process import OwnProcess
 
 META_BYTES = LABEL_BYTES // 2
-"""Metadata of an episode at most, as JSON; room is left for what its end adds."""
+"""Largest size of an episode's metadata as JSON, [bytes]. It leaves room in the label for what sealing adds."""
 
 
 class EpisodeWriter(OwnProcess):
-    """Streams one episode into a dataset.
+    """Writer that streams one episode into a dataset.
 
     Several writers, in any processes, may write into one dataset at once, and several threads may append to an episode.
-    Readings go to a journal, which `seal` turns into the episode file: whole or absent, and byte for byte what
-    `svfl_data.storage.store.write_episode` would have written. Leaving the ``with`` block in any other way (an
-    exception, a kill, a power cut) leaves the journal, from which ``svfl-data repair`` makes an episode marked as no
-    success; `discard` throws it away.
+    Readings are written to a journal, which `seal` turns into the episode file. This file is either whole or absent,
+    and has the same bytes as one from `svfl_data.storage.store.write_episode`. If the ``with`` block ends in another
+    way (by an exception, a kill or a power cut), the journal remains, from which ``svfl-data repair`` makes an episode
+    that is marked as no success. `discard` deletes the journal.
 
         with EpisodeWriter(dataset, meta, constants) as writer:
             writer.append("streams/wrench", t_ns=t_ns, wrench=wrench)  # shapes (M,), (M, 6): any number of rows
             writer.append("cameras/front", t_ns=t_ns, color=color)     # shapes (F,), (F, H, W, 3)
             path = writer.seal(success=True)
 
-    Appending does not wait for the disk: a thread of the writer's hands the readings over. Errors of the disk
-    surface at the next `append`, `flush` or `seal`. A writer belongs to the process that made it: a forked process may
-    not use it, and it can be neither pickled nor copied; send readings to its process.
+    Appending does not wait for the disk, since a thread of the writer passes the readings on to the journal. Errors of
+    the disk are raised by the next `append`, `flush` or `seal`. A writer belongs to the process that made it. A forked
+    process may not use it, and it can be neither pickled nor copied. Other processes must send their readings to the
+    process of the writer.
 
-    A fault of the recording stays with the episode: what `append` refused, a stream that fell silent, a rate that is
-    not the declared one. With one, `seal` refuses to call the episode a success unless told to.
+    A fault of the recording stays with the episode: rows that `append` refused, a stream that fell silent, or a rate
+    that is not the declared one. `seal` refuses to mark an episode with a fault as a success, unless told to do so.
 
     Args:
-        dataset: Where to record.
-        meta: What the episode is about; an index of `svfl_data.recording.index_locks.NEXT` stands for the next free
-            one.
-        constants: Arrays that the episode has once, by dataset path: workspace, tare, calibration of every camera.
-        rates_hz: Nominal rates by group, such as ``{"streams/wrench": 500}``; kept in the episode's configuration.
-        varies: Paths and groups in which this dataset's episodes may differ, such as the pose of a camera that is moved
-            on purpose (``cameras/front/T_base_camera``); all other calibrations, rates and row shapes must agree.
-        flush_s: Seconds after which readings are handed to the system: what a killed process loses at most, [s]. With 0
-            every `append` hands them over itself and waits for that.
-        sync_s: Seconds after which the disk is told to keep them: with `flush_s`, what a power cut loses at most, [s].
-        most_waiting_bytes: Readings that may wait in memory while the disk is slower than the data.
-        when_full: What `append` does beyond that: ``wait`` until there is room, or ``refuse`` the rows with a
-            StorageError, for a caller that must not be held up.
+        dataset: Dataset, or path of its folder, into which the episode is recorded.
+        meta: Metadata of the episode. The index `svfl_data.recording.index_locks.NEXT` stands for the next free index.
+        constants: Arrays that the episode has once, by dataset path: workspace, tare, and calibration of every camera.
+        rates_hz: Nominal rates by group, such as ``{"streams/wrench": 500}``, [Hz]. They are stored in the
+            configuration of the episode. None means that no rates are declared.
+        varies: Dataset paths and groups in which episodes of this dataset may differ, such as the pose of a camera that
+            is moved on purpose (``cameras/front/T_base_camera``). All other calibrations, rates and row shapes must
+            agree.
+        flush_s: Time after which readings are passed to the system, which is the most that a killed process loses, [s].
+            With 0 every `append` passes its readings on itself and waits for that.
+        sync_s: Time after which the disk is told to keep the readings, [s]. A power cut loses at most this plus
+            `flush_s`.
+        most_waiting_bytes: Largest size of the readings that may wait in memory while the disk is slower than the data,
+            [bytes].
+        when_full: What `append` does beyond `most_waiting_bytes`: ``wait`` until there is room, or ``refuse`` the rows
+            with a StorageError, for a caller that must not be delayed.
 
     Raises:
-        DatasetError: If the task, a camera or a rate is not the dataset's, or the wanted index is taken.
-        FieldError: If a constant is missing or does not fit its declaration.
+        DatasetError: If task, cameras, calibrations or rates differ from those of the dataset, or the wanted index is
+            taken.
+        FieldError: If a constant is missing or does not fit its declaration, or the metadata cannot be stored.
         FormatError: If the folder is not a dataset.
         StorageError: If the disk refuses.
 
@@ -101,7 +106,7 @@ class EpisodeWriter(OwnProcess):
         when_full: WhenFull = "wait",
     ) -> None:
         self._dataset = dataset if isinstance(dataset, Dataset) else Dataset.open(dataset)
-        self._lock = threading.RLock()  # of what the episode consists of; the disk is never asked under it
+        self._lock = threading.RLock()  # guards the content of the episode; never held during disk access
         self._constants = {path: np.asarray(array) for path, array in constants.items()}
         self._growth = Growth(self._constants)
         declared = {"rates_hz": dict(rates_hz or {}), "varies": sorted(varies)}
@@ -129,24 +134,26 @@ class EpisodeWriter(OwnProcess):
             raise
 
     def append(self, group: str, *, late: Late = "refuse", **columns: np.ndarray) -> None:
-        """Add readings of one clock, any number of rows at a time; they are copied.
+        """Append any number of readings of one clock; the rows are copied.
 
-        Whatever is refused here marks the episode, also where the error ends a sensor's thread unseen: see `seal`.
+        If rows are refused by one of the errors below other than a UsageError, the episode is marked with a fault, even
+        if the error ends a sensor's thread unnoticed; see `seal`.
 
         Args:
-            group: Streams that share a clock: ``observations``, ``actions``, ``streams/...``, ``cameras/...`` or one
-                below ``extra/``.
-            late: What to do with readings that are not newer than those before them: refuse the rows, or ``drop`` these
-                readings and note their number in the episode's history. Not for observations, which actions go with.
-            columns: Name of each stream to its rows, all of the same number.
+            group: Group of streams that share a clock: ``observations``, ``actions``, ``streams/...``, ``cameras/...``
+                or a group below ``extra/``.
+            late: What to do with readings that are not newer than those before them: ``refuse`` all rows of this call,
+                or ``drop`` the late readings and note their number in the episode's history. Observations cannot be
+                dropped, since an action follows each of them.
+            columns: Rows of each stream by name. All streams must have the same number of rows.
 
         Raises:
-            FieldError: If they do not fit their declarations or what the group began with, or if their time stamps do
-                not ascend; nothing is stored.
+            FieldError: If the rows do not fit their declarations or the first rows of the group, or if their time
+                stamps do not ascend; nothing is stored.
             DatasetError: If images have another size, or joints another number, than in the dataset's other episodes.
-            StorageError: If the disk refused what was appended before, or too much waits; these rows are not taken,
-                what was appended before is intact.
-            UsageError: If the episode has ended, or in another process.
+            StorageError: If the disk refused earlier rows, or too many readings are waiting. These rows are not taken,
+                and all earlier rows are intact.
+            UsageError: If the episode has ended, if observations are to be dropped, or in another process.
         """
         self._check_open()
         arrays = {f"{group}/{name}": np.asarray(rows) for name, rows in columns.items()}
@@ -164,10 +171,10 @@ class EpisodeWriter(OwnProcess):
             raise UsageError("observations cannot be dropped: an action follows each")
         first = self._growth.check(group, arrays)
         if first and self._agreement and not group.startswith(EXTRA):
-            self._agreement.extend(arrays)  # reads files, so outside the lock: other sensors do not wait for it
+            self._agreement.extend(arrays)  # reads files: outside the lock, so that other sensors need not wait
         with self._lock:
             self._check_open()
-            if first and self._growth.check(group, arrays):  # unless another thread was first
+            if first and self._growth.check(group, arrays):  # again, since another thread may have been first
                 self._growth.begin(group, arrays)
             t_ns = arrays.get(f"{group}/t_ns")
             newer = None if t_ns is None or not is_clock(t_ns) else self._log.newer(group, t_ns, late)
@@ -177,19 +184,21 @@ class EpisodeWriter(OwnProcess):
                 self._log.take(group, kept[f"{group}/t_ns"], len(t_ns) - len(kept[f"{group}/t_ns"]))
 
     def gap(self, group: str, start_ns: int, end_ns: int | None, reason: str) -> None:
-        """Say that a stream has no readings for a while, because its sensor dropped out; nothing is invented for it.
+        """Declare that a stream has no readings for some time because its sensor dropped out; no readings are invented.
 
         The gap becomes an annotation, ``{"name": "gap", "stream": group, "start_ns", "end_ns", "reason", "by"}``.
 
         Args:
-            group: The streams that lack readings, such as ``streams/wrench``.
-            start_ns: From when, [ns] of the episode clock.
-            end_ns: Until when; None until the next reading of this group. Saying so again before that changes nothing.
-            reason: In words, for whoever reads the episode.
+            group: Group whose readings are missing, such as ``streams/wrench``.
+            start_ns: Start of the gap on the episode clock, [ns].
+            end_ns: End of the gap on the episode clock, [ns]. None means that the gap lasts until the next reading of
+                this group. A further gap without an end has no effect until then.
+            reason: Reason for the gap in words, for the readers of the episode.
 
         Raises:
-            FieldError: If there is no such group.
-            UsageError: If the times or the reason are none, if the episode has ended, or in another process.
+            FieldError: If there is no such group, or the group has no clock.
+            UsageError: If the times are not in order or the reason is empty, if the episode has ended, or in another
+                process.
         """
         self._check_open()
         if not group.startswith(EXTRA) and field_at(f"{group}/t_ns") is None:
@@ -198,10 +207,10 @@ class EpisodeWriter(OwnProcess):
             self._log.declare(Gap(group, int(start_ns), None if end_ns is None else int(end_ns), reason))
 
     def flush(self) -> None:
-        """Gripper everything appended so far to the system and wait; a killed process does not lose it any more.
+        """Pass all readings appended so far to the system, and wait; a killed process does not lose them any more.
 
         Raises:
-            StorageError: If the disk refuses; what did not fit is kept in memory and tried again.
+            StorageError: If the disk refuses. The rest is kept in memory, and the writer tries again.
             UsageError: If the episode has ended, or in another process.
         """
         self._check_open()
@@ -209,7 +218,7 @@ class EpisodeWriter(OwnProcess):
 
     @property
     def faults(self) -> list[str]:
-        """What is wrong with the recording so far, in words; empty if nothing is known to be."""
+        """Known faults of the recording so far, in words; empty if there are none."""
         with self._lock:
             return self._log.faults
 
@@ -223,20 +232,22 @@ class EpisodeWriter(OwnProcess):
         """End the episode and publish it.
 
         Args:
-            success: Whether the task was achieved; None keeps what `meta` said.
-            annotations: Named intervals to add to the metadata.
-            constants: Arrays that are only known now, such as ``labels/offset``.
-            despite_faults: Whether an episode with a fault may be called a success. The fault stays in its history.
+            success: Whether the task was achieved. None keeps the value in `meta`.
+            annotations: Annotations (named intervals of the episode clock) to add to the metadata.
+            constants: Constants that are only known now, such as ``labels/offset``, by dataset path.
+            despite_faults: Whether an episode with a fault may be a success. The fault stays in the episode's history.
 
         Returns:
-            The episode's file.
+            Path of the episode's file.
 
         Raises:
-            FieldError: If the episode is not whole, such as one action too many; append what is missing, or discard. Or
-                if it is to be a success in spite of a fault: an append that was refused, a stream that was silent for
-                over a second at the end or for a tenth of the episode without a declared gap, a rate that is not the
-                declared one, time stamps that cannot be nanoseconds.
-            StorageError: If the disk refuses, or the dataset's folder is gone; make room and seal again, or leave it to
+            FieldError: If the episode is not whole, for example because of one action too many. Append what is missing,
+                or discard the episode. Also if the episode is to be a success in spite of a fault: an append that was
+                refused, a stream that was silent for over a second at the end or for a tenth of the episode without a
+                declared gap, a rate that is not the declared one, or time stamps that cannot be nanoseconds.
+            DatasetError: If the setup differs from that of episodes that were sealed meanwhile, or someone else has
+                written the episode's file.
+            StorageError: If the disk refuses, or the dataset's folder is gone. Make room and seal again, or use
                 ``svfl-data repair``.
             UsageError: If the episode has ended, or in another process.
         """
@@ -250,36 +261,37 @@ class EpisodeWriter(OwnProcess):
         constants: Mapping[str, np.ndarray] | None = None,
         despite_faults: bool = False,
     ) -> "Future[Path]":
-        """End the episode and publish it in a thread of its own, while the next one may be recorded.
+        """End the episode and publish it in a separate thread, while the next episode may be recorded.
 
-        What `seal` would refuse is refused at once; what takes time (reading, compressing, writing) goes on when this
-        has returned, also after the ``with`` block.
+        The episode is checked before this method returns, so that faults are raised at once. The slow part (reading,
+        compressing and writing) continues afterwards, even after the ``with`` block.
 
         Args:
-            success: As for `seal`.
-            annotations: As for `seal`.
-            constants: As for `seal`.
-            despite_faults: As for `seal`.
+            success: Whether the task was achieved. None keeps the value in `meta`.
+            annotations: Annotations (named intervals of the episode clock) to add to the metadata.
+            constants: Constants that are only known now, such as ``labels/offset``, by dataset path.
+            despite_faults: Whether an episode with a fault may be a success. The fault stays in the episode's history.
 
         Returns:
-            Gives the episode's file, or raises what `seal` raises, in ``result()``. If the disk refused, the journal is
-            left to ``svfl-data repair``. A process that ends normally waits for it.
+            Future whose ``result()`` gives the path of the episode's file, or raises the errors of `seal`. If the disk
+            refused, the journal remains for ``svfl-data repair``. A process that ends normally waits for the future.
 
         Raises:
-            FieldError: As for `seal`.
+            FieldError: If the episode is not whole, or is to be a success in spite of a fault; see `seal`.
+            DatasetError: If the setup differs from that of episodes that were sealed meanwhile.
             StorageError: If the disk refuses the last readings.
             UsageError: If the episode has ended, or in another process.
         """
         with self._ending():
             meta = self._last_words(success, annotations, constants, despite_faults)
             thread = ThreadPoolExecutor(1, f"seal episode {meta.index}")
-            self._closed = True  # for the caller; the thread closes what is open
+            self._closed = True  # for the caller; the thread closes the files
             sealing = thread.submit(self._publish_and_close, meta)
             thread.shutdown(wait=False)
             return sealing
 
     def discard(self) -> None:
-        """End the episode and throw away what was recorded; does nothing after `seal`.
+        """End the episode and delete what was recorded; after `seal` this method does nothing.
 
         Raises:
             StorageError: If the disk refuses.
@@ -314,7 +326,7 @@ class EpisodeWriter(OwnProcess):
 
     @contextmanager
     def _ending(self) -> Iterator[None]:
-        """Refuse appends from now on, unless the episode cannot end."""
+        """Refuse appends from now on; if the ``with`` block fails, appends are allowed again."""
         self._check_open()
         with self._lock:
             self._ended = True
@@ -331,7 +343,7 @@ class EpisodeWriter(OwnProcess):
         constants: Mapping[str, np.ndarray] | None,
         despite_faults: bool,
     ) -> Meta:
-        """Final metadata of an episode that is whole; the journal has it, too."""
+        """Check that the episode is whole, write its final metadata to the journal, and return the metadata."""
         late = {path: np.asarray(array) for path, array in (constants or {}).items()}
         check_constants(late, required=False)
         success = self.meta.success if success is None else bool(success)
@@ -340,7 +352,7 @@ class EpisodeWriter(OwnProcess):
         self._behind.flush()
         self._growth.check_whole(self._behind.stored, late, f"episode {meta.index}")
         meta = self._log.closed(meta, despite_faults)
-        if self._agreement and self._folder.in_place:  # if not, `_publish` says so when all is written down
+        if self._agreement and self._folder.in_place:  # if not, `_publish` raises the error, after the end is recorded
             self._agreement.confirm(late)
         self._append_constants(late)
         self._behind.record({"end": asdict(meta)})
@@ -357,9 +369,9 @@ class EpisodeWriter(OwnProcess):
             part.unlink()
             raise DatasetError(f"{path} was written by someone else meanwhile; svfl-data repair keeps both") from error
         except StorageError:
-            self._folder.check()  # says more
+            self._folder.check()  # raises a better message if the folder is gone
             raise
-        with suppress(OSError):  # else repair sees that the episode was published
+        with suppress(OSError):  # if this fails, repair finds that the episode was published
             self._journal.path.unlink(missing_ok=True)
         self._close()
         return path
