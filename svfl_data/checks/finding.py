@@ -39,17 +39,38 @@ class Finding:
 
 
 def error(episode: Episode, field: str, index: int | None, words: str) -> Finding:
-    """Return a finding of severity ``error``, which makes the episode unfit for use; see `Finding`."""
+    """Return a finding of severity ``error``, which makes the episode unfit for use.
+
+    Args:
+        episode: Episode that the finding is about.
+        field: Dataset path of the array, or name of the attribute, that the finding concerns; empty for the whole file.
+        index: First row that the finding concerns; None if it concerns no row.
+        words: Description of what is wrong, with times and units.
+    """
     return Finding(episode.name, field, index, "error", words)
 
 
 def warning(episode: Episode, field: str, index: int | None, words: str) -> Finding:
-    """Return a finding of severity ``warning``, for a recording that is probably not what was meant; see `Finding`."""
+    """Return a finding of severity ``warning``, for a recording that is probably not what was meant.
+
+    Args:
+        episode: Episode that the finding is about.
+        field: Dataset path of the array, or name of the attribute, that the finding concerns; empty for the whole file.
+        index: First row that the finding concerns; None if it concerns no row.
+        words: Description of what is wrong, with times and units.
+    """
     return Finding(episode.name, field, index, "warning", words)
 
 
 def note(episode: Episode, field: str, index: int | None, words: str) -> Finding:
-    """Return a finding of severity ``note``, which only informs; see `Finding`."""
+    """Return a finding of severity ``note``, which only informs.
+
+    Args:
+        episode: Episode that the finding is about.
+        field: Dataset path of the array, or name of the attribute, that the finding concerns; empty for the whole file.
+        index: First row that the finding concerns; None if it concerns no row.
+        words: Description of what is wrong, with times and units.
+    """
     return Finding(episode.name, field, index, "note", words)
 
 

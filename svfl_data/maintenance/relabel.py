@@ -151,6 +151,9 @@ def with_contacts(rule: ContactRule) -> Change:
     """Return a change that annotates the contacts that a rule finds.
 
     Contacts that an earlier rule found are replaced. Contacts that were annotated by hand are kept.
+
+    Args:
+        rule: Thresholds and durations by which contacts are found in the wrench stream.
     """
 
     def change(episode: Episode) -> Meta:
@@ -172,7 +175,11 @@ def without_annotations(name: str) -> Change:
 
 
 def with_transforms(transforms: Sequence[Tare | LowPass | Gravity]) -> Change:
-    """Return a change that replaces the recorded transforms, which make the raw wrench usable, by the given ones."""
+    """Return a change that replaces the recorded transforms, which make the raw wrench usable.
+
+    Args:
+        transforms: New transforms, in the order in which they are applied.
+    """
     records = [as_record(transform) for transform in transforms]
     return lambda episode: dataclasses.replace(episode.meta, transforms=records)
 

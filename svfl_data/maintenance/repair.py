@@ -91,7 +91,7 @@ def _finish(dataset: Dataset, path: Path) -> list[RepairAction]:
         descriptor = take_over(path)
     except (FormatError, IsADirectoryError) as error:
         return [_set_aside(dataset, path, _words(error, path))]
-    except OSError as error:  # its writer may live
+    except OSError as error:  # its writer may be running
         return [RepairAction(path, "left alone", f"cannot be opened ({error.strerror})", lost=True)]
     if descriptor is None:
         return [RepairAction(path, "in use", "is being written")] if path.exists() else []

@@ -46,7 +46,7 @@ def inflight(folder: Path) -> Path:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder during the ``with`` block, and wait until no other process holds it.
+    """Hold the lock of a folder during the ``with`` block, after waiting until nobody else holds the lock.
 
     Raises:
         StorageError: If the folder cannot be locked.

@@ -37,7 +37,20 @@ class RecordingLog:
         return [*self._faults, *([f"and {self._beyond} more"] if self._beyond else [])]
 
     def newer(self, group: str, t_ns: np.ndarray, late: Late) -> np.ndarray | None:
-        """Return which rows of a group may be appended; see `svfl_data.recording.recording_clocks.Clock.newer`."""
+        """Return which rows of a group may be appended; see `svfl_data.recording.recording_clocks.Clock.newer`.
+
+        Args:
+            group: Group to which the rows are to be appended, such as ``streams/wrench``.
+            t_ns: Time stamps of the rows, shape (M,), [ns].
+            late: What to do with rows that are not newer than all before them: ``refuse`` raises an error, ``drop``
+                leaves these rows out.
+
+        Returns:
+            Whether each row may be appended, shape (M,), bool. None means all rows.
+
+        Raises:
+            FieldError: If a row is not newer and `late` is ``refuse``.
+        """
         return self._clocks.setdefault(group, Clock()).newer(group, t_ns, late)
 
     def take(self, group: str, t_ns: np.ndarray, dropped: int) -> None:

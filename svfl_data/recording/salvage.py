@@ -86,7 +86,7 @@ def _kept(journal: Journal) -> dict[str, Spans]:
 
 def _longest_run(observations: Spans, actions: Spans) -> tuple[int, int]:
     """Return the first step and the number of steps of the longest run in which no observation or action is missing."""
-    followed = [(start, stop - 1) for start, stop in observations if stop - 1 > start]  # steps with a next observation
+    followed = [(start, stop - 1) for start, stop in observations if stop - 1 > start]  # with a next observation
     runs = _common(followed, actions)
     if runs:
         start, stop = max(runs, key=lambda run: run[1] - run[0])

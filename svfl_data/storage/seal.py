@@ -56,7 +56,7 @@ def check_seal(path: Path) -> None:
 
 
 def has_seal(path: Path) -> bool:
-    """Return whether a file ends with a seal, be its content intact or not.
+    """Return whether a file ends with a seal, whether or not its content is intact.
 
     A file that other software has changed does not end with a seal any more.
     """

@@ -40,7 +40,7 @@ class Sink(io.RawIOBase):
         return len(view)
 
     def readinto(self, buffer) -> int:  # type: ignore[no-untyped-def]  # noqa: ANN001 - any buffer
-        """Read the bytes at the current position into a buffer, be they on disk or in memory."""
+        """Read the bytes at the current position, on disk or in memory, into a buffer, and return their number."""
         view = memoryview(buffer).cast("B")
         start, stop = self._position, min(self._position + len(view), self._end)
         count = max(0, stop - start)
