@@ -1,1 +1,1 @@
-"""From episodes to training samples: windows, batches, splits and statistics."""
+"""Training samples from episodes: windows, batches, splits and statistics."""

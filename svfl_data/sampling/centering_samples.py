@@ -1,4 +1,4 @@
-"""Samples for the block-centering task: what was seen and felt right after the collision, and where to move."""
+"""Samples for the block-centering task: the observation right after the collision, and where the gripper must move."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, fields
@@ -26,7 +26,7 @@ class CenteringSamples:
     """Observations right after a collision with their labels; vectors in image-aligned axes (x right, y up).
 
     Attributes:
-        image: Colour / 255, then depth in metres, shape (S, 4, H, W), float32; H = W = 0 if images were not asked for.
+        image: Colour / 255, then depth in metres, shape (S, 4, H, W), float32. H = W = 0 if images were not requested.
         wrench: Tared wrench window, shape (S, T, 6), float32, [N] and [N m], about the sensor origin.
         proprio: Gripper opening 0..1, x and y relative to the workspace centre and z [m], yaw [rad], shape (S, 5),
             float32.
@@ -46,7 +46,7 @@ class CenteringSamples:
         return len(self.direction)
 
     def take(self, index: np.ndarray) -> "CenteringSamples":
-        """The chosen samples, in the given order."""
+        """Return the samples at the positions `index`, in the order of `index`."""
         return CenteringSamples(**{field.name: getattr(self, field.name)[index] for field in fields(self)})
 
 
@@ -57,17 +57,19 @@ def load_centering(
 
     Args:
         path: Dataset folder.
-        window: Readings per wrench window, T.
-        view: Images as the ``camera`` took them, or as seen from straight above (``top``, `svfl_data.signals.topdown`).
-        inputs: What will be used of ``image``, ``wrench`` and ``proprio``; what is wrong with the rest, such as a
-            second camera, does not matter. Without ``image`` none are read, and `CenteringSamples.image` has no pixels.
+        window: Number of readings in each wrench window, T.
+        view: View of the images: ``camera`` for the images as the camera recorded them, or ``top`` for images computed
+            as seen from straight above (`svfl_data.signals.topdown`).
+        inputs: Inputs that will be used, out of ``image``, ``wrench`` and ``proprio``. Faults in the other inputs,
+            such as a second camera, are ignored. Without ``image``, no images are read, and `CenteringSamples.image`
+            has no pixels.
 
     Returns:
-        One sample per episode, from its final observation.
+        One sample per episode, taken at the final observation of the episode.
 
     Raises:
         FormatError: If the folder is not a dataset or an episode is damaged.
-        DatasetError: If there are no episodes, one is unfit for training, labels are missing, or episodes have
+        DatasetError: If there are no episodes, an episode is unfit for training, labels are missing, or episodes have
             different image sizes.
     """
     dataset = Dataset.open(path)
@@ -91,15 +93,19 @@ def load_centering(
 
 
 def sample_of(episode: Episode, window: int = WINDOW, view: View | None = "camera") -> dict[str, np.ndarray]:
-    """What `CenteringSamples` holds of one episode.
+    """Return the sample of one episode, taken at its final observation.
 
     Args:
-        episode: With labels.
-        window: Readings per wrench window, T.
-        view: As for `load_centering`; None if no image is needed.
+        episode: Episode with the labels ``labels/offset`` and ``labels/direction``.
+        window: Number of readings in the wrench window, T.
+        view: View of the image, as in `load_centering`. None if no image is needed.
+
+    Returns:
+        Arrays by the names of the attributes of `CenteringSamples`, without the sample dimension.
 
     Raises:
-        DatasetError: If it has no labels, or an image is needed and there is not exactly one camera with depth.
+        DatasetError: If the episode has no labels, or an image is needed and the episode does not have exactly one
+            camera with depth.
     """
     if not (episode.has("label_offset") and episode.has("label_direction")):
         raise DatasetError(f"{episode.name}: has no labels (labels/offset and labels/direction) to learn from")
@@ -124,7 +130,7 @@ def _image(episode: Episode, camera: Camera, view: View) -> np.ndarray:
 
 
 def _pictures(episode: Episode, camera: Camera, view: View) -> tuple[np.ndarray, np.ndarray]:
-    """Colour (H, W, 3) uint8 and depth (H, W) float32, [m], of the final observation."""
+    """Return the colour (H, W, 3) uint8 and the depth (H, W) float32, [m], of the final observation."""
     if view == "top":
         above = topdown(episode, steps=len(episode.t_ns) - 1, size=camera.arrays["color"].shape[1])
         return above.color, above.depth * np.float32(above.view.depth_scale)
@@ -135,7 +141,7 @@ def _pictures(episode: Episode, camera: Camera, view: View) -> tuple[np.ndarray,
 
 
 def _labelled_camera(episode: Episode) -> Camera:
-    """The camera in whose image the label's direction is the nearest one: the first, if there are several."""
+    """Return the first camera in whose image-aligned axes the label's direction is the one nearest to its offset."""
     for camera in episode.cameras.values():
         if points_towards(int(episode.label_direction), act(camera.image_axes, episode.label_offset, OFFSET_PARTS)):
             return camera

@@ -1,4 +1,4 @@
-"""Images of many episodes, cut out for whole batches: read from the files each time, or kept in memory."""
+"""Crops of the images of many episodes for whole batches; the images stay in their files or are kept in memory."""
 
 import os
 from collections.abc import Sequence
@@ -13,12 +13,13 @@ from svfl_data.system.progress import progress
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """One kind of image of one camera in all episodes, joined end to end after a black one.
+    """Images of one kind (colour or depth) of one camera in all episodes, joined end to end after one black image.
 
     Attributes:
-        arrays: The images of each episode, shape (F, H, W) or (F, H, W, C) each, equal but for F.
-        first: First row of each episode in the joined stream, shape (E,), int64.
-        memory: The joined images, shape (1 + sum of F, H, W, ...), if they are kept in memory.
+        arrays: Stored images of each episode, shape (F, H, W) or (F, H, W, C) each, where only F may differ between
+            episodes. Empty if the images are kept in memory.
+        first: First row of each episode in the joined stream, shape (E,), int64. Row 0 is the black image.
+        memory: The joined images, shape (1 + sum of F, H, W, ...). None if they are not kept in memory.
     """
 
     arrays: Sequence[StoredArray]
@@ -27,11 +28,11 @@ class Frames:
 
     @classmethod
     def of(cls, arrays: Sequence[StoredArray], keep: bool) -> "Frames":
-        """Take images as they lie on disk, or read them all.
+        """Join the images of all episodes, either by reference to the files or by reading them into memory.
 
         Args:
-            arrays: The images of each episode.
-            keep: Whether to read them now and keep them.
+            arrays: Stored images of each episode, shape (F, H, W) or (F, H, W, C) each.
+            keep: Whether to read all images now and keep them in memory. If false, `cut` reads them from the files.
         """
         first = starts([len(array) for array in arrays])
         if not keep:
@@ -43,21 +44,21 @@ class Frames:
 
     @property
     def nbytes(self) -> int:
-        """Memory that all of them take, [bytes]."""
+        """Size of the stored images of all episodes when read, [bytes]; 0 if the images are kept in `memory`."""
         return sum(int(np.prod(array.shape)) * array.dtype.itemsize for array in self.arrays)
 
     def cut(self, episodes: np.ndarray, rows: np.ndarray, corners: np.ndarray, size: tuple[int, int]) -> np.ndarray:
         """Cut the same rectangle out of each image of a sample.
 
         Args:
-            episodes: Position of each sample's episode, shape (B,).
-            rows: Images of each sample in the joined stream, shape (B, K); 0 for black.
-            corners: Upper left pixel (row, column) of the rectangle, shape (B, 2) or, for all,
-                (1, 2).
-            size: Its height h and width w, [px].
+            episodes: Position of each sample's episode in `first`, shape (B,).
+            rows: Rows of each sample's images in the joined stream, shape (B, K). Row 0 is the black image.
+            corners: Upper left pixel (row, column) of each sample's rectangle, shape (B, 2), or of one rectangle for
+                all samples, shape (1, 2).
+            size: Height h and width w of the rectangle, [px].
 
         Returns:
-            The pixels as recorded, shape (B, K, h, w) or (B, K, h, w, C).
+            Pixels as recorded, shape (B, K, h, w) or (B, K, h, w, C).
         """
         shape, dtype = self._like()
         out = np.empty((*rows.shape, *size, *shape[2:]), dtype)
@@ -84,33 +85,41 @@ class Frames:
         return out
 
     def _like(self) -> tuple[tuple[int, ...], np.dtype]:
-        """Shape of one image, and its type."""
+        """Return the shape and the data type of one image."""
         if self.memory is not None:
             return self.memory.shape[1:], self.memory.dtype
         return self.arrays[0].shape[1:], self.arrays[0].dtype
 
 
 def corners(height: int, width: int, size: tuple[int, int], fraction: np.ndarray | None) -> np.ndarray:
-    """Upper left pixels of rectangles inside an image.
+    """Return the upper left pixels of rectangles inside an image.
 
     Args:
-        height: Of the image, [px].
-        width: Of the image, [px].
+        height: Height of the image, [px].
+        width: Width of the image, [px].
         size: Height and width of the rectangles, [px].
-        fraction: Where in the free room they lie, from 0 (upper, left) to below 1 (lower, right), shape (B, 2); None
-            for the middle.
+        fraction: Position (vertical, horizontal) of each rectangle within the room that the image leaves for it, from
+            0 (top, left) to below 1 (bottom, right), shape (B, 2). None for one rectangle in the middle of the image.
 
     Returns:
-        (row, column), shape (B, 2) or (1, 2), int64.
+        Upper left pixels (row, column), shape (B, 2), or (1, 2) if `fraction` is None, int64.
     """
     room = np.array([[height, width]]) - size
     return room // 2 if fraction is None else (fraction * (room + 1)).astype(np.int64)
 
 
 def draws(seed: int, epoch: int, samples: np.ndarray) -> np.ndarray:
-    """Two random numbers for each sample that depend on nothing but seed, epoch and sample; shape (B, 2), [0, 1).
+    """Draw two random numbers for each sample that depend only on the seed, the epoch and the sample.
 
-    Not on the worker process, the batch or the order, as numbers from a generator would.
+    Numbers from a random generator would also depend on the worker process, the batch and the order of the samples.
+
+    Args:
+        seed: Seed of the random numbers, at least 0.
+        epoch: Number of the epoch, at least 0.
+        samples: Numbers of the samples, shape (B,).
+
+    Returns:
+        Random numbers in [0, 1), shape (B, 2), float64.
 
     Source: splitmix64 (Steele, Lea, Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014).
     """

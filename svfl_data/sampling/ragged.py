@@ -1,4 +1,4 @@
-"""Streams of many episodes, joined end to end, and windows cut from them for a whole batch at once."""
+"""Streams of many episodes joined end to end, and windows cut from the joined streams for a whole batch at once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,15 +10,18 @@ from svfl_data.schema.clocks import Clock
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Which rows of a joined stream each sample may see: those of its own episode, up to its own time.
+    """Rows of a joined stream that each sample may see: the rows of its own episode up to its own time.
 
-    Row 0 is no episode's: it is zero and stands for "nothing was measured yet".
+    Row 0 of a joined stream belongs to no episode: it holds zeros and is used where nothing was measured yet.
 
     Attributes:
-        first: First row of the sample's episode, shape (S,), int64.
-        fresh: First row that belongs to the sample's moment (`svfl_data.schema.clocks.first_fresh`), shape (S,), int64.
-        end: Row after the last one that the sample may see, shape (S,), int64; `first` if there is none.
-        age: Time from that last row to the sample, shape (S,), float32, [s]; infinite if there is none.
+        first: First row of each sample's episode, shape (S,), int64.
+        fresh: First row after the last break in the stream before each sample
+            (`svfl_data.schema.clocks.Clock.first_fresh`), shape (S,), int64.
+        end: Row after the last row that each sample may see, shape (S,), int64. Equal to `first` if the sample may
+            see no row.
+        age: Time from the last row that each sample may see to the sample, shape (S,), float32, [s]. Infinite if the
+            sample may see no row.
     """
 
     first: np.ndarray
@@ -27,15 +30,16 @@ class Rows:
     age: np.ndarray
 
     def last(self, samples: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
-        """The last rows that samples may see.
+        """Return the last rows that each sample may see.
 
         Args:
-            samples: Which samples, shape (B,).
-            length: How many rows, T.
+            samples: Numbers of the samples, shape (B,).
+            length: Number of rows for each sample, T.
 
         Returns:
-            Rows, shape (B, T), int64, latest last; and a mask of the same shape, true where the episode had no row
-            yet and its first one is repeated (row 0 if it had none at all), and where a row is of another moment.
+            Rows, shape (B, T), int64, latest last; and a padding mask of the same shape. The mask is true where the
+            episode had no row yet, so that its first row is repeated (or row 0 is used if it had no row at all), and
+            where a row is from before a break in the stream.
         """
         first, end = self.first[samples, None], self.end[samples, None]
         rows = end + np.arange(-length, 0)  # (B, T)
@@ -43,22 +47,26 @@ class Rows:
 
 
 def join(pieces: Sequence[np.ndarray]) -> np.ndarray:
-    """Rows of all episodes after one zero row, shape (1 + sum of rows, ...)."""
+    """Join the rows of all episodes after one row of zeros, shape (1 + sum of rows, ...)."""
     return np.concatenate([np.zeros((1, *pieces[0].shape[1:]), pieces[0].dtype), *pieces])
 
 
 def starts(lengths: Sequence[int]) -> np.ndarray:
-    """First row of each episode in a joined stream, shape (E,), int64."""
+    """Return the first row of each episode in a joined stream, shape (E,), int64.
+
+    Args:
+        lengths: Number of rows of each episode.
+    """
     return 1 + np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int64)
 
 
 def rows_until(t_ns: Sequence[np.ndarray], now_ns: Sequence[np.ndarray], known: Sequence[Clock]) -> Rows:
-    """Which rows each sample may see of a stream with a clock of its own: none from after the sample's time.
+    """Find the rows of a stream that each sample may see, none of which is later than the sample.
 
     Args:
         t_ns: Ascending timestamps of the stream in each episode, each of shape (M,), [ns].
         now_ns: Times of the samples in each episode, each of shape (s,), same clock, [ns].
-        known: What is declared about the clock in each episode.
+        known: Declared rate and gaps of the stream in each episode.
     """
     first = starts([len(times) for times in t_ns])
     seen, fresh, age = [], [], []

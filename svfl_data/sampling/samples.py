@@ -1,7 +1,8 @@
-"""Training samples from a dataset: what was seen, felt and known up to a step, and the actions from there on.
+"""Training samples from a dataset: the frames, wrench window and proprioception at a step, and the actions from it on.
 
-Everything is as recorded, in the units and axes of ``data/README.md``; colour stays uint8 and depth uint16, so that
-little memory moves until a batch is where it is used. A key of a batch is the path of the field it was cut from.
+All values are as recorded, in the units and axes of ``data/README.md``. Colour stays uint8 and depth stays uint16, so
+that little memory is copied until a batch reaches the device that uses it. Each key of a batch is the path of the field
+that the values were taken from.
 """
 
 import os
@@ -29,9 +30,9 @@ Values = TypeVar("Values", bound=Any)
 
 
 class Samples:
-    """Samples of a dataset, numbered from 0; ``samples[i]`` is one, ``samples.batch(indices)`` many at once.
+    """Samples of a dataset, numbered from 0: ``samples[i]`` is one sample, ``samples.batch(indices)`` is a batch.
 
-    A sample at step t, with the keys of a batch (shapes with the batch size B in front):
+    A sample at step t consists of these entries, whose keys are those of a batch (shapes begin with the batch size B):
 
     - ``cameras/NAME/color`` (B, K, h, w, 3) uint8 and ``cameras/NAME/depth`` (B, K, h, w) uint16: the last K frames at
       or before the observation, latest last; ``cameras/NAME/depth_scale`` (B,): metres per unit of depth.
@@ -39,15 +40,17 @@ class Samples:
       readings at or before the observation, tared.
     - ``observations/proprio`` (B, 5) float32, as recorded.
     - ``actions/action`` (B, A, 5) float32: the actions of steps t .. t+A-1.
-    - ``.../padding`` of each camera, of the wrench and of the actions, (B, K), (B, T), (B, A) bool: true where there
-      was no frame or reading yet, or no action any more; the nearest one of the episode is repeated there, zeros if it
-      has none so far. True also where a frame or reading is left over from before a break: a declared gap, or more than
-      10 periods without any (`svfl_data.schema.clocks.Clock`).
+    - ``.../padding`` of each camera, of the wrench and of the actions, (B, K), (B, T), (B, A) bool: true where the
+      episode had no frame or reading yet, or has no further action. The nearest frame, reading or action of the
+      episode is repeated there, or zeros are given if there is none. Also true where a frame or reading is from before
+      a break in its stream: a declared gap, or more than 10 periods without a frame or reading
+      (`svfl_data.schema.clocks.Clock`).
     - ``.../age`` of each camera and of the wrench, (B,) float32: time from the newest frame or reading to the
-      observation, [s]; infinite if there is none.
-    - any fields named as `labels`; ``episode`` and ``step`` (B,) int64: where the sample comes from.
+      observation, [s]; infinite if there is no frame or reading yet.
+    - The fields that `labels` names, and ``episode`` and ``step`` (B,) int64: index of the sample's episode and number
+      of its observation.
 
-    Pickling (for worker processes that are not forked) takes the description only; the copy reads the files again.
+    Pickling, as for worker processes that are not forked, stores only the settings; the copy reads the files again.
 
     Example:
         >>> samples = Samples(dataset, frames=2, action_chunk=4)
@@ -75,30 +78,32 @@ class Samples:
         seed: int = 0,
         validated: bool = True,
     ) -> None:
-        """Find the samples, and read everything but the images.
+        """Find the samples, and read all fields except the images (the images too with `cache`).
 
         Args:
-            dataset: Where from.
-            episodes: Which episodes, such as ``split["train"]``; all by default.
-            at: One sample at each observation that an action follows, or one at each episode's last observation.
-            cameras: Which cameras; those of the first episode by default.
-            frames: Frames per camera and sample, K.
-            wrench_window: Readings per sample, T; 0 leaves the wrench out.
-            action_chunk: Actions per sample, A.
-            expert_action: Give as actions what an expert meant rather than what was done, where an episode tells them
-                apart.
-            crop: Height and width to cut out of each image, [px]; whole images by default.
-            crop_at: Where: in the middle, or anywhere, drawn from `seed`, epoch and number of the sample.
-            labels: Paths of fields that hold for a whole episode, such as ``labels/direction`` or ``workspace``.
+            dataset: Dataset to read the samples from.
+            episodes: Indices of the episodes to sample from, such as ``split["train"]``. All episodes by default.
+            at: Observations to sample at: ``each action`` gives one sample at each observation that an action follows,
+                ``the end`` gives one sample at the last observation of each episode.
+            cameras: Names of the cameras to read. The cameras of the first episode by default.
+            frames: Number of frames per camera in each sample, K, at least 1.
+            wrench_window: Number of wrench readings in each sample, T. With 0, samples have no wrench.
+            action_chunk: Number of actions in each sample, A, at least 1.
+            expert_action: Whether to give the actions that the expert intended (``actions/expert_action``) instead of
+                the commanded actions, in the episodes that have both.
+            crop: Height and width of the square cut out of each image, [px]. Whole images by default.
+            crop_at: Position of the crop: ``centre``, or ``random``, which is drawn from `seed`, the epoch and the
+                number of the sample.
+            labels: Paths of fields that have one value per episode, such as ``labels/direction`` or ``workspace``.
             cache: Whether to keep the images in memory as well.
-            budget: Most memory to take, [bytes]; half of the machine's by default.
-            seed: For random crops.
+            budget: Largest memory that the samples may take, [bytes]. Half of the machine's memory by default.
+            seed: Seed of the random crops.
             validated: Whether to refuse episodes in whose fields ``svfl-data validate`` finds an error.
 
         Raises:
-            UsageError: If a size is not positive.
-            DatasetError: If there are no samples, an episode is unfit for training, episodes differ in what they hold,
-                or the budget is too small.
+            UsageError: If a size is too small, or the crop is larger than the images.
+            DatasetError: If there are no samples, an episode is unfit for training, episodes differ in their setup or
+                in the shapes of their fields, or the budget is too small.
             FieldError: If an episode lacks a field.
             FormatError: If an episode is damaged.
         """
@@ -122,25 +127,25 @@ class Samples:
         return len(self._step)
 
     def __getitem__(self, index: int) -> Batch:
-        """One sample, without the batch dimension."""
+        """Return one sample, without the batch dimension."""
         position = index + len(self) if index < 0 else index
         if not 0 <= position < len(self):
             raise IndexError(f"no sample {index}; there are {len(self)}")
         return {key: values[0] for key, values in self.batch([position]).items()}
 
     def __getitems__(self, indices: Sequence[int]) -> list[Batch]:
-        """Many samples, one by one, as PyTorch's loaders ask for them; `batch` gives them as one."""
+        """Return a list of samples, as PyTorch's loaders request it; `batch` returns them as one batch."""
         return apart(self.batch(indices), len(indices))
 
     def batch(self, indices: Sequence[int] | np.ndarray, epoch: int = 0) -> Batch:
-        """Many samples at once.
+        """Return several samples as one batch.
 
         Args:
-            indices: Which, shape (B,), each in 0 .. len - 1.
-            epoch: Random crops of another epoch are other crops.
+            indices: Numbers of the samples, shape (B,), each in 0 .. len - 1.
+            epoch: Number of the epoch, which changes the random crops.
 
         Returns:
-            Arrays by key, as the class describes; in memory of their own.
+            Arrays by key, as described in the class. The arrays are copies that may be changed.
         """
         chosen = np.asarray(indices, dtype=np.int64)
         episode = self._episode[chosen]
@@ -166,7 +171,7 @@ class Samples:
         return out
 
     def _action_rows(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rows of the actions that follow, shape (B, A), and where there are none any more."""
+        """Return the rows of the next actions of each sample, shape (B, A), and a mask that is true beyond the last."""
         begin, end = (bound[self._episode[chosen], None] for bound in self._actions)
         rows = begin + self._step[chosen, None] + np.arange(self.action_chunk)
         padding = rows >= end
@@ -231,7 +236,7 @@ class Samples:
         self._constants = {path: np.stack(values[path]) for path in constants}
 
     def _check(self, stored: list[dict[str, StoredArray]], readers: list[EpisodeReader]) -> None:
-        """Refuse episodes that do not fit together, and more than fits into memory, before anything is read."""
+        """Refuse episodes with different shapes, and samples that exceed the memory budget, before values are read."""
         for path, array in stored[0].items():
             rows = 0 if path in self.labels or not array.shape else 1
             for other in stored[1:]:
@@ -272,12 +277,17 @@ class Samples:
 
 
 def apart(batch: Mapping[str, Values], count: int) -> list[dict[str, Values]]:
-    """The samples of a batch, each without the batch dimension."""
+    """Split a batch into its samples, each without the batch dimension.
+
+    Args:
+        batch: Values by key; the first axis of each value is the batch dimension.
+        count: Number of samples in the batch.
+    """
     return [{key: values[row] for key, values in batch.items()} for row in range(count)]
 
 
 def _sound(array: StoredArray) -> np.ndarray:
-    """All of an array, if a sample may be cut from it: time runs forwards."""
+    """Return a whole array, after checking that it does not run backwards if it holds timestamps."""
     values = array[()]
     if array.path.endswith("/t_ns") and (np.diff(values) < 0).any():
         row = int(np.flatnonzero(np.diff(values) < 0)[0]) + 1

@@ -1,7 +1,7 @@
-"""Splits that are the same wherever they are drawn: by sample for one experiment, by episode to be stored.
+"""Reproducible splits: of the episodes of a dataset, stored with the dataset, or of samples, for one experiment.
 
-Steps of one episode are nearly copies of each other. A dataset is therefore only ever split by whole episodes, and the
-split is stored beside them, so that everyone trains and tests on the same ones.
+Steps of one episode are nearly copies of each other. A dataset is therefore only split by whole episodes, and the split
+is stored beside the episodes, so that everyone trains and tests on the same episodes.
 """
 
 import hashlib
@@ -28,11 +28,11 @@ FORMAT = "svfl-split"
 FORMAT_VERSION = "1.0"
 NAME = re.compile(r"[\w-]{1,100}")
 MOST_NAMED = 5
-"""Missing episodes or stored splits that an error names."""
+"""Largest number of missing episodes or stored splits that an error message names."""
 
 
 class SplitFile(msgspec.Struct):
-    """What the file of a split must say."""
+    """Fields that the file of a split must contain besides its format and version."""
 
     sha256: str
     seed: Int64
@@ -42,13 +42,13 @@ class SplitFile(msgspec.Struct):
 
 @dataclass(frozen=True)
 class Split:
-    """Which episodes of a dataset serve which purpose.
+    """Division of the episodes of a dataset into parts, such as training and test episodes.
 
     Attributes:
-        name: Its name, and that of its file.
-        seed: With which it was drawn.
-        rule: How it was drawn: the shares asked for, and from how many episodes.
-        parts: Indices of the episodes of each part, ascending; disjoint.
+        name: Name of the split and of its file.
+        seed: Seed with which the split was drawn.
+        rule: Description of how the split was drawn: the requested shares, and the number of episodes.
+        parts: Indices of the episodes of each part, ascending. No episode is in two parts.
 
     Example:
         >>> split = split_episodes(range(10), {"train": 0.8, "test": 0.2}, seed=0)
@@ -68,20 +68,24 @@ class Split:
 
     @property
     def sha256(self) -> str:
-        """Hash of which episodes are in which part, in hexadecimal; does not depend on names or on how it was drawn."""
+        """SHA-256 of the parts and their episodes, in hexadecimal, independent of the split's name, seed and rule."""
         return hashlib.sha256(canonical_json(self.parts).encode()).hexdigest()
 
     def save(self, dataset: Dataset, replace: bool = False) -> Path:
-        """Store it beside the dataset's episodes; returns the file.
+        """Store the split beside the episodes of a dataset.
 
         Args:
-            dataset: Where to.
-            replace: Whether it takes the place of another split of this name.
+            dataset: Dataset to store the split in.
+            replace: Whether to replace another split of the same name.
+
+        Returns:
+            The file that was written.
 
         Raises:
-            DatasetError: If another split of this name is stored already; experiments may rest on it.
+            DatasetError: If another split of the same name is stored already and `replace` is false, because
+                experiments may depend on the stored split.
             FormatError: If the file or its folder is a link.
-            StorageError: If the disk refuses.
+            StorageError: If the file cannot be written.
         """
         file = split_file(dataset, self.name)
         inner_folder(dataset.path, FOLDER)
@@ -91,7 +95,7 @@ class Split:
             write_atomically(file, (canonical_json(content) + "\n").encode(), replace)
         except StorageError:
             if replace or not file.exists():
-                raise  # else it is stored already, perhaps by a process that was first by an instant
+                raise  # otherwise a split of this name is stored already, perhaps by another process just now
             if load_split(dataset, self.name).sha256 != self.sha256:
                 raise DatasetError(
                     f"{file} holds another split; choose another name, or replace it (svfl-data split --replace) if "
@@ -101,10 +105,14 @@ class Split:
 
 
 def split_file(dataset: Dataset, name: str) -> Path:
-    """File of a split, whether or not it exists.
+    """Return the file of a split, whether or not the file exists.
+
+    Args:
+        dataset: Dataset that the split belongs to.
+        name: Name of the split: 1 to 100 letters, digits, - and _.
 
     Raises:
-        UsageError: If the name cannot be one.
+        UsageError: If the name has other characters or another length.
     """
     if not NAME.fullmatch(name):
         raise UsageError(f"{name!r} cannot be the name of a split: use letters, digits, - and _")
@@ -112,18 +120,18 @@ def split_file(dataset: Dataset, name: str) -> Path:
 
 
 def split_episodes(indices: Sequence[int], shares: Mapping[str, float], seed: int, name: str = "default") -> Split:
-    """Draw which episodes serve which purpose.
+    """Draw a split of episodes at random.
 
     Args:
-        indices: The episodes, in any order.
-        shares: Part to its share of the episodes, such as ``{"train": 0.8, "valid": 0.1, "test": 0.1}``; they sum to at
-            most 1. Each part gets its share rounded down, and what is left over goes, one each, to those that
-            rounding took most from.
-        seed: The same seed and episodes give the same split.
-        name: Its name.
+        indices: Indices of the episodes, in any order.
+        shares: Share of the episodes of each part by its name, such as ``{"train": 0.8, "valid": 0.1, "test": 0.1}``.
+            The shares are positive and sum to at most 1. Each part gets its share rounded down. The episodes left over
+            go, one each, to the parts that lost most by rounding.
+        seed: Seed of the draw. The same seed, episodes and shares give the same split.
+        name: Name of the split.
 
     Raises:
-        UsageError: If the shares are not shares, or the name cannot be one.
+        UsageError: If a share is not positive, or the shares sum to more than 1.
         DatasetError: If there are too few episodes to give one to each part.
 
     Example:
@@ -148,10 +156,13 @@ def split_episodes(indices: Sequence[int], shares: Mapping[str, float], seed: in
 
 
 def check_no_copies(dataset: Dataset) -> None:
-    """Check that no episode is a copy of another one, which a split could put into another part.
+    """Check that no episode is a copy of another one, because a split could put the two into different parts.
+
+    Args:
+        dataset: Dataset whose episodes are compared. Damaged episodes are left out.
 
     Raises:
-        DatasetError: If one is.
+        DatasetError: If an episode is a copy of another one.
     """
     found = copies((dataset.path / entry.name, entry.content) for entry in entries(dataset) if not entry.error)
     if found:
@@ -162,11 +173,16 @@ def check_no_copies(dataset: Dataset) -> None:
 
 
 def load_split(dataset: Dataset, name: str) -> Split:
-    """A stored split.
+    """Load a stored split.
+
+    Args:
+        dataset: Dataset that the split is stored in.
+        name: Name of the split.
 
     Raises:
-        FormatError: If it is not a split, was edited, or is of another version.
-        DatasetError: If it is not stored, or names episodes that the dataset lacks.
+        FormatError: If the file is not a split, was edited, or has another format version.
+        DatasetError: If no split of this name is stored, or the split names episodes that the dataset lacks.
+        UsageError: If the name cannot be the name of a split.
 
     Example:
         >>> _ = split_episodes(dataset.indices, {"train": 0.5, "test": 0.5}, seed=0).save(dataset)
@@ -196,7 +212,7 @@ def load_split(dataset: Dataset, name: str) -> Split:
 
 
 def _named(things: Sequence[object]) -> str:
-    """Numbers or names, the first few of them."""
+    """Return the first `MOST_NAMED` numbers or names as text, and how many more there are."""
     more = f" and {len(things) - MOST_NAMED} more" if len(things) > MOST_NAMED else ""
     return (", ".join(str(one) for one in things[:MOST_NAMED]) or "none") + more
 
@@ -206,15 +222,15 @@ def train_test_split(labels: np.ndarray, train: int, test: int, seed: int) -> tu
 
     Args:
         labels: Class of each sample, shape (S,).
-        train: Samples to train on.
-        test: Samples to test on.
-        seed: Chooses the training samples among those that are not test samples.
+        train: Number of training samples.
+        test: Number of test samples.
+        seed: Seed with which the training samples are drawn from the samples that are not test samples.
 
     Returns:
-        Indices of the training and of the test samples; disjoint.
+        Indices of the training samples, shape (train,), and of the test samples, shape (test,). No sample is in both.
 
     Raises:
-        UsageError: If a size is not positive.
+        UsageError: If a number of samples is not positive.
         DatasetError: If there are not enough samples.
     """
     if train < 1 or test < 1:
@@ -226,7 +242,7 @@ def train_test_split(labels: np.ndarray, train: int, test: int, seed: int) -> tu
         )
     shuffled = np.random.default_rng(0).permutation(len(labels))  # a constant: every run has the same test set
     test_index, pool = shuffled[:test], np.random.default_rng(seed).permutation(shuffled[test:])
-    turn = np.empty(len(pool), dtype=np.int64)  # how many of its class come before it
+    turn = np.empty(len(pool), dtype=np.int64)  # for each sample, the number of samples of its class before it
     for label in np.unique(labels):
         own = labels[pool] == label
         turn[own] = np.arange(own.sum())

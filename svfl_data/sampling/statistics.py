@@ -1,11 +1,11 @@
-"""Statistics for scaling inputs: one scale per representation, from the training episodes only, stored with them.
+"""Statistics for scaling the inputs of a network: one scale per representation, from the training episodes only.
 
-A mean is subtracted from invariants only, and both components of a vector have one scale: anything else would make a
-rotated input look different from a rotated output (`svfl_data.symmetry`). They are gathered in one pass over the
-files, chunk by chunk, and stored beside the split with its hash and that of the episodes they were taken from.
+A mean is subtracted from invariants only, and both components of a vector have one scale. Otherwise scaling would not
+commute with rotations and reflections (`svfl_data.symmetry`). The statistics are computed in one pass over the files,
+chunk by chunk, and stored beside the split with the hash of the split and the hash of its training episodes.
 
-Source of the merging: Chan, Golub, LeVeque, "Algorithms for computing the sample variance", The American Statistician,
-1983, equation 2.1.
+Source of the formula that merges the moments of two chunks: Chan, Golub, LeVeque, "Algorithms for computing the sample
+variance", The American Statistician, 1983, equation 2.1.
 """
 
 import hashlib
@@ -35,7 +35,7 @@ FORMAT = "svfl-statistics"
 FORMAT_VERSION = "1.0"
 TRAIN = "train"
 CONSTANT = 1e-6
-"""Below this scale, in SI units, a quantity counts as constant and is not scaled up."""
+"""Scale, in SI units, at or below which a quantity counts as constant and gets the scale 1."""
 
 SUMMARISED = ("observations/proprio", "actions/action", "streams/wrench/wrench", "labels/offset")
 ROWS_AT_ONCE = 64
@@ -43,14 +43,14 @@ ROWS_AT_ONCE = 64
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """What is kept of rows of C components that have gone by.
+    """Running mean, spread and range of rows with C components.
 
     Attributes:
-        count: Rows.
-        mean: Shape (C,), float64.
+        count: Number of rows so far.
+        mean: Mean of each component, shape (C,), float64.
         squares: Sum of squared differences from the mean, shape (C,), float64.
-        low: Smallest, shape (C,).
-        high: Largest, shape (C,).
+        low: Smallest value of each component, shape (C,), float64; infinite if there are no rows.
+        high: Largest value of each component, shape (C,), float64; minus infinity if there are no rows.
     """
 
     count: int
@@ -61,12 +61,20 @@ class Moments:
 
     @classmethod
     def none(cls, components: int) -> "Moments":
-        """Of no rows."""
+        """Return the moments of no rows.
+
+        Args:
+            components: Number of components, C.
+        """
         zero = np.zeros(components)
         return cls(0, zero, zero, np.full(components, np.inf), np.full(components, -np.inf))
 
     def and_also(self, values: np.ndarray) -> "Moments":
-        """Of what has gone by and of more values, shape (..., C)."""
+        """Return the moments of the rows so far together with more values.
+
+        Args:
+            values: Values whose last axis holds the components, shape (..., C).
+        """
         rows = values.reshape(-1, values.shape[-1]).astype(np.float64)  # (..., C) -> (rows, C)
         if not len(rows):
             return self
@@ -81,13 +89,16 @@ class Moments:
         )
 
     def scaling(self, parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
-        """Mean of invariants (zero for the rest), and root mean square of each part about it.
+        """Return the mean to subtract and the scale to divide by, so that scaling commutes with the symmetry group.
+
+        The mean is zero except for invariants. The scale is the root mean square of each part about that mean.
 
         Args:
-            parts: The kinds of the C components.
+            parts: Representations of the C components (`svfl_data.symmetry`).
 
         Returns:
-            Mean and scale, shape (C,), float64, in the units of the values; the scale is 1 for what hardly varies.
+            Mean and scale, each of shape (C,), float64, in the units of the values. The scale is 1 for a part whose
+            root mean square is at most `CONSTANT`.
         """
         mean, scale = np.zeros(len(self.mean)), np.ones(len(self.mean))
         if self.count:
@@ -103,15 +114,15 @@ class Moments:
 
 @dataclass(frozen=True)
 class FieldStatistics:
-    """Statistics of one field; lists of one number per component.
+    """Statistics of one field; each list has one number per component of the field.
 
     Attributes:
-        unit: Of all numbers below.
-        count: Rows (pixels, for images) they were taken from.
-        mean: To subtract; zero unless the component is invariant.
-        scale: To divide by; one per representation.
-        min: Smallest value.
-        max: Largest value.
+        unit: Unit of the mean, the scale, the minimum and the maximum.
+        count: Number of rows (for images, of pixels) that the statistics were taken from.
+        mean: Mean to subtract from each component; zero unless the component is invariant.
+        scale: Scale to divide each component by; the components of one representation have the same scale.
+        min: Smallest value of each component.
+        max: Largest value of each component.
     """
 
     unit: str
@@ -123,7 +134,7 @@ class FieldStatistics:
 
 
 class StatisticsFile(msgspec.Struct):
-    """What the file of statistics must say."""
+    """Fields that the file of statistics must contain besides its format and version."""
 
     split_sha256: str
     episodes_sha256: str
@@ -131,27 +142,35 @@ class StatisticsFile(msgspec.Struct):
 
 
 def statistics(values: np.ndarray, parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and scale (`Moments.scaling`) of values in memory, shape (..., C)."""
+    """Return the mean and the scale of values in memory, as `Moments.scaling` does.
+
+    Args:
+        values: Values whose last axis holds the components, shape (..., C).
+        parts: Representations of the C components (`svfl_data.symmetry`).
+
+    Returns:
+        Mean and scale, each of shape (C,), float64, in the units of the values.
+    """
     return Moments.none(values.shape[-1]).and_also(values).scaling(parts)
 
 
 def compute_statistics(dataset: Dataset, episodes: Sequence[int]) -> dict[str, FieldStatistics]:
-    """Statistics of episodes, in one pass over their files.
+    """Compute the statistics of the fields of episodes, in one pass over their files.
 
-    The wrench is tared; the position in proprio is relative to the workspace centre; colour is divided by 255; depth is
-    in metres, without pixels that hold no measurement.
+    The wrench is tared, the position in proprioception is relative to the workspace centre, colour is divided by 255,
+    and depth is in metres, without the pixels that hold no measurement.
 
     Args:
-        dataset: Where from.
-        episodes: Which episodes: those of a training part.
+        dataset: Dataset to read the episodes from.
+        episodes: Indices of the episodes, such as the training part of a split.
 
     Returns:
-        By field path: proprio, action, wrench, the label's offset if all have it, and the images of each camera that
-        all have.
+        Statistics by field path, for the fields that all of the episodes have: proprioception, action, wrench, the
+        label's offset, and the images of each camera.
 
     Raises:
-        DatasetError: If there are no episodes, or one is unfit for training.
-        FormatError: If one is damaged.
+        DatasetError: If there are no episodes, or an episode is unfit for training.
+        FormatError: If an episode is damaged.
 
     Example:
         >>> found = compute_statistics(dataset, [0, 1])
@@ -173,10 +192,18 @@ def compute_statistics(dataset: Dataset, episodes: Sequence[int]) -> dict[str, F
 
 
 def save_statistics(dataset: Dataset, split: Split, found: dict[str, FieldStatistics]) -> Path:
-    """Store the statistics of a split's training part beside it; returns the file.
+    """Store the statistics of a split's training part beside the split.
+
+    Args:
+        dataset: Dataset that the split is stored in.
+        split: Split whose training episodes the statistics were computed from.
+        found: Statistics by field path, from `compute_statistics`.
+
+    Returns:
+        The file that was written; a previous file of statistics is replaced.
 
     Raises:
-        StorageError: If the disk refuses.
+        StorageError: If the file cannot be written.
     """
     file = statistics_file(dataset, split.name)
     content = {
@@ -194,11 +221,18 @@ def save_statistics(dataset: Dataset, split: Split, found: dict[str, FieldStatis
 
 
 def load_statistics(dataset: Dataset, split: Split) -> dict[str, FieldStatistics]:
-    """Stored statistics, if they are those of this split of these episodes.
+    """Load the stored statistics of a split, and check that they belong to this split and its training episodes.
+
+    Args:
+        dataset: Dataset that the split is stored in.
+        split: Split whose statistics are loaded.
+
+    Returns:
+        Statistics by field path.
 
     Raises:
-        DatasetError: If there are none, or they belong to another split or to other episodes.
-        FormatError: If they cannot be read.
+        DatasetError: If no statistics are stored, or they belong to another split or to other episodes.
+        FormatError: If the file of statistics is damaged or has another format version.
     """
     file = statistics_file(dataset, split.name)
     refuse_link(file.parent)
@@ -219,12 +253,22 @@ def load_statistics(dataset: Dataset, split: Split) -> dict[str, FieldStatistics
 
 
 def statistics_file(dataset: Dataset, name: str) -> Path:
-    """Where the statistics of a split are stored, whether or not they are."""
+    """Return the file of the statistics of a split, whether or not the file exists.
+
+    Args:
+        dataset: Dataset that the split is stored in.
+        name: Name of the split.
+    """
     return split_file(dataset, name).with_suffix(".statistics.json")
 
 
 def fingerprint(dataset: Dataset, episodes: Iterable[int]) -> str:
-    """Hash of the content of episodes, in hexadecimal, from their seals."""
+    """Return the SHA-256 of the indices and seals of episodes, in hexadecimal.
+
+    Args:
+        dataset: Dataset to read the seals from.
+        episodes: Indices of the episodes. Their order changes the hash.
+    """
     digest = hashlib.sha256()
     for index in episodes:
         digest.update(f"{index}:{dataset.episode(index).written_seal}\n".encode())
@@ -237,7 +281,7 @@ def _summarised(reader: EpisodeReader) -> list[str]:
 
 
 def _values(reader: EpisodeReader, path: str) -> Iterable[np.ndarray]:
-    """Values of a field in SI units, shape (..., C) each, a few images at a time."""
+    """Return the values of a field in SI units, each array of shape (..., C), for images `ROWS_AT_ONCE` at a time."""
     array, leaf = reader[path], path.rpartition("/")[2]
     if leaf == "color":
         return (array[row : row + ROWS_AT_ONCE] / np.float32(255) for row in range(0, len(array), ROWS_AT_ONCE))

@@ -1,4 +1,4 @@
-"""The samples of a dataset for PyTorch: one by one, or whole batches in an order that only the seed decides."""
+"""The samples of a dataset for PyTorch: one by one, or in whole batches whose order depends only on the seed."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
@@ -15,11 +15,14 @@ TensorBatch = dict[str, Tensor]
 
 
 class TorchSamples(TorchDataset[TensorBatch]):
-    """`Samples` as a PyTorch dataset, for `torch.utils.data.DataLoader` as it stands, ``Subset``, ``random_split`` and
-    the like. `loader` is faster: it copies nothing sample by sample.
+    """`Samples` as a PyTorch dataset that works with `torch.utils.data.DataLoader`, ``Subset``, ``random_split`` and
+    other tools of PyTorch. `loader` is faster than such a loader, because it does not copy single samples.
 
-    Its keys run beyond the number of samples: key k is sample k % len in epoch k // len. The epoch of a random crop
-    travels with the key in this way, also to worker processes that live as long as the loader.
+    Keys may exceed the number of samples: key k is sample k % len in epoch k // len. In this way each key also gives
+    the epoch of the random crops, even in worker processes that live for many epochs.
+
+    Args:
+        samples: Samples of a dataset, which have NumPy arrays.
 
     Example:
         >>> samples = TorchSamples(Samples(dataset))
@@ -35,21 +38,28 @@ class TorchSamples(TorchDataset[TensorBatch]):
         return len(self.samples)
 
     def __getitem__(self, key: int) -> TensorBatch:
-        """One sample, without the batch dimension."""
+        """Return one sample, without the batch dimension."""
         if key < 0:
             raise IndexError(f"no sample {key}; there are {len(self)}, and again in every epoch")
         return self.__getitems__([key])[0]
 
     def __getitems__(self, keys: Sequence[int]) -> list[TensorBatch]:
-        """Many samples, one by one, as PyTorch's loaders ask for them; all keys from the epoch of the first."""
+        """Return a list of samples, as PyTorch's loaders request it; all keys must be of the epoch of the first key."""
         return apart(self.batch(keys), len(keys))
 
     def __iter__(self) -> Iterator[TensorBatch]:
-        """The samples of epoch 0: the keys themselves have no end."""
+        """Iterate over the samples of epoch 0; keys of further epochs would have no end."""
         return (self[key] for key in range(len(self)))
 
     def batch(self, keys: Sequence[int]) -> TensorBatch:
-        """Many samples as one batch; all keys from the epoch of the first."""
+        """Return several samples as one batch.
+
+        Args:
+            keys: Keys of the samples; all must be of the epoch of the first key.
+
+        Returns:
+            Tensors by key, as described in `Samples`.
+        """
         epoch = keys[0] // len(self)
         batch = self.samples.batch(np.asarray(keys) - epoch * len(self), epoch)
         return {name: torch.from_numpy(values) for name, values in batch.items()}
@@ -63,17 +73,18 @@ class TorchSamples(TorchDataset[TensorBatch]):
         drop_last: bool = False,
         **options: Any,  # noqa: ANN401
     ) -> DataLoader[TensorBatch]:
-        """A loader of whole batches: the same samples in the same order, whatever the number of workers.
+        """Return a loader of whole batches, which gives the same samples in the same order with any number of workers.
 
-        Each pass is an epoch of its own; Lightning sets the epoch by itself, a program that resumes calls
-        ``loader.sampler.set_epoch(epoch)``.
+        Each pass over the loader is a new epoch. Lightning sets the epoch by itself; a program that resumes a training
+        calls ``loader.sampler.set_epoch(epoch)``.
 
         Args:
-            batch_size: Samples per batch; the last batch has what is left.
-            shuffle: Whether to draw a new order in each epoch.
-            seed: Of the order.
+            batch_size: Number of samples in each batch. The last batch has the samples that are left.
+            shuffle: Whether to draw a new order of the samples in each epoch.
+            seed: Seed of the order of the samples.
             drop_last: Whether to leave out a last batch that is not full.
-            options: For `torch.utils.data.DataLoader`, such as ``num_workers``. With cached images, none are fastest.
+            options: Further arguments of `torch.utils.data.DataLoader`, such as ``num_workers``. With cached images,
+                no workers (``num_workers=0``) are fastest.
         """
         return whole_batches(
             self, batch_size, EpochSampler(len(self), shuffle, seed), drop_last=drop_last, **options
@@ -81,17 +92,26 @@ class TorchSamples(TorchDataset[TensorBatch]):
 
 
 class EpochSampler(Sampler[int]):
-    """The keys of one epoch after the other.
+    """Sampler that gives the keys of one epoch in each pass, and of the following epoch in the next pass.
+
+    Args:
+        samples: Number of samples in each epoch.
+        shuffle: Whether to draw a new order of the samples in each epoch.
+        seed: Seed of the order of the samples.
 
     Attributes:
-        epoch: Of the next pass.
+        epoch: Number of the epoch of the next pass.
     """
 
     def __init__(self, samples: int, shuffle: bool, seed: int) -> None:
         self.samples, self.shuffle, self.seed, self.epoch = samples, shuffle, seed, 0
 
     def set_epoch(self, epoch: int) -> None:
-        """Make the next pass that of an epoch."""
+        """Set the epoch of the next pass.
+
+        Args:
+            epoch: Number of the epoch, from 0.
+        """
         self.epoch = epoch
 
     def __len__(self) -> int:
@@ -106,12 +126,12 @@ class EpochSampler(Sampler[int]):
 
 
 class Batched(Protocol):
-    """What gives whole batches."""
+    """Anything that gives whole batches of samples, such as `TorchSamples`."""
 
     def __len__(self) -> int: ...
 
     def batch(self, keys: Sequence[int]) -> TensorBatch:
-        """The samples of keys as one batch."""
+        """Return the samples of the given keys as one batch."""
 
 
 def whole_batches(
@@ -120,19 +140,19 @@ def whole_batches(
     order: Sampler[int],
     **options: Any,  # noqa: ANN401
 ) -> DataLoader[TensorBatch]:
-    """A loader that fetches each batch whole.
+    """Return a loader that fetches each batch as a whole instead of sample by sample.
 
     Args:
-        samples: Where from.
-        batch_size: Samples per batch.
-        order: Keys of the samples.
-        options: For `torch.utils.data.DataLoader`.
+        samples: Samples to load.
+        batch_size: Number of samples in each batch.
+        order: Sampler of the keys of the samples.
+        options: Further arguments of `torch.utils.data.DataLoader`.
     """
     return DataLoader(_Whole(samples), batch_size, sampler=order, collate_fn=_as_it_is, **options)
 
 
 class _Whole(TorchDataset[TensorBatch]):
-    """A dataset whose samples are only asked for in whole batches."""
+    """Dataset from which a loader fetches only whole batches."""
 
     def __init__(self, samples: Batched) -> None:
         self.samples = samples
@@ -145,5 +165,5 @@ class _Whole(TorchDataset[TensorBatch]):
 
 
 def _as_it_is(batch: Any) -> Any:  # noqa: ANN401 - whatever was fetched
-    """A batch that was fetched whole needs no collating."""
+    """Return a batch unchanged, because a batch that was fetched as a whole needs no collating."""
     return batch

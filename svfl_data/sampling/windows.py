@@ -1,4 +1,4 @@
-"""Windows over streams with clocks of their own, cut when reading: causal, never a reading from after its step."""
+"""Windows over streams that have their own clocks; a window is cut when read and has no reading from after its step."""
 
 import numpy as np
 
@@ -6,31 +6,32 @@ from svfl_data.schema.clocks import Clock
 from svfl_data.schema.episode import Episode
 
 WINDOW = 64
-"""Readings in a wrench window (Kohler et al., CoRL 2023, section 5 and appendix: the last 64 readings)."""
+"""Number of readings in a wrench window (Kohler et al., CoRL 2023, section 5 and appendix: the last 64 readings)."""
 
 
 def latest(t_ns: np.ndarray, now_ns: int) -> int:
-    """Row of the last reading at or before a moment; -1 if there is none.
+    """Return the row of the last reading at or before a time; -1 if there is none.
 
     Args:
         t_ns: Ascending timestamps of a stream, shape (M,), [ns].
-        now_ns: The moment, same clock, [ns].
+        now_ns: Time on the same clock, [ns].
     """
     return int(np.searchsorted(t_ns, now_ns, side="right")) - 1
 
 
 def wrench_window(episode: Episode, step: int = -1, length: int = WINDOW) -> tuple[np.ndarray, np.ndarray]:
-    """The last readings at or before an observation, tared.
+    """Return the last tared wrench readings at or before an observation.
 
     Args:
-        episode: Where to cut.
-        step: Row of the observation; -1 is the final one.
-        length: Number of readings T.
+        episode: Episode to cut the window from.
+        step: Row of the observation; -1 is the final observation.
+        length: Number of readings in the window, T.
 
     Returns:
         The window, shape (T, 6), float32, [N] and [N m], base axes, about the sensor origin, latest reading last;
-        and a mask of shape (T,), true where there was no reading yet and the first one is repeated (zeros if the
-        stream is still empty), and where a reading is left over from before a break (`svfl_data.schema.clocks.Clock`).
+        and a padding mask of shape (T,). The mask is true where the episode had no reading yet, so that the first
+        reading is repeated (or zeros are given if there is no reading so far), and where a reading is from before a
+        break in the stream (`svfl_data.schema.clocks.Clock`).
 
     Example:
         >>> window, padding = wrench_window(dataset[0], step=20)
