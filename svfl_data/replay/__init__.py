@@ -1,4 +1,4 @@
-"""Prioritised replay of whole episodes, preloaded with demonstrations, for agents that go on collecting.
+"""Prioritised replay of whole episodes, preloaded with demonstrations, for agents that collect further episodes.
 
 Example, with one of the environments of `collectors.environment`::
 

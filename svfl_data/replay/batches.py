@@ -1,4 +1,4 @@
-"""Cutting observations out of episodes for a whole batch, and turning their worlds."""
+"""Functions that cut the observations of a batch out of episodes, and rotate or reflect them."""
 
 from collections.abc import Sequence
 
@@ -22,20 +22,21 @@ def images(
     frames: int,
     depth_scale: float,
 ) -> np.ndarray:
-    """Crops of observed images, rotated or reflected; all those of one observation alike.
+    """Cut, and rotate or reflect, the images of observations; all images of one observation are treated alike.
 
     Args:
-        episodes: Of each observation.
-        steps: Which of its episode.
-        corners: Upper left pixel (row, column) of each crop, shape (B, 2).
-        augmentation: How images may be rotated and reflected.
-        elements: Which element of `augmentation` moves each, shape (B,).
-        crop: Height and width of the crops h, [px].
-        frames: Images up to each observation, K; before an episode began there is its first one.
+        episodes: Episode of each observation, B in all.
+        steps: Number of each observation in its episode, B in all.
+        corners: Upper left pixel (row, column) of each observation's crop, shape (B, 2).
+        augmentation: Rotations and reflections of images.
+        elements: Number of the element of `augmentation` that is applied to each observation, shape (B,).
+        crop: Height and width h of the crops, [px].
+        frames: Number of images per observation, K: those of the last K observations. Where the episode has fewer
+            observations so far, its first image is repeated.
         depth_scale: Metres per unit of depth.
 
     Returns:
-        RGB 0..1, then depth in [m], latest image last, shape (B, K, 4, h, h), float32.
+        Images with RGB 0..1, then depth in [m], latest image last, shape (B, K, 4, h, h), float32.
     """
     out = np.empty((len(episodes), frames, 4, crop, crop), np.float32)
     brightest, scale = np.float32(255), np.float32(depth_scale)
@@ -50,12 +51,15 @@ def images(
 
 
 def vectors(episodes: Sequence[StoredEpisode], steps: Sequence[int], window: int) -> Batch:
-    """What was felt and known at observations: ``wrench`` (B, T, 6) and ``proprio`` (B, 5), float32.
+    """Return the wrench windows and the proprioception of observations.
 
     Args:
-        episodes: Of each observation.
-        steps: Which of its episode.
-        window: Wrench readings, T.
+        episodes: Episode of each observation, B in all.
+        steps: Number of each observation in its episode, B in all.
+        window: Number of wrench readings in each window, T.
+
+    Returns:
+        ``wrench`` (B, T, 6) and ``proprio`` (B, 5), both float32, in image-aligned axes.
     """
     places = list(zip(episodes, steps, strict=True))
     return {
@@ -65,14 +69,14 @@ def vectors(episodes: Sequence[StoredEpisode], steps: Sequence[int], window: int
 
 
 def rotated(batch: Batch, augmentation: SymmetryAugmentation, elements: np.ndarray) -> Batch:
-    """Turn and mirror the vectors of each sample.
+    """Rotate or reflect the vectors of each sample.
 
     Args:
-        batch: Entries of `PARTS`.
-        augmentation: How they may be rotated and reflected.
-        elements: Which element of `augmentation` moves each sample, shape (B,).
+        batch: Values with keys of `PARTS`, each of shape (B, ..., C), in image-aligned axes.
+        augmentation: Rotations and reflections of vectors.
+        elements: Number of the element of `augmentation` that is applied to each sample, shape (B,).
 
     Returns:
-        The same keys, moved as `svfl_data.symmetry` says.
+        The transformed values by the same keys, according to their representations (`svfl_data.symmetry`).
     """
     return {name: augmentation.numbers(values, PARTS[name], elements) for name, values in batch.items()}

@@ -1,4 +1,4 @@
-"""The replay buffer: what an agent has lived through and was shown, drawn by how much there is to learn from it."""
+"""The replay buffer: the agent's own episodes and demonstrations, sampled by priorities from the TD errors."""
 
 import operator
 from collections.abc import Sequence
@@ -21,21 +21,22 @@ from svfl_data.replay.symmetry_augmentation import SymmetryAugmentation
 from svfl_data.sampling.frames import corners
 
 CAPACITY = 50_000
-"""Transitions; with images of 76 x 76 pixels 1.5 GB when full."""
+"""Default capacity, in transitions; with images of 76 x 76 pixels, a full buffer takes 1.5 GB."""
 
 
 class ReplayBuffer:
-    """Transitions of whole episodes; images as integers, every frame and every wrench reading once.
+    """Replay buffer of whole episodes, with images as integers, and each frame and each wrench reading stored once.
 
-    What is drawn more often than evenly would bias the training. The weights of a batch make up for it: multiply the
-    loss of each transition with its ``weight`` before the mean, as in ``(weight * td_error**2).mean()``, and gripper
-    the TD errors themselves to `update_priorities` with ``index``. The target of transition i is ``reward[i] +
+    Transitions that are drawn more often than others would bias the training. The weights of a batch correct this bias:
+    multiply the loss of each transition by its ``weight`` before the mean, as in ``(weight * td_error**2).mean()``, and
+    pass the unweighted TD errors to `update_priorities` with ``index``. The target of transition i is ``reward[i] +
     discount[i] * value(s'[i])``.
 
     Args:
-        capacity: Transitions; the oldest episodes are forgotten, whole, when more would come.
-        spec: What its episodes have in common.
-        config: How transitions are prioritised and cut.
+        capacity: Largest number of transitions. When further transitions would exceed it, the oldest episodes are
+            removed as a whole.
+        spec: Properties that all episodes of the buffer have in common.
+        config: Settings of the priorities and of the batches; the defaults of `ReplayConfig` if None.
 
     Raises:
         UsageError: If the capacity is not positive, or crops are larger than the images.
@@ -68,22 +69,24 @@ class ReplayBuffer:
         failures: bool = False,
         camera: str | None = None,
     ) -> "ReplayBuffer":
-        """A buffer that begins with demonstrations, which count as expert transitions.
+        """Create a buffer that holds demonstrations, which count as expert transitions.
 
         Args:
-            dataset: Where from.
-            episodes: How many, the first ones; or which to choose from, such as ``split["train"]``.
-            capacity: Transitions.
-            config: How transitions are prioritised and cut.
-            failures: Whether to take episodes without success, too.
-            camera: Whose images; may be left out if there is only one.
+            dataset: Dataset to read the demonstrations from.
+            episodes: Number of episodes to take, in the order of their indices; or the indices to choose from, such as
+                ``split["train"]``. Episodes without success are skipped unless `failures` is true.
+            capacity: Largest number of transitions in the buffer.
+            config: Settings of the priorities and of the batches; the defaults of `ReplayConfig` if None.
+            failures: Whether to take episodes without success as well.
+            camera: Name of the camera whose images are kept. May be None if the episodes have only one camera.
 
         Raises:
-            UsageError: If the demonstrations do not fit into the capacity, crops not into the images, or an episode is
-                named twice.
-            DatasetError: If there are too few episodes, or two that cannot be mixed: other task, image size, depth
-                scale, camera, workspace or bounds of actions.
-            FieldError: If an episode lacks a field, or the camera.
+            UsageError: If the demonstrations do not fit into the capacity, the crops do not fit into the images, or an
+                episode is named twice.
+            DatasetError: If there are too few episodes, an episode is unfit for training or has several cameras while
+                `camera` is None, or two episodes differ in task, image size, depth scale, camera, workspace or action
+                bounds.
+            FieldError: If an episode lacks a field or the camera.
             FormatError: If an episode is damaged.
         """
         chosen = demos.choose(dataset, episodes, failures)
@@ -114,29 +117,30 @@ class ReplayBuffer:
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes, [bytes]; what has not been filled yet takes none."""
+        """Memory that the episodes and the priorities take, [bytes]; free slots take no memory for episodes."""
         used = sum(episode.nbytes for episode in self._ring.episodes)
         return used + self._priorities.tree.nbytes + self._priorities.expert.nbytes
 
     @property
     def beta(self) -> float:
-        """Power of the importance weights now."""
+        """Current exponent of the importance weights, which grows from `ReplayConfig.beta` to 1."""
         return self._priorities.beta
 
     def begin_episode(self, observation: Observation, expert: bool = False, spec: ReplaySpec | None = None) -> None:
         """Begin to add an episode.
 
         Args:
-            observation: After the reset, in base axes, as the environments of `collectors.environment` give it:
-                ``image`` (4, H, W), RGB 0..1 and depth in [m]; ``wrench`` (T, 6), the last readings, tared; ``proprio``
-                (5,).
-            expert: Whether it is a demonstration.
-            spec: What the observations show, as `ReplaySpec.of_environment` tells; None trusts that it is the buffer's.
+            observation: Observation after the reset, in base axes, as the environments of `collectors.environment`
+                give it: ``image`` (4, H, W), RGB 0..1 and depth in [m]; ``wrench`` (T, 6), the last readings, tared;
+                ``proprio`` (5,).
+            expert: Whether the episode is a demonstration.
+            spec: Spec of the observations, from `ReplaySpec.of_environment`, which must equal the spec of the buffer.
+                None skips this check.
 
         Raises:
-            DatasetError: If they are of another view, camera, task or bounds.
-            UsageError: If the last episode has neither terminated nor been truncated.
-            FieldError: If the observation does not fit.
+            DatasetError: If `spec` differs from the spec of the buffer, such as in view, camera, task or action bounds.
+            UsageError: If the last step of the previous episode was neither terminated nor truncated.
+            FieldError: If an array of the observation is missing or has a wrong shape or value.
         """
         if spec is not None:
             self.spec.require_equal(spec, "the replay buffer", "the environment")
@@ -150,20 +154,21 @@ class ReplayBuffer:
     def add(
         self, action: np.ndarray, observation: Observation, reward: float, terminated: bool, truncated: bool
     ) -> None:
-        """Add a step: ``buffer.add(action, *env.step(action)[:4])``.
+        """Add a step of the current episode: ``buffer.add(action, *env.step(action)[:4])``.
 
-        An episode can be drawn from once it has ended.
+        The transitions of an episode can be sampled once the episode has ended.
 
         Args:
-            action: Shape (5,), base axes.
-            observation: What followed, as for `begin_episode`.
-            reward: Of the action.
-            terminated: Whether the task has come to its end, after which nothing is worth anything.
-            truncated: Whether the episode was cut off here; what would have followed is worth something.
+            action: Commanded action, shape (5,), base axes.
+            observation: Observation after the action, as for `begin_episode`.
+            reward: Reward of the action.
+            terminated: Whether the task ended with this step, so that the value of the next observation is 0.
+            truncated: Whether the episode was cut off after this step, so that the next observation still has a value.
 
         Raises:
-            UsageError: If no episode has begun, or this one is longer than the capacity.
-            FieldError: If something does not fit; nothing is kept of it then.
+            UsageError: If no episode has begun, or the episode is longer than the capacity.
+            FieldError: If the action, the observation or the reward has a wrong shape or value. The step is then not
+                added.
         """
         if self._builder is None:
             raise UsageError("add before begin_episode: hand over the observation after the reset first")
@@ -177,22 +182,25 @@ class ReplayBuffer:
     def sample(self, batch_size: int = 64) -> Batch:
         """Draw transitions by their priorities, with replacement.
 
-        s' is the observation `n_step` steps after s, or the last of the episode. All vectors are in image-aligned axes,
-        positions relative to the workspace centre. One random crop, and one turn, serves all images of s and s'.
+        Each transition leads from an observation s to s', the observation `n_step` steps after s or the last one of the
+        episode. All vectors are in image-aligned axes, and positions are relative to the workspace centre. All images
+        of s and s' of one transition have the same random crop and the same rotation or reflection.
 
         Args:
-            batch_size: How many, B.
+            batch_size: Number of transitions, B.
 
         Returns:
-            ``image`` (B, 4, h, h), or (B, K, 4, h, h), latest last, with K > 1 ``frames``; ``wrench`` (B, T, 6),
-            ``proprio`` (B, 5): s; the same with ``next_``: s'; ``action`` (B, 5); ``reward`` (B,): discounted sum from
-            s to s'; ``discount`` (B,): gamma^n, 0 where the task ended at s' (not where the episode was truncated
-            there); ``weight`` (B,): importance weights, the largest is 1; all float32. ``index`` (B,) int64: number of
-            each transition; ``expert`` (B,) bool.
+            Arrays by key. The observation s: ``image`` (B, 4, h, h), or (B, K, 4, h, h), latest last, with K > 1
+            ``frames``, RGB 0..1 and depth in [m]; ``wrench`` (B, T, 6); ``proprio`` (B, 5). The observation s': the
+            same keys with the prefix ``next_``. ``action`` (B, 5); ``reward`` (B,): discounted sum of the rewards from
+            s to s'; ``discount`` (B,): gamma^m where s' is m steps after s, or 0 where the task ended at s' (not where
+            the episode was truncated there); ``weight`` (B,): importance weights, of which the largest is 1. All of
+            these are float32. ``index`` (B,) int64: number of each transition, for `update_priorities`; ``expert``
+            (B,) bool: true for transitions of demonstrations.
 
         Raises:
             UsageError: If `batch_size` is not positive.
-            DatasetError: If there is nothing to draw from.
+            DatasetError: If the buffer is empty.
         """
         if batch_size < 1:
             raise UsageError(f"batch_size is {batch_size}; it must be at least 1")
@@ -224,14 +232,14 @@ class ReplayBuffer:
         }  # fmt: skip
 
     def update_priorities(self, indices: np.ndarray, td_errors: np.ndarray) -> None:
-        """Say how wrong the network was about transitions; those forgotten meanwhile are left out.
+        """Set the priorities of transitions from their TD errors; transitions that were removed are ignored.
 
         Args:
-            indices: ``index`` of a batch, shape (B,).
-            td_errors: TD errors, shape (B,), unweighted; signs do not matter.
+            indices: Numbers of the transitions, the ``index`` of a batch, shape (B,).
+            td_errors: Unweighted TD errors of the transitions, shape (B,). Their signs do not matter.
 
         Raises:
-            UsageError: If shapes differ, an index was never given, or an error is not finite.
+            UsageError: If the shapes differ, an index is of no transition so far, or a TD error is not finite.
         """
         numbers, errors = np.asarray(indices), np.asarray(td_errors, np.float64)
         if numbers.ndim != 1 or numbers.shape != errors.shape or numbers.dtype.kind not in "iu":
@@ -244,10 +252,13 @@ class ReplayBuffer:
         self._priorities.update(numbers[kept] % self.capacity, errors[kept])
 
     def save(self, path: Path | str) -> None:
-        """Save everything but an episode that has not ended: transitions, priorities, state of chance, beta.
+        """Save the transitions, the priorities, the random state and beta; an episode that has not ended is left out.
+
+        Args:
+            path: File to write; replaced if it exists.
 
         Raises:
-            StorageError: If the disk refuses; a file that was there before is intact.
+            StorageError: If the file cannot be written. A file that existed before is then unchanged.
         """
         ring, priorities = self._ring, self._priorities
         header = {
@@ -263,10 +274,13 @@ class ReplayBuffer:
 
     @classmethod
     def load(cls, path: Path | str) -> "ReplayBuffer":
-        """A saved buffer, which goes on as the saved one would have.
+        """Load a saved buffer, which draws the same batches as the buffer that was saved would have drawn.
+
+        Args:
+            path: File from `save`.
 
         Raises:
-            FormatError: If the file is missing, foreign, damaged or of another version.
+            FormatError: If the file is missing, damaged, not a saved replay buffer, or has another format version.
         """
         with saving.reading(Path(path)) as saved:
             header, spec = saved.header, ReplaySpec.of_json(saved.header["spec"])

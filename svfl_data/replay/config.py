@@ -1,4 +1,4 @@
-"""What can be set about a replay buffer."""
+"""Settings of a replay buffer."""
 
 from dataclasses import dataclass
 from numbers import Integral
@@ -7,29 +7,32 @@ from svfl_data.errors import UsageError
 from svfl_data.sampling.windows import WINDOW
 
 COUNTS = {"crop": 1, "frames": 1, "window": 1, "n_step": 1, "beta_samples": 1, "group_order": 1, "seed": 0}
-"""The least that each whole number may be."""
+"""Smallest allowed value of each setting that is a whole number."""
 
 
 @dataclass(frozen=True)
 class ReplayConfig:
-    """How transitions are prioritised and cut.
+    """Settings of the priorities and of the batches of a replay buffer.
 
     Attributes:
-        crop: Height and width of the images of a batch, cut at random, [px].
-        frames: Images of an observation, K: those of the last K observations, oldest first; before an episode began
-            there is its first one. More than one are stacked, (B, K, 4, h, h).
-        window: Wrench readings of an observation, T.
-        n_step: Steps from s to s', where the episode does not end before.
-        gamma: Discount of one step.
-        alpha: Power of the priorities; 0 draws all transitions equally often.
-        beta: Power of the importance weights at first; it grows evenly to 1.
-        beta_samples: Transitions drawn until it is 1; by default those of the paper's training, 35,000 batches of 64.
-        expert_bonus: What a demonstration's error counts more, whatever its size.
+        crop: Height and width of the images of a batch, which are cut at random positions, [px].
+        frames: Number of images per observation, K: the images of the last K observations, oldest first. Where the
+            episode has fewer observations so far, its first image is repeated. With K > 1, the images of a batch are
+            stacked, shape (B, K, 4, h, h).
+        window: Number of wrench readings per observation, T.
+        n_step: Number of steps from s to s'; fewer where the episode ends before.
+        gamma: Discount factor of one step, from 0 to 1.
+        alpha: Exponent of the priorities, from 0 to 1. With 0, all transitions are drawn equally often.
+        beta: Initial exponent of the importance weights, from 0 to 1. It grows linearly to 1.
+        beta_samples: Number of transitions drawn until beta is 1. By default the number of the paper's training,
+            35,000 batches of 64.
+        expert_bonus: Value added to the absolute TD error of each transition of a demonstration in its priority, at
+            least 0.
         rotate: Whether each transition of a batch is rotated or reflected by a random element of D_N.
-        group_order: The number N of rotations to choose from; there are as many reflections. N = 4 moves pixels onto
-            pixels; others, such as 8 or 12, interpolate images (`svfl_data.replay.symmetry_augmentation`) but rotate
-            vectors exactly, too.
-        seed: Of everything that is drawn.
+        group_order: Number N of the rotations of D_N, which has as many reflections. With N = 1, 2 or 4, pixels move
+            onto pixels. With another N, such as 8 or 12, images are interpolated
+            (`svfl_data.replay.symmetry_augmentation`), but vectors are still rotated exactly.
+        seed: Seed of all random draws of the buffer.
 
     Source of alpha, beta and the bonus: Kohler et al., CoRL 2023, section 5 and published code.
 
@@ -55,7 +58,7 @@ class ReplayConfig:
         """Check the numbers.
 
         Raises:
-            UsageError: If one is out of range.
+            UsageError: If a number is out of range.
         """
         for name, least in COUNTS.items():
             value = getattr(self, name)

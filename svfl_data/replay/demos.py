@@ -1,4 +1,4 @@
-"""Demonstrations from episode files, as a replay buffer keeps them."""
+"""Demonstrations read from episode files, in the form in which a replay buffer stores them."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -15,16 +15,20 @@ from svfl_data.system.progress import progress
 
 
 def choose(dataset: Dataset, episodes: int | Sequence[int], failures: bool) -> list[int]:
-    """Which episodes to take.
+    """Choose the demonstrations of a dataset for a replay buffer.
 
     Args:
-        dataset: Where from.
-        episodes: How many, the first ones; or which to choose from, such as ``split["train"]``.
-        failures: Whether to take those without success, too.
+        dataset: Dataset to choose from.
+        episodes: Number of episodes to take, in the order of their indices; or the indices to choose from, such as
+            ``split["train"]``. Episodes without success are skipped unless `failures` is true.
+        failures: Whether to take episodes without success as well.
+
+    Returns:
+        Indices of the chosen episodes.
 
     Raises:
         UsageError: If the number is not positive, or an episode is named twice.
-        DatasetError: If there are too few.
+        DatasetError: If there are too few such episodes.
         FormatError: If an episode is damaged.
     """
     kind = "episodes" if failures else "successful episodes"
@@ -53,16 +57,20 @@ def choose(dataset: Dataset, episodes: int | Sequence[int], failures: bool) -> l
 
 
 def read(dataset: Dataset, indices: Sequence[int], camera: str | None) -> Iterator[tuple[ReplaySpec, StoredEpisode]]:
-    """Read episodes, all of one spec.
+    """Read episodes, which must all have the same spec.
 
     Args:
-        dataset: Where from.
-        indices: Which.
-        camera: Whose images; may be None if there is only one.
+        dataset: Dataset to read from.
+        indices: Indices of the episodes, at least one.
+        camera: Name of the camera whose images are kept. May be None if the episodes have only one camera.
+
+    Yields:
+        Spec and content of each episode.
 
     Raises:
-        DatasetError: If an episode is unfit for training, cannot be cut into transitions, or two cannot be mixed.
-        FieldError: If an episode lacks a field, or the camera.
+        DatasetError: If an episode is unfit for training, cannot be cut into transitions, or has another spec than the
+            first episode, or if `camera` is None and there is not exactly one camera.
+        FieldError: If an episode lacks a field or the camera.
         FormatError: If an episode is damaged.
     """
     cameras = [camera] if camera else dataset.episode(indices[0]).cameras

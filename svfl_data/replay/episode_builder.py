@@ -1,4 +1,4 @@
-"""An episode that an agent is living through, kept stream by stream until it ends."""
+"""The current episode of an agent, stored stream by stream until the episode ends."""
 
 from collections.abc import Mapping
 
@@ -12,16 +12,16 @@ Observation = Mapping[str, np.ndarray]
 
 
 class EpisodeBuilder:
-    """What has happened since the reset.
+    """Observations, actions and rewards of an episode since the reset.
 
     Args:
-        spec: Of the buffer.
-        window: Readings in the wrench window of an observation.
-        observation: After the reset, as `ReplayBuffer.begin_episode` takes it.
-        expert: Whether it is a demonstration.
+        spec: Spec of the replay buffer.
+        window: Number of readings in the wrench window of an observation.
+        observation: Observation after the reset, as for `ReplayBuffer.begin_episode`.
+        expert: Whether the episode is a demonstration.
 
     Raises:
-        FieldError: If the observation does not fit.
+        FieldError: If an array of the observation is missing or has a wrong shape or value.
     """
 
     def __init__(self, spec: ReplaySpec, window: int, observation: Observation, expert: bool) -> None:
@@ -40,10 +40,16 @@ class EpisodeBuilder:
         return len(self._actions)
 
     def add(self, action: np.ndarray, observation: Observation, reward: float) -> None:
-        """Keep an action and what followed.
+        """Add an action, the observation after the action, and the reward of the action.
+
+        Args:
+            action: Commanded action, shape (5,), base axes.
+            observation: Observation after the action, as for `ReplayBuffer.begin_episode`.
+            reward: Reward of the action.
 
         Raises:
-            FieldError: If something does not fit; nothing is kept of it then.
+            FieldError: If the action, the observation or the reward has a wrong shape or value. The step is then not
+                added.
         """
         acted = _numbers("action", action, (5,))
         if fault := self._spec.bounds.fault(acted[None]):
@@ -54,7 +60,11 @@ class EpisodeBuilder:
         self._rewards.append(gained)
 
     def finish(self, terminated: bool) -> StoredEpisode:
-        """The whole episode."""
+        """Return the whole episode.
+
+        Args:
+            terminated: Whether the task ended with the last action; if not, the episode was truncated.
+        """
         return StoredEpisode(
             color=np.stack(self._color),
             depth=np.stack(self._depth),
@@ -85,13 +95,14 @@ class EpisodeBuilder:
 
 
 def unseen(before: np.ndarray, now: np.ndarray) -> int:
-    """How many readings at the end of a window need to be appended to those before to have it whole again.
+    """Count the readings at the end of a window that are not in the previous window.
 
-    The fewest that do: with readings that repeat, fewer than there were, and the window is still the same.
+    The count is the smallest number of readings that, appended to the previous window, give the current one. If
+    readings repeat, it can be smaller than the number of new readings, but the window is still the same.
 
     Args:
-        before: The window before, shape (T, C), or no readings.
-        now: The window now, shape (T, C).
+        before: Previous window, shape (T, C), or no readings, shape (0, C).
+        now: Current window, shape (T, C).
     """
     if not len(before):
         return len(now)

@@ -1,4 +1,4 @@
-"""How often each transition is drawn, and the weight that makes up for it.
+"""Priorities, which decide how often each transition is drawn, and the importance weights that correct the bias.
 
 Source: Schaul, Quan, Antonoglou, Silver, "Prioritized Experience Replay", ICLR 2016, section 3.
 """
@@ -9,20 +9,21 @@ from svfl_data.replay.config import ReplayConfig
 from svfl_data.replay.sum_tree import SumTree
 
 LEAST = 1e-6
-"""Error that everything counts for at least, so that nothing is forgotten for ever."""
+"""Constant added to every absolute TD error, so that every transition can still be drawn."""
 
 
 class Priorities:
-    """A priority for each slot: (abs(TD error) + 1e-6 + bonus if expert)^alpha, 0 where there is no transition.
+    """Priority of each slot: (abs(TD error) + 1e-6 + bonus if expert)^alpha, or 0 where there is no transition.
 
     Args:
-        slots: How many slots.
-        config: Powers and bonus.
+        slots: Number of slots, which is the capacity of the replay buffer.
+        config: Settings of the replay buffer, of which alpha, beta, `beta_samples` and `expert_bonus` are used.
 
     Attributes:
-        expert: Which slots hold demonstrations, shape (slots,), bool.
-        largest: Largest error met so far, 1 before any; what has just come counts as if it had that one.
-        drawn: Transitions drawn so far.
+        tree: Sum tree that holds the priority of each slot.
+        expert: Whether each slot holds a transition of a demonstration, shape (slots,), bool.
+        largest: Largest absolute TD error so far, at least 1. New transitions get a priority as if they had this error.
+        drawn: Number of transitions drawn so far.
     """
 
     def __init__(self, slots: int, config: ReplayConfig) -> None:
@@ -33,36 +34,51 @@ class Priorities:
 
     @property
     def beta(self) -> float:
-        """Power of the importance weights now."""
+        """Current exponent of the importance weights."""
         start = self._config.beta
         return start + (1.0 - start) * min(1.0, self.drawn / self._config.beta_samples)
 
     def clear(self, slots: np.ndarray) -> None:
-        """Forget what was there."""
+        """Set the priorities of slots to 0, because their transitions were removed.
+
+        Args:
+            slots: Slots of the removed transitions, shape (B,).
+        """
         self.tree[slots] = 0.0
 
     def welcome(self, slots: np.ndarray, expert: bool) -> None:
-        """Let transitions in, with the largest error so far, so that they will be looked at soon."""
+        """Set the priorities of new transitions as if they had the largest error so far, so that they are drawn soon.
+
+        Args:
+            slots: Slots of the new transitions, shape (B,).
+            expert: Whether the new transitions are of a demonstration.
+        """
         self.expert[slots] = expert
         self.tree[slots] = self._of(self.largest, self.expert[slots])
 
     def update(self, slots: np.ndarray, errors: np.ndarray) -> None:
-        """Set the errors of transitions, shape (B,); signs do not matter."""
+        """Set the priorities of transitions from their TD errors.
+
+        Args:
+            slots: Slots of the transitions, shape (B,).
+            errors: TD errors of the transitions, shape (B,). Their signs do not matter.
+        """
         if len(slots):
             self.largest = max(self.largest, float(np.abs(errors).max()))
             self.tree[slots] = self._of(np.abs(errors), self.expert[slots])
 
     def restore(self, slots: np.ndarray, priority: np.ndarray, drawn: int, largest: float) -> None:
-        """Go on where others were.
+        """Restore the state of saved priorities.
 
         Args:
-            slots: Those that are taken, shape (S,).
-            priority: Their priorities, shape (S,).
-            drawn: As the attribute.
-            largest: As the attribute.
+            slots: Slots that hold transitions, shape (S,).
+            priority: Priorities of these slots, shape (S,).
+            drawn: Value of the attribute `drawn`.
+            largest: Value of the attribute `largest`.
 
         Raises:
-            ValueError: If priorities cannot have been these.
+            ValueError: If a priority is negative or not finite, their number is wrong, or `largest` is below 1 or not
+                finite.
         """
         if priority.shape != slots.shape or not (np.isfinite(priority) & (priority >= 0)).all():
             raise ValueError(f"{priority.shape} priorities of {len(slots)} transitions, or some below 0 or not finite")
@@ -71,15 +87,18 @@ class Priorities:
         self.tree[slots], self.drawn, self.largest = priority, drawn, float(largest)
 
     def draw(self, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Draw slots in proportion to their priorities, with replacement, one from each of `count` equal shares.
+        """Draw slots with replacement, with probabilities proportional to their priorities.
+
+        One slot is drawn from each of `count` equal shares of the sum of all priorities.
 
         Args:
-            count: How many, B.
-            rng: Source of chance.
+            count: Number of slots to draw, B.
+            rng: Random generator.
 
         Returns:
-            Slots, shape (B,), int64, and importance weights (size times probability)^-beta divided by the largest of
-            the batch, shape (B,), float32. Size and sum of the priorities cancel in that quotient.
+            Slots, shape (B,), int64; and importance weights, shape (B,), float32. An importance weight is
+            (number of transitions * probability)^-beta, divided by the largest such value of the batch. The number of
+            transitions and the sum of the priorities cancel in this quotient.
         """
         shares = (np.arange(count) + rng.random(count)) / count
         slots = self.tree.find(np.minimum(shares * self.tree.total, np.nextafter(self.tree.total, 0)))

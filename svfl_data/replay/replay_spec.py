@@ -1,4 +1,4 @@
-"""What all episodes of a replay buffer have in common, and the axes in which it keeps their vectors."""
+"""Properties that all episodes of a replay buffer have in common, and the axes in which it keeps their vectors."""
 
 from dataclasses import dataclass, fields
 from typing import Any, Protocol
@@ -16,23 +16,23 @@ Rows = tuple[tuple[float, ...], ...]
 
 
 class World(Protocol):
-    """What a `collectors.simulation.world.World` tells about its camera and its robot."""
+    """Part of a `collectors.simulation.world.World` that describes its camera, its workspace and its action bounds."""
 
     @property
     def camera(self) -> Optics:
-        """The first camera."""
+        """First camera of the world."""
 
     @property
     def workspace(self) -> np.ndarray:
-        """Bounds of x, y, z in base, shape (3, 2), [m]."""
+        """Lower and upper bounds of x, y, z of the workspace in base, shape (3, 2), [m]."""
 
     @property
     def action_bound(self) -> np.ndarray:
-        """Largest dx, dy, dz [m] and dtheta [rad] of an action, (4,)."""
+        """Largest absolute dx, dy, dz [m] and dtheta [rad] of an action, shape (4,)."""
 
 
 class EnvironmentView(Protocol):
-    """What a `collectors.environment.Environment` tells about its pictures."""
+    """Part of a `collectors.environment.Environment` that describes its observations."""
 
     observation_space: Any
     view: Any
@@ -40,23 +40,25 @@ class EnvironmentView(Protocol):
 
     @property
     def world(self) -> World:
-        """Where it all happens."""
+        """Simulated world of the environment."""
 
 
 @dataclass(frozen=True)
 class ReplaySpec:
-    """Transitions may be mixed in one batch if all of this is equal.
+    """Properties that must be equal for transitions of different episodes to be mixed in one batch.
 
     Attributes:
         task: Name of the task.
         size: Height and width of the images as recorded, [px].
         depth_scale: Metres per unit of depth.
-        image_axes: Base (x, y) to image-aligned (right, up), two rows.
+        image_axes: Matrix that turns base (x, y) into image-aligned (right, up), two rows.
         centre: Workspace centre, base (x, y), [m].
         intrinsics: Pinhole matrix of the camera, three rows, [px].
         T_base_camera: Pose of the camera in base, four rows, [m].
-        view: What the images show: "camera" is what the camera sees, anything else what has been made of it.
-        action_bounds: Largest displacement along an axis, [m], and turn, [rad], of one action; None if unknown.
+        view: View of the images: "camera" for the images of the camera itself, or a description of the view computed
+            from them, such as "top, seen from 1 m".
+        action_bounds: Largest displacement along an axis, [m], and largest turn, [rad], of one action. None if they
+            are unknown.
     """
 
     task: str
@@ -79,15 +81,17 @@ class ReplaySpec:
         action_bounds: tuple[float, float] | None = None,
         view: str = "camera",
     ) -> "ReplaySpec":
-        """The spec of what an agent sees.
+        """Return the spec of an agent that sees the images of a camera.
 
         Args:
-            camera: Whose images it sees: an `episode.Camera` or a `svfl_data.schema.robot.Calibration`.
-            size: Height and width of its images, [px].
-            workspace: Bounds of x, y, z in base, shape (3, 2), [m].
+            camera: Camera whose images the agent sees: a `svfl_data.schema.episode.Camera` or a
+                `svfl_data.schema.robot.Calibration`.
+            size: Height and width of the images, [px].
+            workspace: Lower and upper bounds of x, y, z of the workspace in base, shape (3, 2), [m].
             task: Name of the task.
-            action_bounds: Largest displacement, [m], and turn, [rad], of one action.
-            view: What the images show.
+            action_bounds: Largest displacement along an axis, [m], and largest turn, [rad], of one action. None if
+                they are unknown.
+            view: View of the images, as for the attribute `view`.
         """
         (a, b), (c, d) = np.asarray(camera.image_axes, np.float64).tolist()
         x, y = np.asarray(workspace, np.float64)[:2].mean(axis=1).tolist()
@@ -98,11 +102,11 @@ class ReplaySpec:
 
     @classmethod
     def of_environment(cls, env: EnvironmentView, task: str) -> "ReplaySpec":
-        """The spec of what one of the environments of `collectors.environment` shows.
+        """Return the spec of one of the environments of `collectors.environment`.
 
         Args:
-            env: The environment, unwrapped.
-            task: Name of its task.
+            env: Environment without wrappers.
+            task: Name of the environment's task.
         """
         height, width = env.observation_space["image"].shape[1:]
         world, most = env.world, env.world.action_bound.tolist()
@@ -111,7 +115,12 @@ class ReplaySpec:
 
     @classmethod
     def of_episode(cls, episode: Episode, camera: Camera) -> "ReplaySpec":
-        """The spec of a recorded episode seen by one of its cameras."""
+        """Return the spec of a recorded episode.
+
+        Args:
+            episode: Recorded episode.
+            camera: Camera of the episode whose images are used.
+        """
         found = ActionBounds.of(episode.meta.config)
         bounds = (found.move, found.turn) if found.declared else None
         height, width = camera.arrays["color"].shape[1:3]
@@ -119,7 +128,14 @@ class ReplaySpec:
 
     @classmethod
     def of_json(cls, found: dict[str, Any]) -> "ReplaySpec":
-        """What `dataclasses.asdict` and JSON have made of a spec."""
+        """Restore a spec that was converted with `dataclasses.asdict` and stored as JSON.
+
+        Args:
+            found: Values of the attributes by name, as JSON gives them.
+
+        Raises:
+            ValueError: If the numbers are impossible for a spec, or have a wrong shape.
+        """
         (a, b), (c, d) = found["image_axes"]
         (height, width), (x, y), bounds = found["size"], found["centre"], found["action_bounds"]
         scale = float(found["depth_scale"])
@@ -133,15 +149,15 @@ class ReplaySpec:
         )  # fmt: skip
 
     def require_equal(self, other: "ReplaySpec", where: str, there: str) -> None:
-        """Refuse what cannot be mixed with this.
+        """Refuse another spec if it differs from this spec.
 
         Args:
             other: The other spec.
-            where: Where this one is from, for the message.
-            there: Where the other one is from.
+            where: Origin of this spec, for the error message, such as ``the replay buffer``.
+            there: Origin of the other spec, for the error message.
 
         Raises:
-            DatasetError: If they differ.
+            DatasetError: If the two specs differ.
         """
         for field in fields(self):
             name, mine, its = field.name, getattr(self, field.name), getattr(other, field.name)
@@ -154,30 +170,38 @@ class ReplaySpec:
 
     @property
     def bounds(self) -> ActionBounds:
-        """Of an action; the paper's if nothing else is known."""
+        """Bounds of an action: `action_bounds`, or the bounds of the paper if they are unknown."""
         return ActionBounds(*self.action_bounds, origin="the replay buffer") if self.action_bounds else ActionBounds()
 
     def proprio(self, values: np.ndarray) -> np.ndarray:
-        """Base axes and origin to image-aligned axes about the workspace centre, shape (..., 5), float32."""
+        """Transform proprioception from base axes to image-aligned axes, with positions from the workspace centre.
+
+        Args:
+            values: Proprioception in base axes, shape (..., 5).
+
+        Returns:
+            Proprioception in image-aligned axes, relative to the workspace centre, shape (..., 5), float32.
+        """
         centred = np.asarray(values, np.float64) - np.array([0.0, *self.centre, 0.0, 0.0])
         return act(np.array(self.image_axes), centred, PROPRIO_PARTS).astype(np.float32)
 
     def wrench(self, values: np.ndarray) -> np.ndarray:
-        """Base axes to image-aligned axes, shape (..., 6), float32."""
+        """Transform wrenches of shape (..., 6) from base axes to image-aligned axes, float32."""
         return act(np.array(self.image_axes), np.asarray(values, np.float64), WRENCH_PARTS).astype(np.float32)
 
     def action(self, values: np.ndarray) -> np.ndarray:
-        """Base axes to image-aligned axes, shape (..., 5), float32."""
+        """Transform actions of shape (..., 5) from base axes to image-aligned axes, float32."""
         return act(np.array(self.image_axes), np.asarray(values, np.float64), ACTION_PARTS).astype(np.float32)
 
     def pixels(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What an image was made from, exactly.
+        """Recover the exact integer colour and depth from which an image was computed.
 
         Args:
-            image: RGB 0..1, then depth in [m], shape (4, H, W), as the environments give it.
+            image: RGB 0..1, then depth in [m], shape (4, H, W), as the environments of `collectors.environment` give
+                it.
 
         Returns:
-            Colour (3, H, W) uint8 and depth (H, W) uint16.
+            Colour (3, H, W) uint8, and depth (H, W) uint16 in units of `depth_scale`.
 
         Raises:
             FieldError: If a number is out of range.

@@ -1,4 +1,4 @@
-"""Finished episodes in the order they came, of which the oldest are forgotten whole when there is no room left."""
+"""Finished episodes in the order of their arrival; the oldest ones are removed as a whole when there is no room."""
 
 import numpy as np
 
@@ -7,16 +7,17 @@ from svfl_data.replay.stored_episode import StoredEpisode
 
 
 class Ring:
-    """Episodes whose transitions are numbered from 0 without end; number k lies in slot k modulo the capacity.
+    """Ring of episodes whose transitions have consecutive numbers; transition k is in slot k modulo the capacity.
 
     Args:
-        capacity: Transitions that there is room for.
-        first: Number of the first transition that will come.
+        capacity: Largest number of transitions.
+        first: Number of the first transition that will be added.
 
     Attributes:
-        episodes: Those that are kept, oldest first.
-        begin: Number of the first transition of each, shape (E,), int64.
-        next: Number of the next transition that will come.
+        capacity: Largest number of transitions.
+        episodes: Episodes that are kept, oldest first.
+        begin: Number of the first transition of each kept episode, shape (E,), int64.
+        next: Number of the next transition that will be added.
     """
 
     def __init__(self, capacity: int, first: int = 0) -> None:
@@ -26,17 +27,20 @@ class Ring:
 
     @property
     def first(self) -> int:
-        """Number of the oldest transition that is kept."""
+        """Number of the oldest transition that is kept; `next` if there is none."""
         return int(self.begin[0]) if self.episodes else self.next
 
     def __len__(self) -> int:
         return self.next - self.first
 
     def append(self, episode: StoredEpisode) -> tuple[np.ndarray, np.ndarray]:
-        """Keep an episode.
+        """Add an episode, and remove the oldest episodes for which there is no room.
+
+        Args:
+            episode: Episode to add.
 
         Returns:
-            Slots that became free, and slots that were taken after that.
+            Slots of the removed transitions, and slots of the added transitions. The two may overlap.
 
         Raises:
             UsageError: If the episode alone is longer than the capacity.
@@ -54,7 +58,15 @@ class Ring:
         return np.arange(oldest, kept) % self.capacity, np.arange(self.next - len(episode), self.next) % self.capacity
 
     def locate(self, slots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What lies in slots that are taken, shape (B,): number, position of its episode, step in the episode."""
+        """Find the transitions in slots.
+
+        Args:
+            slots: Slots that hold transitions, shape (B,).
+
+        Returns:
+            For each slot the number of the transition, the position of its episode in `episodes`, and its step in the
+            episode, each of shape (B,), int64.
+        """
         newest = self.next - 1
         numbers = newest - (newest - slots) % self.capacity
         positions = np.searchsorted(self.begin, numbers, side="right") - 1

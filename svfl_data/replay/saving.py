@@ -1,7 +1,8 @@
 """The file of a saved replay buffer: an uncompressed ZIP archive of NumPy arrays and one JSON text.
 
-Written aside, synced and renamed, an array at a time, so that neither memory nor a kill is a problem. Every member has
-a CRC-32, which is checked before anything in it is believed. Equal buffers give equal bytes.
+The file is written under a temporary name, synced and then renamed, so that a killed process leaves no partial file. It
+is written one array at a time, to save memory. Every member has a CRC-32, which is checked before its content is used.
+Equal buffers give equal bytes.
 """
 
 import io
@@ -26,24 +27,24 @@ FORMAT = "svfl-replay"
 FORMAT_VERSION = "2.0"
 HEADER = "replay.json"
 NPY_VERSION = (1, 0)
-EARLIEST = (1980, 1, 1, 0, 0, 0)  # times would make equal buffers differ
+EARLIEST = (1980, 1, 1, 0, 0, 0)  # a constant: the time of writing would make the files of equal buffers differ
 DAMAGE = (
     zipfile.BadZipFile, struct.error, OSError, EOFError, RuntimeError,
     ArithmeticError, AttributeError, LookupError, MemoryError, TypeError, ValueError, UsageError,
 )  # fmt: skip
-"""What zipfile, json, NumPy and the buffer raise when they are given something else, or half of it."""
+"""Exceptions that zipfile, json, NumPy and the buffer raise for a file that is damaged or not a saved buffer."""
 
 
 def write(path: Path, header: dict[str, Any], arrays: Iterable[tuple[str, np.ndarray]]) -> None:
-    """Write a file so that it is either whole or as it was before.
+    """Write the file of a replay buffer; if writing fails, a file that existed before is unchanged.
 
     Args:
-        path: The file; replaced if it exists.
-        header: JSON values.
+        path: File to write; replaced if it exists.
+        header: JSON values by name.
         arrays: Name and content of each array.
 
     Raises:
-        StorageError: If the disk refuses; nothing is left behind.
+        StorageError: If the file cannot be written. No partial file is left then.
     """
     with written_aside(path) as file, zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
         text = canonical_json({"format": FORMAT, "format_version": FORMAT_VERSION, **header})
@@ -55,24 +56,38 @@ def write(path: Path, header: dict[str, Any], arrays: Iterable[tuple[str, np.nda
 
 
 class Saved:
-    """A file that is being read.
+    """File of a saved replay buffer that is being read.
 
     Attributes:
-        header: What `write` was given.
+        header: JSON values by name, as `write` stored them, with the format and its version.
     """
 
     def __init__(self, archive: Stored, header: dict[str, Any]) -> None:
         self._archive, self.header = archive, header
 
     def count(self, name: str) -> int:
-        """A whole number of the header, at least 0."""
+        """Return a whole number of the header, at least 0.
+
+        Args:
+            name: Name of the number in the header.
+
+        Raises:
+            ValueError: If the value is not a whole number of at least 0.
+        """
         value = self.header[name]
         if type(value) is not int or value < 0:
             raise ValueError(f"{name} is {value!r}")
         return value
 
     def array(self, name: str) -> np.ndarray:
-        """An array by its name, which takes no more memory than its member has bytes."""
+        """Read an array; its declared size is checked against the size of its member before it is created.
+
+        Args:
+            name: Name of the array.
+
+        Raises:
+            ValueError: If the member is not an NPY array of version 1.0, or its size differs from the declared size.
+        """
         content = self._archive.read(f"{name}.npy")
         opened = io.BytesIO(content)
         if np.lib.format.read_magic(opened) != NPY_VERSION:
@@ -86,10 +101,16 @@ class Saved:
 
 @contextmanager
 def reading(path: Path) -> Iterator[Saved]:
-    """Read a file; whatever is wrong with it, also with what its reader makes of it, is one error.
+    """Open the file of a replay buffer for reading; errors while it is open are also raised as a `FormatError`.
+
+    Args:
+        path: File to read.
+
+    Yields:
+        The open file.
 
     Raises:
-        FormatError: If it is missing, foreign, damaged or of another version.
+        FormatError: If the file is missing, damaged, not a saved replay buffer, or has another format version.
     """
     if not path.is_file():
         raise FormatError(f"{path}: {'not a file' if path.exists() else 'no such file'}")

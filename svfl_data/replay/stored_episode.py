@@ -1,4 +1,4 @@
-"""One finished episode as a replay buffer keeps it: every stream once, windows and returns made when asked for."""
+"""A finished episode of a replay buffer: each stream is stored once; windows and returns are computed on request."""
 
 from dataclasses import dataclass
 
@@ -9,24 +9,27 @@ from svfl_data.replay.replay_spec import ReplaySpec
 from svfl_data.schema.episode import Camera, Episode
 
 ARRAYS = ("color", "depth", "wrench", "wrench_end", "proprio", "action", "reward")
-"""The arrays of an episode, by name."""
+"""Names of the arrays of a `StoredEpisode`."""
 
 
 @dataclass(frozen=True, eq=False)
 class StoredEpisode:
-    """N actions, N + 1 observations, M wrench readings; vectors in image-aligned axes, positions from the centre.
+    """Finished episode with N actions, N + 1 observations and M wrench readings.
+
+    All vectors are in image-aligned axes, and positions are relative to the workspace centre.
 
     Attributes:
-        color: (N+1, 3, H, W) uint8.
-        depth: (N+1, H, W) uint16, 0 where nothing was measured.
-        wrench: (M, 6) float32, tared, [N] and [N m].
-        wrench_end: Readings that there were at each observation, (N+1,) int64.
-        proprio: (N+1, 5) float32.
-        action: (N, 5) float32.
-        reward: Of each action, (N,) float32.
-        terminated: Whether the last action led to a final state of the task; if not, the episode was cut off
-            (truncated), and what would have followed is worth something.
-        expert: Whether it is a demonstration.
+        color: Colour image at each observation, shape (N+1, 3, H, W), uint8.
+        depth: Depth image at each observation, shape (N+1, H, W), uint16, in units of `ReplaySpec.depth_scale`; 0 where
+            nothing was measured.
+        wrench: Tared wrench readings, shape (M, 6), float32, [N] and [N m].
+        wrench_end: Number of wrench readings up to each observation, shape (N+1,), int64.
+        proprio: Proprioception at each observation, shape (N+1, 5), float32.
+        action: Commanded actions, shape (N, 5), float32.
+        reward: Reward of each action, shape (N,), float32.
+        terminated: Whether the last action led to a final state of the task. If not, the episode was truncated, and
+            the last observation still has a value.
+        expert: Whether the episode is a demonstration.
     """
 
     color: np.ndarray
@@ -41,18 +44,18 @@ class StoredEpisode:
 
     @classmethod
     def of_episode(cls, episode: Episode, camera: Camera, spec: ReplaySpec) -> "StoredEpisode":
-        """A demonstration from a file.
+        """Convert a recorded episode into a demonstration.
 
-        Its reward is sparse: 1 for the action that achieved the task, with which the episode ends, 0 before. A
-        recording without success ended because nobody went on acting: it is truncated.
+        The reward is sparse: 1 for the last action, which achieved the task, and 0 for all actions before. An episode
+        without success has no reward and counts as truncated, because the recording was stopped.
 
         Args:
-            episode: As recorded, fit for training (`svfl_data.checks.check_usable`).
-            camera: Whose images to keep.
-            spec: Of the episode and the camera.
+            episode: Recorded episode that is fit for training (`svfl_data.checks.check_usable`).
+            camera: Camera of the episode whose images are kept.
+            spec: Spec of the episode and the camera.
 
         Raises:
-            DatasetError: If it has no actions, or there is an observation before any frame.
+            DatasetError: If the episode has no actions, or the camera has no frame at or before the first observation.
         """
         if not len(episode):
             raise DatasetError(f"{episode.name}: has no actions, so no transitions")
@@ -77,10 +80,14 @@ class StoredEpisode:
         return len(self.action)
 
     def require_fit(self, spec: ReplaySpec) -> None:
-        """Refuse arrays that do not belong together, or not to a spec.
+        """Refuse arrays that do not fit each other or a spec.
+
+        Args:
+            spec: Spec that the size of the images must match.
 
         Raises:
-            ValueError: If one has another shape or type.
+            ValueError: If an array has a wrong shape or type, the episode has no steps, or `wrench_end` is out of
+                range.
         """
         steps, readings = len(self.action), len(self.wrench)
         expected = {
@@ -96,18 +103,22 @@ class StoredEpisode:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """Its arrays, by name."""
+        """Arrays of the episode by their names (`ARRAYS`)."""
         return {name: getattr(self, name) for name in ARRAYS}
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes, [bytes]."""
+        """Memory that the arrays of the episode take, [bytes]."""
         return sum(array.nbytes for array in self.arrays.values())
 
     def window(self, step: int, length: int) -> np.ndarray:
-        """The last readings at an observation, shape (T, 6), latest last.
+        """Return the last wrench readings up to an observation, shape (T, 6), latest last.
 
-        Where there was no reading yet the first one is repeated; zeros if there was none at all.
+        Where there was no reading yet, the first reading is repeated; all readings are zero if there was none at all.
+
+        Args:
+            step: Number of the observation, 0 to N.
+            length: Number of readings, T.
         """
         end = int(self.wrench_end[step])
         readings = self.wrench[max(0, end - length) : end]
@@ -117,15 +128,15 @@ class StoredEpisode:
         return np.concatenate([np.repeat(filler, length - len(readings), axis=0), readings])
 
     def outcome(self, step: int, powers: np.ndarray) -> tuple[int, float, float]:
-        """What followed an action within n steps.
+        """Return the outcome of an action after n steps, or at the end of the episode if it ends before.
 
         Args:
-            step: Of the action.
-            powers: 1, gamma, .., gamma^n, shape (n+1,), float64.
+            step: Number of the action, 0 to N - 1.
+            powers: Powers 1, gamma, .., gamma^n of the discount factor, shape (n+1,), float64.
 
         Returns:
-            The observation s' up to which was looked, the discounted sum of the rewards on the way, and the discount of
-            the value of s': gamma^m after m steps, 0 if the task had ended there.
+            Number of the observation s' that was reached after m steps, the discounted sum of the rewards up to s', and
+            the discount of the value of s': gamma^m, or 0 if the task ended at s'.
         """
         rewards = self.reward[step : step + len(powers) - 1]
         later = step + len(rewards)

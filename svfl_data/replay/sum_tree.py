@@ -1,4 +1,4 @@
-"""A sum tree: numbers that change, and which of them a running total falls on, both in logarithmic time.
+"""A sum tree: a number is changed, and the place where the running total exceeds an amount is found, in log time.
 
 Source: Schaul, Quan, Antonoglou, Silver, "Prioritized Experience Replay", ICLR 2016, appendix B.2.1.
 """
@@ -7,10 +7,10 @@ import numpy as np
 
 
 class SumTree:
-    """Non-negative numbers in fixed places, all zero at first.
+    """Non-negative numbers in a fixed number of places, all zero at first.
 
-    A node is always the sum of its two children, never a sum that is corrected by differences: rounding errors do not
-    pile up, and equal numbers give an equal tree, whatever they were before.
+    A node is always computed as the sum of its two children and never updated by a difference. Therefore rounding
+    errors do not accumulate, and equal numbers give equal trees, whatever the numbers were before.
 
     Args:
         size: Number of places.
@@ -28,23 +28,23 @@ class SumTree:
 
     @property
     def values(self) -> np.ndarray:
-        """The numbers, shape (size,), float64; not to be written to."""
+        """The numbers of all places, shape (size,), float64. This view must not be written to."""
         return self._nodes[self._leaves : self._leaves + self.size]
 
     @property
     def nbytes(self) -> int:
-        """Memory that it takes, [bytes]."""
+        """Memory that the tree takes, [bytes]."""
         return self._nodes.nbytes
 
     def __getitem__(self, places: np.ndarray) -> np.ndarray:
         return self.values[places]
 
     def __setitem__(self, places: np.ndarray, values: np.ndarray | float) -> None:
-        """Set numbers; where a place is named more than once, its last number stays.
+        """Set the numbers of places; if a place is given more than once, its last number is kept.
 
         Args:
-            places: Shape (B,), each in 0 .. size - 1.
-            values: Shape (B,) or one for all; finite and not negative.
+            places: Places to set, shape (B,), each in 0 .. size - 1.
+            values: Finite, non-negative numbers, shape (B,), or one number for all places.
         """
         nodes = np.asarray(places, np.int64) + self._leaves
         self._nodes[nodes] = values
@@ -53,13 +53,13 @@ class SumTree:
             self._nodes[nodes] = self._nodes[2 * nodes] + self._nodes[2 * nodes + 1]
 
     def find(self, amounts: np.ndarray) -> np.ndarray:
-        """Places on which running totals fall: the first whose sum with all places before it exceeds the amount.
+        """Find for each amount the first place whose running total, with its own number included, exceeds the amount.
 
         Args:
-            amounts: Shape (B,), each at least 0 and below `total`, which must be positive.
+            amounts: Amounts, shape (B,), each at least 0 and below `total`, which must be positive.
 
         Returns:
-            Shape (B,), int64. A place whose number is zero is never found, not even if rounding would lead there.
+            Places, shape (B,), int64. A place whose number is zero is never found, not even because of rounding.
         """
         left_over = np.array(amounts, np.float64)
         nodes = np.ones(len(left_over), np.int64)

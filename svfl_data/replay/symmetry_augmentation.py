@@ -1,4 +1,4 @@
-"""Rotations and reflections of what was seen: exact where pixels fall on pixels, interpolated where they do not."""
+"""Rotations and reflections of observations; images are interpolated unless pixels move exactly onto pixels."""
 
 from itertools import product
 
@@ -10,19 +10,19 @@ View = tuple[bool, int, int]
 
 
 class SymmetryAugmentation:
-    """The elements of D_N, rotations first; number 0 leaves everything as it is.
+    """Elements of the dihedral group D_N, rotations first, applied to images and vectors; element 0 is the identity.
 
-    Quarter turns and their mirror images only change the order of pixels. Other elements of a D_N interpolate colour
-    between the four pixels around a point. Depth is that of the nearest pixel: a mean of table and block would be the
-    depth of neither, and a mean with "nothing measured" no depth at all. What a turned crop sees beyond its own borders
-    comes from the recorded image around it, and beyond that image from its nearest border pixel. Numbers are turned
-    exactly, whatever the angle.
+    Quarter turns and their mirror images only change the order of the pixels. Other elements of D_N interpolate colour
+    between the four pixels around a point. Depth is taken from the nearest pixel, because a mean of table and block is
+    the depth of neither, and a mean with a pixel without a measurement is not a depth. The corners of a turned crop are
+    filled from the recorded image around the crop, and beyond that image from its nearest border pixel. Vectors are
+    rotated and reflected exactly at any angle.
 
     Args:
-        order: Rotations, N; there are as many reflections.
+        order: Number of rotations, N. There are as many reflections.
 
     Attributes:
-        matrices: The elements, shape (2, 2) each, in image-aligned axes.
+        matrices: Matrices of the elements, shape (2, 2) each, in image-aligned axes.
     """
 
     def __init__(self, order: int) -> None:
@@ -33,14 +33,15 @@ class SymmetryAugmentation:
         return len(self.matrices)
 
     def image(self, out: np.ndarray, color: np.ndarray, depth: np.ndarray, corner: list[int], element: int) -> None:
-        """Cut a square out of an image and turn it about its middle.
+        """Cut a square out of an image, and rotate or reflect the square about its middle.
 
         Args:
-            out: Where to write it, shape (4, h, h), float32: colour 0..255, then depth in units.
-            color: Shape (3, H, W).
-            depth: Shape (H, W).
+            out: Array that the square is written to, shape (4, h, h), float32: colour 0..255, then depth in the units
+                of `depth`.
+            color: Colour of the image, shape (3, H, W), uint8.
+            depth: Depth of the image, shape (H, W), uint16.
             corner: Upper left pixel (row, column) of the square.
-            element: Which element.
+            element: Number of the element that is applied.
         """
         view, (top, left), size = self._views[element], corner, out.shape[-1]
         if view is None:
@@ -50,7 +51,16 @@ class SymmetryAugmentation:
             out[:3], out[3] = seen(color[box], view), seen(depth[box], view)
 
     def numbers(self, values: np.ndarray, parts: tuple[Part, ...], elements: np.ndarray) -> np.ndarray:
-        """Turn the numbers of each sample, shape (B, ..., C), by the element of the sample, shape (B,)."""
+        """Rotate or reflect the numbers of each sample.
+
+        Args:
+            values: Numbers in image-aligned axes whose last axis holds C components, shape (B, ..., C).
+            parts: Representations of the C components (`svfl_data.symmetry`).
+            elements: Number of the element that is applied to each sample, shape (B,).
+
+        Returns:
+            The transformed numbers, shape (B, ..., C).
+        """
         moved = np.empty_like(values)
         for element in np.unique(elements).tolist():
             chosen = elements == element
@@ -59,18 +69,18 @@ class SymmetryAugmentation:
 
 
 def seen(pixels: np.ndarray, view: View) -> np.ndarray:
-    """Images (..., h, h) seen another way round, without copying them.
+    """Return images with rows and columns exchanged or reversed, as a NumPy view without copying.
 
     Args:
-        pixels: The images.
-        view: Whether rows become columns; then the strides, 1 or -1, along rows and columns.
+        pixels: Images, shape (..., h, h).
+        view: Whether rows and columns are exchanged; then the strides, 1 or -1, along rows and columns.
     """
     transposed, down, across = view
     return (pixels.swapaxes(-2, -1) if transposed else pixels)[..., ::down, ::across]
 
 
 def _view_of(matrix: np.ndarray) -> View | None:
-    """The view that moves pixels as `act_on_image` does, in a fraction of its time; None if they would be mixed."""
+    """Return the view that moves pixels as `act_on_image` does, but faster; None if pixels must be interpolated."""
     if not np.array_equal(matrix, np.round(matrix)):
         return None
     tell_tale = np.arange(4).reshape(2, 2)
@@ -82,22 +92,24 @@ def _view_of(matrix: np.ndarray) -> View | None:
 def between(
     color: np.ndarray, depth: np.ndarray, top: int, left: int, size: int, matrix: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A square of an image turned about its middle by any angle: colour bilinear, depth of the nearest pixel.
+    """Cut a square out of an image, rotated or reflected about its middle by any orthogonal matrix.
+
+    Colour is interpolated bilinearly; depth is taken from the nearest pixel.
 
     Args:
-        color: Shape (3, H, W).
-        depth: Shape (H, W).
+        color: Colour of the image, shape (3, H, W).
+        depth: Depth of the image, shape (H, W).
         top: First row of the square.
         left: First column of the square.
-        size: Its height and width h, [px].
-        matrix: Orthogonal matrix, shape (2, 2), image-aligned axes.
+        size: Height and width h of the square, [px].
+        matrix: Orthogonal matrix in image-aligned axes, shape (2, 2).
 
     Returns:
-        Colour (3, h, h) float32 and depth (h, h).
+        Colour (3, h, h), float32, and depth (h, h), in the type of `depth`.
     """
     middle = (size - 1) / 2
     steps = np.arange(size) - middle
-    right, up = np.meshgrid(steps, -steps)  # of each pixel of the result, from the middle
+    right, up = np.meshgrid(steps, -steps)  # position of each pixel of the result, from the middle
     x, y = matrix[0, 0] * right + matrix[1, 0] * up, matrix[0, 1] * right + matrix[1, 1] * up  # the inverse of R is R^T
     rows = np.clip(top + middle - y, 0, depth.shape[0] - 1)
     columns = np.clip(left + middle + x, 0, depth.shape[1] - 1)
