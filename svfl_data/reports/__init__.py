@@ -1,1 +1,1 @@
-"""Pictures and pages about recorded data."""
+"""Reports about recorded data: a picture of an episode, a dataset card, and the interval of a success rate."""

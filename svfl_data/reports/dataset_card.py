@@ -1,4 +1,4 @@
-"""A dataset card: what a dataset holds, in Markdown, with pictures beside it."""
+"""A dataset card: a Markdown description of the content of a dataset, with pictures in a folder beside the card."""
 
 import json
 from collections import Counter
@@ -28,21 +28,21 @@ from svfl_data.system.progress import progress
 from svfl_data.system.regular_file import refuse_link
 
 PICTURES = "{stem}_files"
-"""Folder of the pictures, beside the card."""
+"""Name of the folder of the pictures, beside the card; ``{stem}`` is the card's file name without its suffix."""
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What the card says of one episode.
+    """Facts about one episode that the card summarises.
 
     Attributes:
-        index: Its number.
+        index: Index of the episode.
         success: Whether the task was achieved.
-        seconds: From the first to the last observation, [s].
-        peak_n: Largest force after the recorded transforms, from the first observation on, [N].
-        direction: Its label, -1 if it has none.
-        annotations: Names of its annotations, one for each.
-        findings: Severity of each finding of the checks.
+        seconds: Time from the first to the last observation, [s].
+        peak_n: Largest norm of the force after the recorded transforms, from the first observation on, [N].
+        direction: Label of the episode, an index into `svfl_data.symmetry.DIRECTIONS`; -1 if it has no label.
+        annotations: Name of each annotation of the episode.
+        findings: Severity of each finding of the checks of ``svfl-data validate``.
     """
 
     index: int
@@ -58,15 +58,16 @@ def write_card(dataset: Dataset, out: Path) -> list[Path]:
     """Write the card of a dataset and its pictures.
 
     Args:
-        dataset: Which; all of its episodes are read.
-        out: The Markdown file; replaced if it exists.
+        dataset: Dataset to describe. All of its episodes are read.
+        out: Markdown file to write; replaced if it exists.
 
     Returns:
-        The files that were written, the card last.
+        The files that were written; the card is the last one.
 
     Raises:
-        DatasetError: If there is no episode, or one is damaged.
-        StorageError: If the disk refuses.
+        DatasetError: If the dataset has no episode, or an episode is damaged.
+        FormatError: If the file or the folder of the pictures is a link, or a recorded transform is unknown.
+        StorageError: If a file cannot be written.
     """
     found = entries(dataset)
     for entry in found:
@@ -92,7 +93,11 @@ def write_card(dataset: Dataset, out: Path) -> list[Path]:
 
 
 def episode_facts(episode: Episode) -> Facts:
-    """What the card says of an episode."""
+    """Collect the facts about an episode that the card summarises.
+
+    Args:
+        episode: Episode to describe, which is also checked as ``svfl-data validate`` does.
+    """
     after = episode.wrench_t_ns >= episode.t_ns[0]
     force = np.linalg.norm(processed_wrench(episode)[after, :3].astype(np.float64), axis=1)
     return Facts(
@@ -107,7 +112,11 @@ def episode_facts(episode: Episode) -> Facts:
 
 
 def distributions(facts: Sequence[Facts]) -> Figure:
-    """Histograms over the episodes: duration, largest force, labels if there are any."""
+    """Draw histograms of the episodes: duration, largest force, and the labels if any episode has one.
+
+    Args:
+        facts: Facts about the episodes, at least one.
+    """
     figure = Figure(figsize=(11, 2.8), layout="constrained")
     labelled = any(fact.direction >= 0 for fact in facts)
     axes = np.atleast_1d(figure.subplots(1, 3 if labelled else 2))
@@ -125,7 +134,7 @@ def distributions(facts: Sequence[Facts]) -> Figure:
 
 
 def _histogram(axis: Axes, facts: Sequence[Facts], name: str, label: str) -> None:
-    """Successes and failures on top of each other; the hatching tells them apart without colour."""
+    """Draw a histogram with failures stacked on successes; failures are hatched, to be visible without colour."""
     values = [[getattr(fact, name) for fact in facts if fact.success == success] for success in (True, False)]
     everything = values[0] + values[1]
     span = (min(everything), max(everything)) if min(everything) < max(everything) else None
@@ -139,7 +148,15 @@ def _histogram(axis: Axes, facts: Sequence[Facts], name: str, label: str) -> Non
 
 
 def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, pictures: Sequence[str]) -> str:
-    """The card's text."""
+    """Return the Markdown text of the card.
+
+    Args:
+        dataset: Dataset to describe.
+        found: Summary of the dataset.
+        facts: Facts about its episodes.
+        shown: Index of the episode that the first picture shows.
+        pictures: Paths of the two pictures relative to the card: the episode, then the histograms.
+    """
     name = dataset.path.resolve().name
     first = dataset.episode(dataset.indices[0])
     lines = [
@@ -229,7 +246,7 @@ def _rate(stream: dict[str, Any]) -> str:
 
 
 def _origins(config: dict[str, Any]) -> list[str]:
-    """Where a merged or filtered dataset came from."""
+    """Return the lines about the source datasets of a merged or filtered dataset; none for other datasets."""
     if "sources" not in config:
         return []
     conditions = f", keeping {' and '.join(map(markdown, config['conditions']))}" if "conditions" in config else ""

@@ -1,7 +1,7 @@
-"""One picture of an episode: what the cameras saw, what the wrist felt, what was commanded, and the marks on it.
+"""One picture of an episode: camera images, force, torque, gripper opening, actions, and annotations.
 
-Matplotlib is imported here, so import this module only where a picture is asked for. Figures are made without pyplot,
-whose backend and open figures are the user's.
+This module imports Matplotlib, so import it only where a picture is needed. Figures are made without pyplot, because
+its backend and its open figures belong to the user.
 """
 
 import io
@@ -21,7 +21,7 @@ from svfl_data.symmetry import DIRECTIONS
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
 
-# Okabe and Ito's palette, made to be told apart by colour-blind people; x, y, z also differ in their dashes.
+# Okabe and Ito's palette, whose colours colour-blind people can distinguish; x, y, z also differ in their dashes.
 X, Y, Z = "#d55e00", "#009e73", "#0072b2"
 GREY, TURN, LABEL = "#555555", "#cc79a7", "#f0e442"
 MARKS = ("#f0e442", "#56b4e9", "#e69f00", "#cc79a7", "#999999")
@@ -29,36 +29,43 @@ DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
 
 FRAMES = 8  # images in a strip
 WIDTH_IN, STRIP_IN, PANEL_IN, GRIPPER_IN, HEAD_IN = 11.0, 1.75, 1.7, 0.8, 1.05
-PICTURE = 0.9  # of a strip's height; the rest is for the times above
+PICTURE = 0.9  # share of a strip's height that the images take; the rest is for the times above them
 DPI = 110
-NAME = 40  # characters of a camera's or annotation's name
-TALLEST_IN = 60.0  # more cameras than this has room for share it
+NAME = 40  # largest number of characters of a camera's or annotation's name
+TALLEST_IN = 60.0  # largest height of the picture; with more cameras the panels become lower
 
 
 def save(episode: Episode, path: Path) -> None:
-    """Draw an episode into a PNG file, whole or not at all.
+    """Draw an episode into a PNG file.
 
     Args:
-        episode: What to draw.
-        path: The file; replaced if it exists.
+        episode: Episode to draw.
+        path: File to write; replaced if it exists.
 
     Raises:
         FormatError: If a recorded transform is unknown.
-        StorageError: If the disk refuses; a file that was there before is untouched.
+        StorageError: If the file cannot be written. A file that existed before is then unchanged.
     """
     write_atomically(path, png(overview(episode)))
 
 
 def png(figure: Figure) -> bytes:
-    """A figure as the content of a PNG file."""
+    """Return a figure as the content of a PNG file."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
     return buffer.getvalue()
 
 
-@matplotlib.rc_context({"text.parse_math": False})  # a dollar sign in a name is a dollar sign
+@matplotlib.rc_context({"text.parse_math": False})  # a dollar sign in a name must not start a formula
 def overview(episode: Episode) -> Figure:
-    """The picture; the panels below the images share the time axis."""
+    """Draw the picture of an episode; the panels below the images have the same time axis.
+
+    Args:
+        episode: Episode to draw.
+
+    Raises:
+        FormatError: If a recorded transform is unknown.
+    """
     strips = [(camera, kind) for camera in episode.cameras.values() for kind in ("color", "depth") if camera.has(kind)]
     strips = [(camera, kind) for camera, kind in strips if len(camera.t_ns)]
     heights = [STRIP_IN] * len(strips) + [PANEL_IN, PANEL_IN, GRIPPER_IN, PANEL_IN]
@@ -88,7 +95,10 @@ def overview(episode: Episode) -> Figure:
 
 
 def title(episode: Episode) -> str:
-    """What a person should know before looking: two lines.
+    """Return the title of the picture: two lines on the task, success, label, source and wrench of the episode.
+
+    Args:
+        episode: Episode to describe.
 
     Raises:
         FormatError: If a recorded transform is unknown.
@@ -117,14 +127,21 @@ def _step_words(record: dict[str, Any]) -> str:
 
 
 def time_span(episode: Episode) -> tuple[float, float]:
-    """First and last time of observations and wrench readings, [s], never empty."""
+    """Return the first and the last time of the observations and wrench readings of an episode, at least 1 ms apart.
+
+    Args:
+        episode: Episode with at least one observation.
+
+    Returns:
+        First and last time on the episode clock, [s].
+    """
     times = np.concatenate([episode.t_ns, episode.wrench_t_ns]) / 1e9
     low, high = float(times.min()), float(times.max())
     return low, max(high, low + 1e-3)
 
 
 def _strip(axis: Axes, episode: Episode, camera: Camera, kind: str) -> None:
-    """Images in a row, from the first to the last, evenly chosen; the label is drawn into the last colour image."""
+    """Draw evenly chosen images in a row, from the first to the last, and the label into the last colour image."""
     images = camera.color if kind == "color" else camera.depth_m
     height, width = images.shape[1:3]
     axis.set_axis_off()
@@ -149,7 +166,7 @@ def _strip(axis: Axes, episode: Episode, camera: Camera, kind: str) -> None:
 
 
 def _label(axis: Axes, episode: Episode, camera: Camera) -> None:
-    """An arrow from the TCP to where the label says that it must go."""
+    """Draw an arrow from the TCP to the position to which the label says that it must move."""
     if not episode.has("label_offset"):
         return
     tcp = episode.proprio[-1, 1:4].astype(np.float64)
@@ -198,7 +215,7 @@ def _lines(axis: Axes, t: np.ndarray, values: np.ndarray, names: tuple[str, ...]
 
 
 def _steps(axis: Axes, episode: Episode, values: np.ndarray, names: tuple[str, ...], colors: tuple[str, ...]) -> None:
-    """Commands hold from their observation to the next."""
+    """Draw commands as steps, each from its observation to the next one."""
     t = episode.t_ns / 1e9
     held = np.concatenate([values, values[-1:]])
     for column, (name, color) in enumerate(zip(names, colors, strict=True)):
@@ -207,7 +224,7 @@ def _steps(axis: Axes, episode: Episode, values: np.ndarray, names: tuple[str, .
 
 
 def _dress(axis: Axes, episode: Episode, span: tuple[float, float]) -> None:
-    """Time range, grid, legend, and the marks behind the lines."""
+    """Set the time range, grid and legend of a panel, and shade the annotated intervals behind the lines."""
     axis.set_xlim(*span)
     axis.grid(alpha=0.3, linewidth=0.5)
     axis.axhline(0, color=GREY, linewidth=0.6)
@@ -223,7 +240,7 @@ def _dress(axis: Axes, episode: Episode, span: tuple[float, float]) -> None:
 
 
 def _intervals(episode: Episode) -> list[tuple[str, float, float]]:
-    """Name, start and end [s] of the annotations that have them; `svfl-data validate` names those that do not."""
+    """Return name, start and end [s] of the annotations that have all three; ``svfl-data validate`` reports others."""
     return [
         (printable(one["name"], NAME), one["start_ns"] / 1e9, one["end_ns"] / 1e9)
         for one in episode.meta.annotations
@@ -233,7 +250,7 @@ def _intervals(episode: Episode) -> list[tuple[str, float, float]]:
 
 
 def _marks(axis: Axes, episode: Episode) -> None:
-    """Names of the annotations above the force, and of the first observation."""
+    """Write the names of the annotations at the top of a panel, and mark the first observation at its bottom."""
     for name, begin, end in _intervals(episode):
         place = ((begin + end) / 2, 1)
         axis.annotate(name, place, xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=7)

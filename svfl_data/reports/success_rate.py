@@ -1,15 +1,18 @@
-"""How well a success rate is known after so many trials."""
+"""Confidence interval of a success rate after a number of trials."""
 
 import math
 
 
 def wilson(successes: int, trials: int, z: float = 1.959964) -> tuple[float, float]:
-    """Interval of a success rate (E. B. Wilson, JASA 22, 1927, p. 209).
+    """Return the Wilson confidence interval of a success rate (E. B. Wilson, JASA 22, 1927, p. 209).
 
     Args:
-        successes: How many.
-        trials: Of how many, at least 1.
-        z: Quantile of the normal distribution; the default gives 95 %.
+        successes: Number of successful trials.
+        trials: Number of all trials, at least 1.
+        z: Quantile of the standard normal distribution; the default gives an interval of 95 %.
+
+    Returns:
+        Lower and upper end of the interval, from 0 to 1.
     """
     rate, share = successes / trials, z * z / trials
     centre = rate + share / 2
