@@ -1,4 +1,4 @@
-"""``svfl-data card``: a dataset card."""
+"""``svfl-data card``: write a dataset card."""
 
 import argparse
 from pathlib import Path
@@ -11,7 +11,7 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command ``card`` and its arguments to the command line."""
     parser = commands.add_parser(
         "card",
         help="a dataset card in Markdown, with figures and pictures",
@@ -25,7 +25,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Write the card."""
+    """Write the dataset card and its pictures."""
     out = arguments.out or arguments.path / "README.md"
     if out.suffix != ".md":
         raise UsageError(f"--out {out}: the name must end in .md")

@@ -1,4 +1,4 @@
-"""``svfl-data filter``: the episodes that meet conditions, as a new dataset."""
+"""``svfl-data filter``: copy the episodes that meet conditions into a new dataset."""
 
 import argparse
 import dataclasses
@@ -26,12 +26,13 @@ CONDITION = re.compile(r"([\w.-]+?)(!=|<=|>=|=|<|>)(.*)")
 
 @dataclass(frozen=True)
 class Condition:
-    """A comparison with an attribute of an episode.
+    """Condition that compares an attribute of an episode with a value.
 
     Attributes:
-        key: Attribute, with dots into JSON: ``config.world.max_move``; also ``steps`` and ``seconds``.
-        sign: One of `OPERATORS`.
-        value: What to compare with; JSON if it is, otherwise text.
+        key: Name of an attribute of the metadata, with dots for nested JSON values, such as ``config.world.max_move``;
+            or ``steps`` or ``seconds``.
+        sign: Comparison, a key of `OPERATORS`.
+        value: Value to compare with.
     """
 
     key: str
@@ -40,7 +41,14 @@ class Condition:
 
     @classmethod
     def parse(cls, text: str) -> "Condition":
-        """Read ``key=value``; an argument type."""
+        """Parse a condition such as ``key=value``; used as an argument type.
+
+        Args:
+            text: Key, comparison and value. The value is read as JSON if it is valid JSON, otherwise as text.
+
+        Raises:
+            argparse.ArgumentTypeError: If the text has another form.
+        """
         match = CONDITION.fullmatch(text)
         if not match:
             raise argparse.ArgumentTypeError(f"{text!r} is not KEY=VALUE (or !=, <, <=, >, >=)")
@@ -51,7 +59,7 @@ class Condition:
             return cls(key, sign, value)
 
     def __call__(self, episode: Episode) -> bool:
-        """Whether an episode meets it; one that lacks the attribute does not."""
+        """Return whether an episode meets the condition; an episode without the attribute does not meet it."""
         value: Any = dataclasses.asdict(episode.meta) | {
             "steps": len(episode),
             "seconds": float(episode.t_ns[-1] - episode.t_ns[0]) / 1e9,
@@ -62,7 +70,7 @@ class Condition:
             value = value[name]
         try:
             return OPERATORS[self.sign](value, self.value)
-        except TypeError:  # a text is neither larger nor smaller than a number
+        except TypeError:  # such as a text and a number, which have no order
             return False
 
     def __str__(self) -> str:
@@ -70,7 +78,7 @@ class Condition:
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command ``filter`` and its arguments to the command line."""
     parser = commands.add_parser(
         "filter",
         help="the episodes that meet conditions, as a new dataset",
@@ -99,7 +107,14 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Filter."""
+    """Copy the episodes that meet all conditions.
+
+    Args:
+        arguments: Parsed arguments of the command.
+
+    Raises:
+        UsageError: If no condition is given.
+    """
     asked = {key: getattr(arguments, key) for key in ("task", "success", "source")}
     conditions = [Condition(key, "=", value) for key, value in asked.items() if value is not None] + arguments.where
     if not conditions and not arguments.once and not arguments.valid:

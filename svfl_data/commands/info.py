@@ -1,4 +1,4 @@
-"""``svfl-data info``: what a dataset or an episode holds."""
+"""``svfl-data info``: print facts about a dataset or an episode."""
 
 import argparse
 import dataclasses
@@ -15,11 +15,11 @@ from svfl_data.system.printable import printable
 
 SECONDS_PER_HOUR = 3600
 MOST_NAMED = 20
-"""Tasks, sources, damaged files and the like that are named; how many more there are is said."""
+"""Largest number of tasks, sources, damaged files and similar items that are named; of others only their number."""
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command ``info`` and its arguments to the command line."""
     parser = commands.add_parser(
         "info",
         help="what it holds: episodes, steps, hours, tasks, streams with rate and unit, size",
@@ -34,7 +34,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Print the figures."""
+    """Print the facts, as text or as JSON."""
     if is_episode(arguments.path) or arguments.episode is not None:
         episode = reader(arguments.path, arguments.episode)
         print_json(episode_facts(episode)) if arguments.json else print(episode_words(episode))
@@ -51,7 +51,11 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def units(group: str) -> str:
-    """Units of a stream's or camera's arrays, from their declarations, e.g. ``N, N m`` for ``streams/wrench``."""
+    """Return the units of the arrays of a stream or a camera, from their declarations.
+
+    Args:
+        group: Group of the arrays, such as ``streams/wrench``, which gives ``N, N m``.
+    """
     declared = [
         field.unit for field in FIELDS if field.path.startswith(f"{group}/") and not field.path.endswith("t_ns")
     ]
@@ -60,7 +64,14 @@ def units(group: str) -> str:
 
 
 def dataset_words(dataset: Dataset, found: Summary, software: dict[str, str], strays: list[str]) -> str:
-    """A dataset in a few lines, for a person."""
+    """Return a description of a dataset in a few lines of text.
+
+    Args:
+        dataset: Dataset to describe.
+        found: Summary of the dataset.
+        software: Versions of the software that recorded the first episode, by package.
+        strays: Names of files that look like episode files but are not counted, because their names are not exact.
+    """
     rate = f"{found.successes / found.episodes:.1%}" if found.episodes else "-"
     lines = [
         f"{dataset.path}: {found.episodes} episodes, {found.steps} steps, "
@@ -85,7 +96,7 @@ def dataset_words(dataset: Dataset, found: Summary, software: dict[str, str], st
 
 
 def _some(head: str, words: list[str]) -> list[str]:
-    """One line each, of many only the first."""
+    """Return one line for each of the first `MOST_NAMED` items, and a line on how many more there are."""
     more = [f"  {head:9} and {len(words) - MOST_NAMED} more"] if len(words) > MOST_NAMED else []
     return [*(f"  {head:9} {printable(one)}" for one in words[:MOST_NAMED]), *more]
 
@@ -108,7 +119,11 @@ def _rates(stream: dict[str, Any]) -> str:
 
 
 def size_words(size: int) -> str:
-    """A number of bytes, for a person."""
+    """Return a number of bytes as text with a unit, such as ``1.5 MB``.
+
+    Args:
+        size: Size, [bytes].
+    """
     value, unit = float(size), "bytes"
     for larger in ("kB", "MB", "GB", "TB"):
         if value < 1000:
@@ -118,7 +133,11 @@ def size_words(size: int) -> str:
 
 
 def episode_facts(episode: EpisodeReader) -> dict[str, Any]:
-    """An episode as JSON values."""
+    """Return the facts about an episode as JSON values.
+
+    Args:
+        episode: Reader of the episode.
+    """
     rates = episode.rates
     arrays = {
         path: {
@@ -135,7 +154,11 @@ def episode_facts(episode: EpisodeReader) -> dict[str, Any]:
 
 
 def episode_words(episode: EpisodeReader) -> str:
-    """An episode in some lines, for a person."""
+    """Return a description of an episode in several lines of text.
+
+    Args:
+        episode: Reader of the episode.
+    """
     meta = episode.meta
     lines = [
         f"  success   {'yes' if meta.success else 'no'}",

@@ -1,4 +1,4 @@
-"""``svfl-data merge``: several datasets into one."""
+"""``svfl-data merge``: copy the episodes of several datasets into a new dataset."""
 
 import argparse
 from pathlib import Path
@@ -11,7 +11,7 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command ``merge`` and its arguments to the command line."""
     parser = commands.add_parser(
         "merge",
         help="several datasets into a new one",
@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Merge."""
+    """Merge the datasets."""
     sources = [Dataset.open(source) for source in arguments.sources]
     count, left_out = merge(sources, arguments.destination, arguments.varies, arguments.once)
     say(f"{arguments.destination}: {count} episodes from {len(sources)} datasets{left_out_words(left_out)}")

@@ -1,4 +1,4 @@
-"""``svfl-data pack`` and ``unpack``: a few large files instead of thousands of small ones, and back."""
+"""``svfl-data pack`` and ``unpack``: copy a dataset into a few large shards, or back into one file per episode."""
 
 import argparse
 from pathlib import Path
@@ -13,7 +13,7 @@ MEGABYTE = 10**6
 
 
 def add(commands: Commands) -> None:
-    """Put both commands on the command line."""
+    """Add the commands ``pack`` and ``unpack`` and their arguments to the command line."""
     parser = commands.add_parser(
         "pack",
         help="copy a dataset into a few large shards",
@@ -40,12 +40,12 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Pack."""
+    """Pack the dataset into shards."""
     target = pack.pack(Dataset.open(arguments.path), arguments.out, arguments.shard_mb * MEGABYTE)
     say(f"{arguments.out}: {len(target)} episodes in {len(list(target.path.glob('shard_*')))} shards")
 
 
 def run_unpack(arguments: argparse.Namespace) -> None:
-    """Unpack."""
+    """Unpack the dataset into one file per episode."""
     target = pack.unpack(Dataset.open(arguments.path), arguments.out)
     say(f"{arguments.out}: {len(target)} episodes in files of their own")

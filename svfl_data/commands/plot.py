@@ -1,4 +1,4 @@
-"""``svfl-data plot``: one picture of an episode."""
+"""``svfl-data plot``: draw one picture of an episode."""
 
 import argparse
 from pathlib import Path
@@ -10,7 +10,7 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command ``plot`` and its arguments to the command line."""
     parser = commands.add_parser(
         "plot",
         help="one picture of an episode: images, force, torque, gripper, actions, contacts, label",
@@ -25,7 +25,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Draw the picture."""
+    """Draw the picture and write it to a PNG file."""
     if arguments.out.suffix != ".png":
         raise UsageError(f"--out {arguments.out}: the name must end in .png")
     from svfl_data.reports import plot

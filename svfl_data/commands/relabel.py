@@ -1,4 +1,4 @@
-"""``svfl-data relabel``: change what is said about episodes."""
+"""``svfl-data relabel``: change the success, annotations, contacts and recorded transforms of episodes."""
 
 import argparse
 import dataclasses
@@ -19,7 +19,7 @@ RULE = ContactRule()
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command ``relabel`` and its arguments to the command line."""
     parser = commands.add_parser(
         "relabel",
         help="change success, annotations, contacts, recorded transforms",
@@ -60,7 +60,7 @@ def _add_rule(parser: Parser) -> None:
 
 
 def transform(text: str) -> Tare | LowPass | Gravity:
-    """Argument type: a transform, as ``--transforms`` takes it."""
+    """Parse a transform of ``--transforms``, such as ``low_pass=40``; used as an argument type."""
     name, _, values = text.partition("=")
     try:
         numbers = tuple(float(value) for value in values.split(",")) if values else ()
@@ -76,7 +76,7 @@ def transform(text: str) -> Tare | LowPass | Gravity:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Relabel."""
+    """Change the metadata of one episode or of all episodes of a dataset."""
     changes = _changes(arguments)
 
     def change(episode: Episode) -> Meta:

@@ -1,4 +1,4 @@
-"""``svfl-data repair``: bring a dataset back in order after kills, power cuts and damage."""
+"""``svfl-data repair``: repair a dataset after killed processes, power cuts and damage."""
 
 import argparse
 import dataclasses
@@ -11,11 +11,11 @@ from svfl_data.system.printable import say
 
 
 class LossError(SvflError):
-    """Something was lost for good; the rest is in order again."""
+    """Error that is raised after a repair in which readings or files were lost; the rest of the dataset is repaired."""
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command ``repair`` and its arguments to the command line."""
     parser = commands.add_parser(
         "repair",
         help="salvage unfinished episodes, set damaged files aside",
@@ -34,10 +34,13 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Repair.
+    """Repair the dataset, and print the actions.
+
+    Args:
+        arguments: Parsed arguments of the command.
 
     Raises:
-        LossError: If readings or files were lost; its exit code says whether anything was saved.
+        LossError: If readings or files were lost. Its exit code is 3 if others were saved, and 1 if nothing was saved.
     """
     actions = repair_dataset(arguments.path, arguments.reseal)
     if arguments.json:

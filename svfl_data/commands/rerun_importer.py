@@ -1,8 +1,8 @@
-"""``rerun-importer-svfl``: how Rerun opens an episode file.
+"""``rerun-importer-svfl``: the program with which Rerun opens an episode file.
 
-Rerun calls every ``rerun-importer-*`` on the path for every file that it opens, with the file's name and where to put
-it, and reads a recording from standard output. A file of somebody else is left to others, quickly: nothing is imported
-before its last bytes have been looked at.
+Rerun calls every program ``rerun-importer-*`` on the search path for every file that it opens, with the name of the
+file and the prefix of its entities, and reads a recording from standard output. A file that is not an episode is left
+to other importers without delay: no large library is imported before the last bytes of the file have been checked.
 """
 
 import argparse
@@ -11,13 +11,13 @@ import sys
 from pathlib import Path
 
 FOREIGN = 66
-"""Exit code for a file that is not ours (``rerun.EXTERNAL_IMPORTER_INCOMPATIBLE_EXIT_CODE``)."""
+"""Exit code for a file that is not an episode (``rerun.EXTERNAL_IMPORTER_INCOMPATIBLE_EXIT_CODE``)."""
 SUFFIXES = (".hdf5", ".h5")
-SEAL_SIZE, SEAL_MARK = 78, b"\nsvfl-sha256:"  # svfl_data.storage.seal, which is not imported here: a test compares
+SEAL_SIZE, SEAL_MARK = 78, b"\nsvfl-sha256:"  # copied from svfl_data.storage.seal to avoid its import; a test compares
 
 
 def main() -> int:
-    """Write the recording of an episode file to standard output; returns the exit code."""
+    """Write the recording of an episode file to standard output, and return the exit code of the program."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", type=Path)
     parser.add_argument("--application-id")
@@ -33,7 +33,11 @@ def main() -> int:
 
 
 def is_ours(file: Path) -> bool:
-    """Whether a file is a sealed episode, whole or damaged."""
+    """Return whether a file is a sealed episode, which may be damaged.
+
+    Args:
+        file: Any file.
+    """
     if file.suffix not in SUFFIXES or not file.is_file() or file.stat().st_size < SEAL_SIZE:
         return False
     with file.open("rb") as opened:

@@ -1,4 +1,4 @@
-"""What the commands share: finding the dataset or episode that a path names, and the common arguments."""
+"""Functions that several commands use: common arguments, and opening the dataset or episode that a path names."""
 
 import argparse
 import json
@@ -26,19 +26,24 @@ def add_dataset(parser: Parser) -> None:
 
 
 def add_episode(parser: Parser, otherwise: str = "the first") -> None:
-    """Add the option that chooses an episode of a dataset."""
+    """Add the option ``--episode`` that chooses an episode of a dataset.
+
+    Args:
+        parser: Parser of the command.
+        otherwise: Words for the help text that say which episode is used without the option.
+    """
     parser.add_argument(
         "--episode", type=natural, metavar="N", help=f"number of the episode in the dataset (default: {otherwise})"
     )
 
 
 def add_json(parser: Parser) -> None:
-    """Add the option for output that a machine reads."""
+    """Add the option ``--json`` for output that programs can read."""
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def add_allowances(parser: Parser) -> None:
-    """Add the options that say what the episodes of a new dataset may be."""
+    """Add the options ``--varies`` and ``--once``, which decide the episodes that a new dataset may contain."""
     parser.add_argument(
         "--varies", nargs="+", default=[], metavar="NAME",
         help="let episodes differ in this path or group, e.g. cameras/front/T_base_camera",
@@ -47,21 +52,29 @@ def add_allowances(parser: Parser) -> None:
 
 
 def left_out_words(number: int) -> str:
-    """How many copies were left out, for the end of a line."""
+    """Return words on how many copies were left out, for the end of a line; empty if there were none.
+
+    Args:
+        number: Number of copies that were left out.
+    """
     return f"; {number} {'copy' if number == 1 else 'copies'} left out" if number else ""
 
 
 def is_episode(path: Path) -> bool:
-    """Whether a path names an episode file rather than a dataset folder."""
+    """Return whether a path names an episode file rather than a dataset folder."""
     return path.is_file() or path.suffix in EPISODE_SUFFIXES
 
 
 def read(path: Path, index: int | None) -> Episode:
-    """The episode that a path and ``--episode`` name, in memory.
+    """Read the episode that a path and ``--episode`` name into memory.
+
+    Args:
+        path: Dataset folder or episode file.
+        index: Index of the episode in the dataset. None for the first episode, or for an episode file.
 
     Raises:
-        UsageError: If both name an episode.
-        SvflError: If it cannot be read.
+        UsageError: If both the path and the index name an episode.
+        SvflError: If the episode cannot be read.
     """
     try:
         if is_episode(path):
@@ -74,7 +87,16 @@ def read(path: Path, index: int | None) -> Episode:
 
 
 def reader(path: Path, index: int | None) -> EpisodeReader:
-    """The episode that a path and ``--episode`` name, to be read lazily; errors as `read`."""
+    """Open the episode that a path and ``--episode`` name, to be read lazily.
+
+    Args:
+        path: Dataset folder or episode file.
+        index: Index of the episode in the dataset. None for the first episode, or for an episode file.
+
+    Raises:
+        UsageError: If both the path and the index name an episode.
+        SvflError: If the episode cannot be opened.
+    """
     if is_episode(path):
         _refuse_index(path, index)
         return EpisodeReader.of_file(path)
@@ -95,12 +117,16 @@ def _first(dataset: Dataset) -> int:
 
 
 def yes_no(text: str) -> bool:
-    """Argument type: yes or no."""
+    """Parse ``yes`` or ``no``; used as an argument type."""
     if text not in ("yes", "no"):
         raise argparse.ArgumentTypeError(f"{text!r} is neither yes nor no")
     return text == "yes"
 
 
 def print_json(value: Any) -> None:  # noqa: ANN401 - any JSON value
-    """Print a value for a machine to read; what is not ASCII, and so may be no harmless text, as escapes."""
+    """Print a value as JSON, with characters that are not ASCII as escapes, because they may not be harmless text.
+
+    Args:
+        value: Any JSON value.
+    """
     print(json.dumps(value, indent=2))

@@ -1,4 +1,4 @@
-"""``svfl-data split``: which episodes to train and test on."""
+"""``svfl-data split``: draw which episodes to train, validate and test on."""
 
 import argparse
 
@@ -12,7 +12,7 @@ SHARES = [("train", 0.8), ("valid", 0.1), ("test", 0.1)]
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command ``split`` and its arguments to the command line."""
     parser = commands.add_parser(
         "split",
         help="draw which episodes to train, validate and test on, and store it",
@@ -38,7 +38,7 @@ def add(commands: Commands) -> None:
 
 
 def share(text: str) -> tuple[str, float]:
-    """Argument type: a part and its share."""
+    """Parse the name of a part and its share of the episodes, such as ``train=0.8``; used as an argument type."""
     part, _, number = text.partition("=")
     try:
         return part, float(number)

@@ -1,4 +1,4 @@
-"""``svfl-data stats``: mean and scale of every field, from the training episodes."""
+"""``svfl-data stats``: compute the mean and the scale of every field from the training episodes."""
 
 import argparse
 import dataclasses
@@ -13,7 +13,7 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command ``stats`` and its arguments to the command line."""
     parser = commands.add_parser(
         "stats",
         help="mean and scale of every field, from the training episodes only, and store them",
@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Take, store and print the statistics."""
+    """Compute, store and print the statistics."""
     dataset = Dataset.open(arguments.path)
     dataset.clear()
     split = load_split(dataset, arguments.split)

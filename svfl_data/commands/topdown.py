@@ -1,4 +1,4 @@
-"""``svfl-data topdown``: one step of an episode, seen from straight above."""
+"""``svfl-data topdown``: draw one step of an episode as seen from straight above."""
 
 import argparse
 from pathlib import Path
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PANEL_IN = 3.6
-HIDDEN = "#cc79a7"  # what no camera saw; neither on the table nor in the scale of heights
+HIDDEN = "#cc79a7"  # colour of areas that no camera saw; neither the table nor the scale of heights has this colour
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command ``topdown`` and its arguments to the command line."""
     parser = commands.add_parser(
         "topdown",
         help="one step of an episode, seen from straight above the workspace",
@@ -40,7 +40,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Draw the picture."""
+    """Draw the picture and write it to a PNG file."""
     if arguments.out.suffix != ".png":
         raise UsageError(f"--out {arguments.out}: the name must end in .png")
     from svfl_data.reports.plot import png
@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _figure(episode: Episode, step: int, seen: TopDown) -> "Figure":
-    """The cameras' latest pictures, then colour and height from above with scales in mm and the TCP as a cross."""
+    """Draw the cameras' latest images, then colour and height from above with scales in mm and the TCP as a cross."""
     from matplotlib.figure import Figure
 
     frames = [(camera, latest_frame(episode, camera, step)) for camera in episode.cameras.values()]
@@ -65,7 +65,7 @@ def _figure(episode: Episode, step: int, seen: TopDown) -> "Figure":
         axis.set_title(printable(f"camera {camera.name}", 60), fontsize=9, parse_math=False)
         axis.set_axis_off()
     view, edge = seen.view, 500 * seen.view.extent
-    tcp = view.pixel(episode.proprio[step, 1:3])[::-1] + 0.5  # (right, down) from the corner, px
+    tcp = view.pixel(episode.proprio[step, 1:3])[::-1] + 0.5  # (right, down) from the upper left corner, px
     right, down = tcp * view.metres_per_pixel * 1e3 - edge
     hidden = seen.depth == 0
     color, height = axes[-2:]
@@ -82,11 +82,11 @@ def _figure(episode: Episode, step: int, seen: TopDown) -> "Figure":
     figure.suptitle(
         f"{printable(episode.meta.task)}, episode {episode.meta.index}, step {step} of {len(episode)}: "
         f"{view.metres_per_pixel * 1e3:.1f} mm per pixel; + TCP; pink: hidden from the cameras",
-        fontsize=10, parse_math=False,  # a dollar sign in a name is a dollar sign
+        fontsize=10, parse_math=False,  # a dollar sign in a name must not start a formula
     )  # fmt: skip
     return figure
 
 
 def _rgb(color: str) -> np.ndarray:
-    """Three bytes of a colour written as #rrggbb."""
+    """Return the three bytes of a colour written as #rrggbb."""
     return np.frombuffer(bytes.fromhex(color[1:]), np.uint8)

@@ -1,4 +1,4 @@
-"""``svfl-data validate``: is the data what it should be?"""
+"""``svfl-data validate``: check a dataset or an episode for errors."""
 
 import argparse
 import dataclasses
@@ -15,7 +15,7 @@ from svfl_data.system.progress import progress
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command ``validate`` and its arguments to the command line."""
     parser = commands.add_parser(
         "validate",
         help="find what is wrong: damage, clocks, sensors, images, actions, labels",
@@ -31,10 +31,13 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Print the findings.
+    """Check the dataset or the episode, and print the findings.
+
+    Args:
+        arguments: Parsed arguments of the command.
 
     Raises:
-        DatasetError: If there is an error among them, so that the command fails.
+        DatasetError: If there is an error among the findings, so that the command fails.
     """
     count, lists = _checked(arguments)
     findings: list[Finding] = []

@@ -1,4 +1,4 @@
-"""``svfl-data view``: episodes in Rerun's viewer."""
+"""``svfl-data view``: show episodes in Rerun's viewer."""
 
 import argparse
 import os
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from svfl_data.viewer.predictions import Prediction
 
 MOST = 6
-"""Episodes that fit beside each other."""
+"""Largest number of episodes that are shown side by side."""
 LOOPBACK = "127.0.0.1"
 PORT = 9090
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command ``view`` and its arguments to the command line."""
     parser = commands.add_parser(
         "view",
         help="show episodes: arm, images, forces over time, contacts, labels, what a network thinks",
@@ -60,12 +60,19 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Show or save."""
+    """Show the episodes or the comparison of two datasets, or save them in a file for the viewer.
+
+    Args:
+        arguments: Parsed arguments of the command.
+
+    Raises:
+        UsageError: If options do not fit together.
+    """
     if arguments.save and arguments.save.suffix != ".rrd":
         raise UsageError(f"--save {arguments.save}: the name must end in .rrd")
     if arguments.compare and (arguments.episode or arguments.checkpoint):
         raise UsageError("--compare shows whole datasets; leave --episode and --checkpoint out")
-    os.environ["CI"] = "1"  # the only way to keep Rerun from sending usage statistics that leaves its settings alone
+    os.environ["CI"] = "1"  # the only way to stop Rerun from sending usage statistics without changing its settings
     from svfl_data.viewer import compare, show
 
     if arguments.compare:
@@ -83,7 +90,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _episodes(arguments: argparse.Namespace) -> "Sequence[tuple[EpisodeSource, Prediction | None]]":
-    """The episodes asked for, each with what the network thinks of it."""
+    """Return the requested episodes, each with the prediction of the network, or None without a network."""
     from svfl_data.viewer import predictions
     from svfl_data.viewer.episode_source import EpisodeSource
 

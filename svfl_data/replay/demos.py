@@ -32,7 +32,7 @@ def choose(dataset: Dataset, episodes: int | Sequence[int], failures: bool) -> l
         FormatError: If an episode is damaged.
     """
     kind = "episodes" if failures else "successful episodes"
-    counted = isinstance(episodes, Integral)  # NumPy's integers, too
+    counted = isinstance(episodes, Integral)  # true for NumPy's integers as well
     named = [] if isinstance(episodes, int | Integral) else [int(index) for index in episodes]
     wanted = int(episodes) if isinstance(episodes, int | Integral) else len(named)
     if wanted < 1:

@@ -163,7 +163,7 @@ class ReplaySpec:
             name, mine, its = field.name, getattr(self, field.name), getattr(other, field.name)
             if mine == its:
                 continue
-            if name in MATRICES:  # one row tells enough
+            if name in MATRICES:  # one row that differs is enough for the message
                 row = next(row for row, (a, b) in enumerate(zip(mine, its, strict=True)) if a != b)
                 name, mine, its = f"{name}[{row}]", mine[row], its[row]
             raise DatasetError(f"{there}: its {name} is {its}, but {mine} in {where}; one replay buffer holds one kind")

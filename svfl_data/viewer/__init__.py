@@ -1,1 +1,1 @@
-"""Showing episodes to a person, in Rerun's viewer or in a file that it opens; importing the package loads no Rerun."""
+"""Display of episodes in Rerun's viewer, or in a file that it opens; importing this package does not import Rerun."""

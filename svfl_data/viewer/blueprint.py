@@ -1,4 +1,4 @@
-"""How the viewer's window is arranged: scene and pictures on the left, curves and text on the right."""
+"""Layout of the viewer's window: scene and images on the left, curves and text on the right."""
 
 from collections.abc import Sequence
 
@@ -18,29 +18,35 @@ from svfl_data.viewer.recording import Summary
 
 DARK = (22, 24, 28)
 LEGEND = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
-NO_LEGEND = rrb.PlotLegend(visible=False)  # of six curves it would cover them; the title says what they are
+NO_LEGEND = rrb.PlotLegend(visible=False)  # a legend of six curves would cover them; the title names them instead
 COLORS = "x orange, y green, z blue"
 EYE_DEG, DISTANCE = -75, 1.5
-"""Of the eye: turned from the side of the image's lower edge, where the camera is, and how far, in diagonals."""
+"""Position of the 3-D view's eye: its angle from the side of the camera (the lower edge of the image), [deg], and its
+horizontal distance, in diagonals of the workspace."""
 COMMANDED_AND_ACHIEVED = (("", "move"), ("_turn", "turn"), ("_opening", "opening"))
 
 
 def one(shown: EpisodeSource, summary: Summary, prediction: Prediction | None = None) -> rrb.Blueprint:
-    """The window for one episode, readable at first sight on a laptop (1440 x 850).
+    """Return the layout of the window for one episode, which is readable on a laptop screen (1440 x 850).
 
     Args:
-        shown: The episode.
-        summary: What was learnt of it while logging.
-        prediction: What a network says of it.
+        shown: Episode that is shown.
+        summary: Ranges and annotations of the episode that were found while it was logged.
+        prediction: Prediction of a network on the episode. None if no network is shown.
 
     Returns:
-        The blueprint; the time cursor starts at the end.
+        Blueprint of the window, in which the time cursor starts at the end.
     """
     return _window(_page(shown, summary, prediction))
 
 
 def side_by_side(episodes: Sequence[tuple[EpisodeSource, Summary, Prediction | None]]) -> rrb.Blueprint:
-    """The window for several episodes: all beside each other at the same time of their clocks, then each by itself."""
+    """Return the layout for several episodes: one tab with all of them side by side, and one tab for each episode.
+
+    Args:
+        episodes: Episodes with the ranges found while they were logged, and the prediction of a network or None. All
+            episodes are shown at the same time of their episode clocks.
+    """
     columns = [
         rrb.Vertical(
             _scene(shown),
@@ -144,7 +150,7 @@ def _pictures(shown: EpisodeSource, prediction: Prediction | None) -> list[rrb.V
 
 
 def _scene(shown: EpisodeSource) -> rrb.Spatial3DView:
-    """Seen from where the image's lower edge is, so that right in the image is right in the scene too."""
+    """Return the 3-D view, seen from the side of the image's lower edge, so that right in the image is right in it."""
     workspace = shown["workspace"]
     target = np.array([*workspace[:2].mean(axis=1), 0.2])
     axes = next((shown[f"cameras/{camera}/image_axes"] for camera in shown.cameras), np.eye(2))
@@ -168,7 +174,7 @@ def _scene(shown: EpisodeSource) -> rrb.Spatial3DView:
 
 
 def _wrench(shown: EpisodeSource, path: str, name: str, low: np.ndarray, high: np.ndarray) -> rrb.TimeSeriesView:
-    """A plot of the processed wrench with the marks below and the window of the current step thick."""
+    """Return a plot of the processed wrench, with the annotations below and a thick curve for the current window."""
     window = {names.FORCE_PLOT: names.WINDOW_FORCE, names.TORQUE_PLOT: names.WINDOW_TORQUE}[path]
     marks = [f"{names.MARKS}/**"] if path == names.FORCE_PLOT else []
     clock = shown[WRENCH_TIMES]
@@ -191,7 +197,7 @@ def _plot(
     legend: rrb.PlotLegend = LEGEND,
     overrides: dict[str, rrb.VisibleTimeRanges] | None = None,
 ) -> rrb.TimeSeriesView:
-    """A plot over the whole episode."""
+    """Return a plot over the whole episode."""
     clocks = [shown[path] for path in (TIMES, WRENCH_TIMES) if len(shown.arrays[path])]
     start, end = min(t[0] for t in clocks) / 1e9, max(t[-1] for t in clocks) / 1e9
     whole = rr.TimeRange(
@@ -205,7 +211,7 @@ def _plot(
         axis_x=rrb.TimeAxis(view_range=whole),
         axis_y=vertical,
         plot_legend=legend,
-        overrides=overrides,  # type: ignore[arg-type] # its annotation forgets archetypes
+        overrides=overrides,  # type: ignore[arg-type] # the annotation of overrides lacks archetypes
     )
 
 
@@ -214,15 +220,16 @@ def _low_high(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def axis_range(low: float, high: float) -> tuple[float, float]:
-    """Range of a plot's vertical axis.
+    """Return the range of the vertical axis of a plot, such that Rerun labels at least one number besides 0.
+
+    Rerun labels only multiples of a power of ten that is larger than about a ninth of the range.
 
     Args:
-        low: Smallest value plotted.
-        high: Largest one.
+        low: Smallest value in the plot.
+        high: Largest value in the plot.
 
     Returns:
-        Lower and upper end, with at least one number beside 0 written at the axis: Rerun writes multiples of a power
-        of ten only, and only of those that are more than about a ninth of the range.
+        Lower and upper end of the axis.
     """
     span = high - low or 1.0
     low, high = float(low - 0.1 * span), float(high + 0.1 * span)

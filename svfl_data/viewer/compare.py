@@ -1,4 +1,4 @@
-"""Two datasets beside each other: how large their forces and torques are."""
+"""Comparison of two datasets by the magnitudes of their forces and torques."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,20 +17,20 @@ from svfl_data.viewer.recording import RULE
 
 BINS = 40
 SHOWN = 0.995
-"""Share of the readings that the histograms' range covers; what is larger counts in the last bin."""
+"""Share of the readings that the range of the histograms covers; larger values count in the last bin."""
 COLORS = (FORCE, AXES[2])
 QUANTILES = (0.5, 0.95, 0.99, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Loads:
-    """How large the processed wrench of a dataset is.
+    """Magnitudes of the processed wrenches of a dataset.
 
     Attributes:
-        name: Of the dataset.
-        force: Norm of the force of every reading, [N].
-        torque: Norm of the torque of every reading, [N m].
-        peak: Largest filtered force of every episode, [N].
+        name: Path of the dataset.
+        force: Norm of the force of every reading, shape (M,), [N].
+        torque: Norm of the torque of every reading, shape (M,), [N m].
+        peak: Largest norm of the filtered force of every episode, shape (E,), [N].
     """
 
     name: str
@@ -40,10 +40,13 @@ class Loads:
 
     @classmethod
     def of(cls, dataset: Dataset) -> "Loads":
-        """Read a dataset's wrenches.
+        """Read the wrenches of a dataset.
+
+        Args:
+            dataset: Dataset whose episodes are all read.
 
         Raises:
-            DatasetError: If it has no readings.
+            DatasetError: If the dataset has no wrench readings.
         """
         norms, peaks = [], []
         for index in progress(dataset.indices, printable(f"forces of {dataset.path}")):
@@ -57,7 +60,18 @@ class Loads:
 
 
 def content(first: Dataset, second: Dataset) -> Callable[[rr.RecordingStream], None]:
-    """The comparison of two datasets as something to show."""
+    """Prepare the comparison of two datasets to be shown.
+
+    Args:
+        first: First dataset.
+        second: Second dataset.
+
+    Returns:
+        Function that logs the comparison and the layout of the window to a recording.
+
+    Raises:
+        DatasetError: If a dataset has no wrench readings.
+    """
     loads = (Loads.of(first), Loads.of(second))
 
     def log(recording: rr.RecordingStream) -> None:
@@ -96,19 +110,35 @@ def content(first: Dataset, second: Dataset) -> Callable[[rr.RecordingStream], N
 
 
 def bins(values: list[np.ndarray]) -> np.ndarray:
-    """Edges of histograms that are to be compared: the same for all, from 0, shape (`BINS` + 1,)."""
+    """Return the common edges of the bins of histograms that are compared, from 0, shape (`BINS` + 1,).
+
+    Args:
+        values: Non-negative values of each histogram. The edges reach the largest of their `SHOWN` quantiles.
+    """
     top = max(float(np.quantile(sizes, SHOWN)) for sizes in values)
     return np.linspace(0.0, top or 1.0, BINS + 1)
 
 
 def shares(sizes: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Percent of the values in each bin, shape (`BINS`,); larger values count in the last one."""
+    """Return the percentage of the values in each bin, shape (`BINS`,).
+
+    Args:
+        sizes: Non-negative values. Values beyond the last edge count in the last bin.
+        edges: Edges of the bins, shape (`BINS` + 1,).
+    """
     counts, _ = np.histogram(np.minimum(sizes, edges[-1]), edges)
     return 100 * counts / max(1, len(sizes))
 
 
 def distance(first: np.ndarray, second: np.ndarray) -> float:
-    """Largest difference between two cumulative distributions, 0 for equal ones, 1 for separate ones.
+    """Return the largest difference between the cumulative distributions of two samples.
+
+    Args:
+        first: Values of the first sample, shape (M,).
+        second: Values of the second sample, shape (N,).
+
+    Returns:
+        A number from 0 (equal distributions) to 1 (distributions that do not overlap).
 
     Source: the statistic of the two-sample test of Smirnov, Ann. Math. Statist. 19 (1948), p. 279.
     """
@@ -118,7 +148,11 @@ def distance(first: np.ndarray, second: np.ndarray) -> float:
 
 
 def table(loads: tuple[Loads, Loads]) -> str:
-    """The same in numbers, as Markdown."""
+    """Return a Markdown table with the quantiles of the magnitudes of two datasets, and their largest differences.
+
+    Args:
+        loads: Magnitudes of the two datasets.
+    """
     heads = [f"{name} %" if share < 1 else "largest" for share, name in zip(QUANTILES, (50, 95, 99, 100), strict=True)]
     lines = [
         f"| dataset | episodes | readings | force, N: {' | '.join(heads)} | torque, N m: {' | '.join(heads)} |",

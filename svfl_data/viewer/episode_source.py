@@ -1,4 +1,4 @@
-"""What the viewer reads of an episode: arrays that may still be on disk, and the wrench stream piece by piece."""
+"""An episode as the viewer reads it: arrays that may still be on disk, and the wrench stream in pieces."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -13,23 +13,23 @@ from svfl_data.signals.transforms import LowPass, from_record, processed_wrench
 from svfl_data.storage.reader import EpisodeReader, StoredArray
 
 READINGS_AT_ONCE = 2**15
-"""Wrench readings in memory at a time: a minute at 500 Hz."""
+"""Number of wrench readings in one piece; about a minute at 500 Hz."""
 TIMES, PROPRIO, ACTION = "observations/t_ns", "observations/proprio", "actions/action"
 WRENCH_TIMES, WRENCH, TARE = "streams/wrench/t_ns", "streams/wrench/wrench", "streams/wrench/tare"
 OF_EVERY_EPISODE = (TIMES, PROPRIO, ACTION, TARE, "workspace")
 SETTLED = 16.0
-"""Time constants after which a low-pass has forgotten its first reading, to the last bit of float32: exp(-16)."""
+"""Number of time constants after which the first reading has no effect on a low-pass in float32 (factor exp(-16))."""
 
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """A piece of the wrench stream; base axes, about the sensor origin.
+    """Piece of the wrench stream with M readings, in base axes, about the sensor origin.
 
     Attributes:
-        t_ns: Shape (M,), [ns].
-        raw: As the sensor gave it, shape (M, 6), [N] and [N m].
-        wrench: After the recorded transforms, by default the tare; shape (M, 6), float32.
-        size: Norm of the low-passed force by which contacts are found, shape (M,), [N].
+        t_ns: Timestamps of the readings, shape (M,), [ns].
+        raw: Raw wrench of the sensor, shape (M, 6), [N] and [N m].
+        wrench: Wrench after the recorded transforms, by default the tare, shape (M, 6), float32, [N] and [N m].
+        size: Norm of the low-pass filtered force, by which contacts are found, shape (M,), float32, [N].
     """
 
     t_ns: np.ndarray
@@ -40,12 +40,13 @@ class Readings:
 
 @dataclass(frozen=True, eq=False)
 class EpisodeSource:
-    """An episode to be shown.
+    """Episode to be shown in the viewer.
 
     Attributes:
-        meta: What it is about.
-        arrays: By dataset path, in memory or on disk; both give rows when indexed.
-        root: Where its entities are: empty, or a folder such as ``episode_3/`` beside other episodes.
+        meta: Metadata of the episode.
+        arrays: Arrays of the episode by field path, in memory or on disk. Both give rows when indexed.
+        root: Prefix of the episode's entities in the viewer: empty, or a folder such as ``episode_3/`` if several
+            episodes are shown.
     """
 
     meta: Meta
@@ -54,13 +55,18 @@ class EpisodeSource:
 
     @classmethod
     def of(cls, episode: Episode | EpisodeReader, root: str = "") -> "EpisodeSource":
-        """An episode in memory or on disk."""
+        """Prepare an episode, in memory or on disk, to be shown.
+
+        Args:
+            episode: Episode in memory, or reader of an episode on disk.
+            root: Prefix of the episode's entities in the viewer.
+        """
         if isinstance(episode, Episode):
             return cls(episode.meta, episode.arrays, root)
         return cls(episode.meta, {path: episode[path] for path in episode.paths}, root)
 
     def __getitem__(self, path: str) -> np.ndarray:
-        """All of an array."""
+        """Return a whole array by its field path."""
         return np.asarray(self.arrays[path][()])
 
     def __contains__(self, path: object) -> bool:
@@ -75,13 +81,13 @@ class EpisodeSource:
         return camera_names(self.arrays)
 
     def readings(self, rule: ContactRule) -> Iterator[Readings]:
-        """The wrench stream, piece by piece, as if it had been processed whole.
+        """Read the wrench stream in pieces, with the same values as if it were processed as a whole.
 
         Args:
-            rule: Low-pass of `Readings.size`.
+            rule: Rule for contacts, whose low-pass is used for `Readings.size`.
 
         Yields:
-            Consecutive pieces.
+            Consecutive pieces of at most `READINGS_AT_ONCE` readings.
 
         Raises:
             FormatError: If a recorded transform is unknown.
@@ -101,7 +107,7 @@ class EpisodeSource:
             yield Readings(t_ns[first:after], raw[new], processed_wrench(piece)[new], size)
 
     def _settling_ns(self, rule: ContactRule) -> int:
-        """How long before a piece its filters must begin."""
+        """Return how long before a piece the filters must start so that they have settled at the piece, [ns]."""
         found = [from_record(record, "episode") for record in self.meta.transforms]
         corners = [one.cutoff_hz for one in found if isinstance(one, LowPass)]
         corners += [rule.cutoff_hz] if rule.cutoff_hz else []

@@ -1,4 +1,4 @@
-"""What the cameras saw: calibration once, pictures as rows, exact or small."""
+"""Camera images in the viewer: the calibration is logged once, the images as rows, exact or compressed."""
 
 import io
 from typing import Any
@@ -10,7 +10,7 @@ from PIL import Image
 from svfl_data.viewer.names import CAMERAS, GREY, WHITE, send
 
 CROP = 64 / 76
-"""Share of the picture's side that the networks see (Kohler et al., CoRL 2023, appendix: 76 px cropped to 64)."""
+"""Share of the image's side that networks see (Kohler et al., CoRL 2023, appendix: 76 px are cropped to 64 px)."""
 JPEG_QUALITY = 90
 
 
@@ -21,18 +21,18 @@ def log_camera(
     T_base_camera: np.ndarray,
     size: tuple[int, int],
 ) -> None:
-    """Log where a camera is and what it covers, and the outline of the crop that networks see.
+    """Log the pose and the field of view of a camera, and the outline of the crop that networks see.
 
     Args:
-        recording: Where.
-        entity: Of the camera.
-        intrinsics: Pinhole matrix, (3, 3), [px]; the centre of the top left pixel is (0, 0).
-        T_base_camera: Pose, (4, 4), [m]; camera axes x right, y down, z forward.
-        size: Height and width, [px].
+        recording: Recording to log to.
+        entity: Entity of the camera.
+        intrinsics: Pinhole matrix, shape (3, 3), [px]; the centre of the top left pixel is (0, 0).
+        T_base_camera: Pose of the camera in base, shape (4, 4), [m]; camera axes x right, y down, z forward.
+        size: Height and width of the images, [px].
     """
     height, width = size
     pinhole = np.array(intrinsics)
-    pinhole[:2, 2] += 0.5  # Rerun's origin is the corner of the top left pixel, ours its centre
+    pinhole[:2, 2] += 0.5  # Rerun's origin is the corner of the top left pixel; here it is the centre of that pixel
     frame = rr.Transform3D(translation=T_base_camera[:3, 3], mat3x3=T_base_camera[:3, :3])
     recording.log(entity, frame, static=True)
     recording.log(
@@ -49,21 +49,25 @@ def log_camera(
 
 
 def crop_range(side: int) -> tuple[float, float]:
-    """First and last edge of the middle part that networks see, [px]."""
+    """Return the first and the last edge of the middle part of an image that networks see, [px].
+
+    Args:
+        side: Height or width of the image, [px].
+    """
     kept = round(side * CROP)
     start = (side - kept) // 2
     return float(start), float(start + kept)
 
 
 def send_color(recording: rr.RecordingStream, entity: str, t_ns: np.ndarray, color: np.ndarray, small: bool) -> None:
-    """Log colour pictures.
+    """Log colour images.
 
     Args:
-        recording: Where.
-        entity: Of the camera.
-        t_ns: Shape (F,), [ns].
-        color: Shape (F, H, W, 3), uint8.
-        small: Whether as JPEG, a tenth of the size, or exact.
+        recording: Recording to log to.
+        entity: Entity of the camera.
+        t_ns: Timestamps of the images, shape (F,), [ns].
+        color: Images, shape (F, H, W, 3), uint8.
+        small: Whether to log the images as JPEG, with about a tenth of the size, instead of the exact pixels.
     """
     path = f"{entity}/color"
     if small:
@@ -79,7 +83,15 @@ def send_color(recording: rr.RecordingStream, entity: str, t_ns: np.ndarray, col
 def log_depth_style(
     recording: rr.RecordingStream, entity: str, depth: np.ndarray, depth_scale: float, small: bool
 ) -> None:
-    """Log how depth is to be read and coloured: by the range of some pictures, (F, H, W), in units of `depth_scale`."""
+    """Log the unit and the colour range of the depth images of a camera.
+
+    Args:
+        recording: Recording to log to.
+        entity: Entity of the camera.
+        depth: Some depth images from which the colour range is taken, shape (F, H, W), uint16; 0 means no measurement.
+        depth_scale: Metres per unit of depth.
+        small: Whether the depth images will be logged as PNG, as for `send_depth`.
+    """
     height, width = depth.shape[1:]
     measured = depth[depth > 0]
     near, far = np.percentile(measured, [1, 99]) if measured.size else (0, 1)
@@ -97,7 +109,15 @@ def log_depth_style(
 
 
 def send_depth(recording: rr.RecordingStream, entity: str, t_ns: np.ndarray, depth: np.ndarray, small: bool) -> None:
-    """Log depth pictures, (F, H, W), uint16: exact either way, as PNG or as they are."""
+    """Log depth images, whose pixels are exact with and without compression.
+
+    Args:
+        recording: Recording to log to.
+        entity: Entity of the camera.
+        t_ns: Timestamps of the images, shape (F,), [ns].
+        depth: Images, shape (F, H, W), uint16.
+        small: Whether to compress the images as PNG.
+    """
     path = f"{entity}/depth"
     if small:
         pictures = [_encoded(picture, "PNG", compress_level=1) for picture in depth]
@@ -109,7 +129,12 @@ def send_depth(recording: rr.RecordingStream, entity: str, t_ns: np.ndarray, dep
 
 
 def camera_entity(root: str, camera: str) -> str:
-    """Where a camera is."""
+    """Return the entity of a camera.
+
+    Args:
+        root: Prefix of the episode's entities.
+        camera: Name of the camera.
+    """
     return f"{root}{CAMERAS}/{camera}"
 
 

@@ -1,8 +1,8 @@
-"""Episodes on a running viewer while they are recorded.
+"""Live display of episodes in a running viewer while they are recorded.
 
-What has been recorded waits and goes out a few times a second, in columns, with the functions that make files. How
-long the last sending took decides when the next one may begin, so that the recording loop never loses more than
-`SHARE` of its time. All episodes of a process are one recording, one after the other on its clock.
+Recorded data are buffered and sent a few times a second, in columns, by the same functions that write files. The
+duration of each sending decides when the next one may begin, so that the recording loop never loses more than `SHARE`
+of its time. All episodes of a process are in one recording, one after the other on the clock of that recording.
 """
 
 import socket
@@ -21,25 +21,25 @@ from svfl_data.viewer import images, names, plots, scene
 from svfl_data.viewer.robot import robot_for
 
 PERIOD_S = 0.1
-"""Between two sendings at least; what a person sees as immediate."""
+"""Shortest time between two sendings, [s]; a person sees this delay as immediate."""
 SHARE = 0.03
-"""Of the time, for sending at most."""
+"""Largest share of the time that sending may take."""
 GAP_NS = 500_000_000
-"""Between two episodes on the recording's clock."""
+"""Time between two episodes on the recording's clock, [ns]."""
 BEHIND_S = 4.0
-"""How much of the past the plots show."""
+"""Time before the present that the plots show, [s]."""
 TIMEOUT_S = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What waits to be sent of one observation.
+    """One observation that waits to be sent.
 
     Attributes:
-        t_ns: On the recording's clock, [ns].
-        seen: What was observed.
-        action: What led there, (5,); None at the first observation of an episode.
-        before: The observation before, None at the first one.
+        t_ns: Time of the observation on the recording's clock, [ns].
+        seen: The observation.
+        action: Action that led to the observation, shape (5,). None at the first observation of an episode.
+        before: Step of the previous observation. None at the first observation of an episode.
     """
 
     t_ns: int
@@ -49,16 +49,16 @@ class Step:
 
 
 class Live(OwnProcess):
-    """Streams episodes, one after the other; call it with every observation.
+    """Stream of episodes to a running viewer, one after the other; call the object with every observation.
 
     Attributes:
-        name: Of the episode that begins next.
+        name: Name of the episode that begins next, which the viewer shows.
 
     Args:
-        address: HOST:PORT of a running viewer, such as one started with ``rerun``.
+        address: Address HOST:PORT of a running viewer, such as one started with ``rerun``.
 
     Raises:
-        UsageError: If nothing listens there.
+        UsageError: If no program listens at the address.
     """
 
     def __init__(self, address: str) -> None:
@@ -71,58 +71,58 @@ class Live(OwnProcess):
         self._address = f"rerun+http://{address}/proxy"
         self._recording: rr.RecordingStream | None = None
         self._steps: list[Step] = []
-        self._readings: list[tuple[np.ndarray, np.ndarray]] = []  # times and tared wrenches of episodes that have ended
+        self._readings: list[tuple[np.ndarray, np.ndarray]] = []  # times and tared wrenches that wait to be sent
         self._titles: list[tuple[int, str]] = []
-        self._rig: Robot | None = None  # of the episode that is being recorded
-        self._known = 0  # readings of that episode that have been taken
-        self._begins_ns = self._ends_ns = 0  # of that episode, on the recording's clock
+        self._rig: Robot | None = None  # the robot of the episode that is being recorded
+        self._known = 0  # number of readings of that episode that have been taken
+        self._begins_ns = self._ends_ns = 0  # start and end of that episode, on the recording's clock
         self._before: Step | None = None
         self._next_s = 0.0
         Finalize(None, self.close, exitpriority=10)  # runs at the end of worker processes too, where atexit does not
 
     def __call__(self, robot: Robot, seen: Observation, action: np.ndarray | None) -> None:
-        """Take note of an observation.
+        """Add an observation, and send the waiting data if it is time.
 
         Args:
-            robot: The robot.
-            seen: What it observed.
-            action: What led there, (5,); None at the first observation of an episode.
+            robot: Robot that is recorded.
+            seen: Observation of the robot.
+            action: Action that led to the observation, shape (5,). None at the first observation of an episode.
 
         Raises:
-            UsageError: In another process than the one that opened it.
+            UsageError: If called in another process than the one that created this object.
         """
         self.check_process()
         if action is None:
             self.finish()
             self._recording = self._recording or self._open(robot, seen)
             self._rig, self._known, self._before = robot, 0, None
-            self._readings.append((np.array([self._ends_ns + 1]), np.full((1, 6), np.nan)))  # here the curves break
+            self._readings.append((np.array([self._ends_ns + 1]), np.full((1, 6), np.nan)))  # interrupts the curves
             self._begins_ns = self._ends_ns + GAP_NS
             self._titles.append((self._begins_ns, self.name))
         self._ends_ns = self._begins_ns + seen.t_ns
-        before = self._before and replace(self._before, before=None)  # no chain of all observations
+        before = self._before and replace(self._before, before=None)  # keeps no chain of all observations in memory
         self._before = Step(self._ends_ns, seen, action, before)
         self._steps.append(self._before)
         if time.monotonic() >= self._next_s:
             self._send()
 
     def finish(self) -> None:
-        """Say that the episode has ended and its robot may go on to something else."""
+        """End the current episode: take its last readings, after which the robot may be used for something else."""
         self._take_readings()
         self._rig = None
 
     def close(self) -> None:
-        """Send what waits and end the recording; does nothing in a fork of its process."""
+        """Send the waiting data and end the recording; this does nothing in a forked process."""
         if self._recording is not None and self.in_own_process:
             self._send()
             self._recording.disconnect()
             self._recording = None
 
     def _open(self, robot: Robot, seen: Observation) -> rr.RecordingStream:
-        """Begin the recording: everything that never changes."""
+        """Begin the recording, and log everything that never changes."""
         recording = rr.RecordingStream(names.APPLICATION)
         recording.connect_grpc(self._address)
-        # Not as a default, which the last window's would outlast.
+        # Not sent only as the default blueprint, because the viewer would then keep the blueprint of its last window.
         recording.send_blueprint(arrange(list(robot.cameras)))
         recording.send_recording_name("live")
         scene.log_environment(recording, "", robot.workspace)
@@ -143,7 +143,7 @@ class Live(OwnProcess):
             self._readings.append((t_ns + self._begins_ns, raw - np.asarray(self._rig.tare_offset)))
 
     def _send(self) -> None:
-        """Send everything that waits."""
+        """Send all waiting data."""
         recording, steps, began = self._recording, self._steps, time.monotonic()
         if not steps or recording is None:
             return
@@ -173,8 +173,8 @@ class Live(OwnProcess):
         scene.send_arrows(recording, "", t_ns[-1:], tared[-1:])
 
     def _send_moves(self, recording: rr.RecordingStream) -> None:
-        """Send what was commanded and what came of it, at the time of the observation before."""
-        nothing = np.full(3, np.nan)  # instead of an episode's first observation: where the last episode ended
+        """Send the commanded and the achieved displacement, each at the time of the observation before the action."""
+        nothing = np.full(3, np.nan)  # for an episode's first observation: breaks the curves where the last one ended
         t_ns = np.array([(step.before or step).t_ns for step in self._steps])
         t_ns -= [0 if step.before else step.seen.t_ns + GAP_NS for step in self._steps]
         commanded = [nothing if step.action is None else step.action[1:4] for step in self._steps]
@@ -186,7 +186,11 @@ class Live(OwnProcess):
 
 
 def arrange(cameras: list[str]) -> rrb.Blueprint:
-    """The window for a live episode: it follows the clock and shows the last seconds."""
+    """Return the layout of the window for live episodes, which follows the clock and shows the last seconds.
+
+    Args:
+        cameras: Names of the cameras.
+    """
     recent = rr.TimeRange(
         start=rrb.TimeRangeBoundary.cursor_relative(seconds=-BEHIND_S), end=rrb.TimeRangeBoundary.cursor_relative()
     )

@@ -1,4 +1,4 @@
-"""A network's prediction on the pictures: the direction it predicts with its probability, beside the true one."""
+"""A network's prediction in the viewer: predicted and true direction on the images, probabilities, and actions."""
 
 import numpy as np
 import rerun as rr
@@ -12,12 +12,18 @@ from svfl_data.viewer.plots import send_curve
 from svfl_data.viewer.predictions import Prediction
 
 ARROWS = np.array([(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0)])
-"""The directions right, up, left, down on a picture whose rows run downwards."""
+"""The directions right, up, left, down as vectors (x right, y down) in an image."""
 COLORS = (names.AXES[0], names.AXES[1], names.AXES[2], TORQUE)
 
 
 def log_prediction(recording: rr.RecordingStream, shown: EpisodeSource, prediction: Prediction) -> None:
-    """Log everything that a network says of an episode."""
+    """Log the prediction of a network on an episode.
+
+    Args:
+        recording: Recording to log to.
+        shown: Episode that is shown.
+        prediction: Prediction of the network on this episode.
+    """
     t_ns, root = shown[TIMES], shown.root
     if prediction.seen is not None:
         send_color(recording, f"{root}{names.PREDICTION}/seen", t_ns, prediction.seen, small=False)
@@ -40,14 +46,14 @@ def log_prediction(recording: rr.RecordingStream, shown: EpisodeSource, predicti
 
 
 def _log_crop(recording: rr.RecordingStream, path: str, t_ns: np.ndarray, crop: np.ndarray) -> None:
-    """Outline of the part of the picture that the network sees."""
+    """Log the outline of the part of the image that the network sees."""
     first, after = crop[:, :2].astype(np.float32), crop[:, 2:].astype(np.float32)
     recording.log(path, rr.Boxes2D.from_fields(colors=[FORCE], radii=[0.25]), static=True)
     send(recording, path, t_ns, rr.Boxes2D.columns(centers=(first + after) / 2, half_sizes=(after - first) / 2))
 
 
 def _log_arrows(recording: rr.RecordingStream, shown: EpisodeSource, prediction: Prediction, t_ns: np.ndarray) -> None:
-    """Predicted and true direction as arrows from the middle of the picture."""
+    """Log the predicted direction as an arrow from the middle of the image, and the true direction below it."""
     camera = prediction.camera or shown.cameras[0]
     height, width = shown.arrays[f"cameras/{camera}/color"].shape[1:3]
     assert prediction.probabilities is not None
@@ -63,7 +69,7 @@ def _log_arrows(recording: rr.RecordingStream, shown: EpisodeSource, prediction:
     send(recording, f"{entity}/predicted", t_ns, arrows)
     if "labels/direction" in shown:
         true = int(shown["labels/direction"])
-        below = middle + np.array([0.0, 0.2 * height])  # beside the predicted one, so that both can be read
+        below = middle + np.array([0.0, 0.2 * height])  # beside the predicted arrow, so that both can be read
         arrow = rr.Arrows2D(
             vectors=[ARROWS[true] * 0.3 * width], origins=[below], colors=[LABEL], radii=[0.35],
             labels=[f"true: {DIRECTIONS[true]}"], show_labels=True,

@@ -1,4 +1,4 @@
-"""Curves over time: wrench at its native rate, marks, proprioception, action commanded and achieved, reward."""
+"""Curves over time: wrench at its native rate, annotations, proprioception, commanded and achieved action, reward."""
 
 from collections.abc import Mapping, Sequence
 from itertools import cycle
@@ -14,14 +14,19 @@ from svfl_data.viewer.names import AXES, FORCE, LABEL, PALE_AXES, TORQUE, WHITE,
 
 FORCES, TORQUES = ("fx, N", "fy, N", "fz, N"), ("mx, N m", "my, N m", "mz, N m")
 MARK_COLORS = ((86, 180, 233), LABEL, TORQUE, (0, 158, 115), FORCE)
-"""Of the names of annotations, in their order; contact is the first."""
+"""Colours of the annotations by name, in the order of the names; contact has the first colour."""
 FIRST = ("contact",)
 MOST_NAMES = 100
 OTHERS = "other annotations"
 
 
 def log_styles(recording: rr.RecordingStream, root: str) -> None:
-    """Log names, colours and widths of all curves."""
+    """Log the names, colours and widths of all curves.
+
+    Args:
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+    """
     held = {"interpolation_mode": "StepAfter"}
     styles: dict[str, tuple[Sequence[str], Sequence[tuple[int, int, int]], float, Mapping[str, Any]]] = {
         names.FORCE_PLOT: (FORCES, AXES, 1.5, {}),
@@ -46,12 +51,25 @@ def log_styles(recording: rr.RecordingStream, root: str) -> None:
 
 
 def send_curve(recording: rr.RecordingStream, path: str, t_ns: np.ndarray, values: np.ndarray) -> None:
-    """Log rows of a curve, or of several with one column each, shape (N, C)."""
+    """Log rows of one or more curves.
+
+    Args:
+        recording: Recording to log to.
+        path: Entity of the curves.
+        t_ns: Timestamps of the rows, shape (N,), [ns].
+        values: Values with one column for each curve, shape (N, C).
+    """
     send(recording, path, t_ns, rr.Scalars.columns(scalars=np.asarray(values, dtype=np.float64)))
 
 
 def send_wrench(recording: rr.RecordingStream, root: str, readings: Readings) -> None:
-    """Log a piece of the wrench stream: raw, processed, and once more to mark the window of the current step."""
+    """Log a piece of the wrench stream: raw, processed, and processed again to highlight the current wrench window.
+
+    Args:
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+        readings: Piece of the wrench stream.
+    """
     t_ns = readings.t_ns
     for path, values in (
         (names.FORCE_PLOT, readings.wrench[:, :3]),
@@ -66,7 +84,14 @@ def send_wrench(recording: rr.RecordingStream, root: str, readings: Readings) ->
 
 
 def send_proprio(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, proprio: np.ndarray) -> None:
-    """Log proprioception, shape (N, 5)."""
+    """Log the TCP position, the gripper opening and the yaw.
+
+    Args:
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+        t_ns: Timestamps of the observations, shape (N,), [ns].
+        proprio: Proprioception at each observation, shape (N, 5).
+    """
     send_curve(recording, root + names.POSITION, t_ns, proprio[:, 1:4])
     send_curve(recording, root + names.OPENING_AND_YAW, t_ns, proprio[:, [0, 4]])
 
@@ -74,17 +99,17 @@ def send_proprio(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, pro
 def send_actions(
     recording: rr.RecordingStream, root: str, t_ns: np.ndarray, action: np.ndarray, proprio: np.ndarray
 ) -> None:
-    """Log what was commanded, and what had come of it at the next observation.
+    """Log the commanded actions, and the movement and gripper opening achieved at the next observation.
 
     Args:
-        recording: Where.
-        root: Folder of the episode's entities.
-        t_ns: Of the observation before each action, shape (N,), [ns].
-        action: Shape (N, 5).
-        proprio: From the first of these observations to the one after the last action, shape (N+1, 5).
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+        t_ns: Timestamps of the observation before each action, shape (N,), [ns].
+        action: Commanded actions, shape (N, 5).
+        proprio: Proprioception at these observations and at the observation after the last action, shape (N+1, 5).
     """
     moved = np.diff(proprio, axis=0)
-    turned = np.angle(np.exp(1j * moved[:, 4:]))  # the yaw may have gone round
+    turned = np.angle(np.exp(1j * moved[:, 4:]))  # into -pi..pi, because the yaw may jump by a full turn
     for path, values in (
         (names.COMMANDED, action[:, 1:4]),
         (names.ACHIEVED, moved[:, 1:4]),
@@ -97,24 +122,31 @@ def send_actions(
 
 
 def send_reward(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, success: bool) -> None:
-    """Log the sparse reward: 1 for the action that achieved the task, with which the episode ends, and 0 before.
+    """Log the sparse reward, which is 1 for the last action of a successful episode and otherwise 0, and the success.
 
     Args:
-        recording: Where.
-        root: Folder of the episode's entities.
-        t_ns: Of every observation, shape (N+1,), [ns].
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+        t_ns: Timestamps of all observations, shape (N+1,), [ns].
         success: Whether the task was achieved.
     """
     values = np.zeros((len(t_ns), 2))
-    values[-2:-1, 0] = success  # of the last action
+    values[-2:-1, 0] = success  # reward of the last action, at the observation before it
     values[-1, 1] = success
     send_curve(recording, root + names.REWARD, t_ns, values)
 
 
 def marks_by_name(annotations: Sequence[Mapping[str, Any]]) -> dict[str, list[tuple[int, int]]]:
-    """Start and end of the annotated intervals, [ns], by name: contacts first, at most `MOST_NAMES` names.
+    """Group annotated intervals by name: contacts first, then the other names in alphabetical order.
 
-    A viewer with thousands of curves ends, and nobody could tell them apart: names beyond these are one, `OTHERS`.
+    Only the first `MOST_NAMES` names get a group of their own; the intervals of further names are grouped as `OTHERS`.
+    With thousands of curves the viewer terminates, and a person could not distinguish them.
+
+    Args:
+        annotations: Annotations, each with ``name``, ``start_ns`` and ``end_ns``.
+
+    Returns:
+        Start and end of the intervals, [ns], by name.
     """
     found: dict[str, list[tuple[int, int]]] = {}
     for one in annotations:
@@ -129,19 +161,19 @@ def marks_by_name(annotations: Sequence[Mapping[str, Any]]) -> dict[str, list[tu
 def send_marks(
     recording: rr.RecordingStream, root: str, annotations: Sequence[Mapping[str, Any]], level: float
 ) -> None:
-    """Log named intervals as bars.
+    """Log annotated intervals as horizontal bars in the force plot.
 
     Args:
-        recording: Where.
-        root: Folder of the episode's entities.
-        annotations: With name, start_ns and end_ns.
-        level: At which height of the force plot, [N].
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+        annotations: Annotations, each with ``name``, ``start_ns`` and ``end_ns``.
+        level: Force at which the bars are drawn, [N].
     """
     marks = marks_by_name(annotations)
     colors = dict(zip(dict.fromkeys([*FIRST, *marks]), cycle(MARK_COLORS), strict=False))
     for name, spans in marks.items():
         t_ns = np.array([(start, max(start, end - 1), end) for start, end in spans]).reshape(-1)
-        values = np.tile([level, level, np.nan], len(spans))  # NaN lifts the pen
+        values = np.tile([level, level, np.nan], len(spans))  # NaN interrupts the curve between two intervals
         path = f"{root}{names.MARKS}/{rr.escape_entity_path_part(name)}"
         recording.log(path, rr.SeriesLines(names=[printable(name)], colors=[colors[name]], widths=7.0), static=True)
         send_curve(recording, path, t_ns, values[:, None])

@@ -1,7 +1,8 @@
-"""What a trained network thinks of every observation of an episode, for the viewer to draw.
+"""Predictions of a trained network for every observation of an episode, which the viewer draws.
 
-Networks come from elsewhere: whoever can load some kind of file declares a function ``load(path) -> network`` in the
-entry-point group `GROUP`, under the file's suffix without its dot; ``network(episode)`` gives a `Prediction`.
+Other packages load the networks. A package that can load files of some kind declares a function
+``load(path) -> network`` in the entry-point group `GROUP`, under the suffix of the files without its dot;
+``network(episode)`` returns a `Prediction`.
 """
 
 from collections.abc import Callable
@@ -19,16 +20,18 @@ GROUP = "svfl.predictions"
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Of one network on one episode of N+1 observations.
+    """Prediction of one network on one episode with N+1 observations.
 
     Attributes:
-        name: Of the network.
-        camera: Whose pictures it looks at; empty if it looks at none.
-        seen: The pictures as it sees them, cropped and scaled, shape (N+1, H, W, 3), uint8; or None.
-        probabilities: Of the directions `svfl_data.symmetry.DIRECTIONS`, shape (N+1, 4); or None.
-        actions: What it would command, shape (N+1, 5), base axes; or None.
-        crop: Which part of the camera's picture `seen` is: left, top, right, bottom edge, shape (N+1, 4), [px], the
-            outer corner of the top left pixel being (0, 0); or None for the middle part that `images.CROP` says.
+        name: Name of the network.
+        camera: Name of the camera whose images the network sees; empty if it sees no images.
+        seen: Cropped and scaled images that the network sees, shape (N+1, H, W, 3), uint8. None if there are none.
+        probabilities: Probabilities of the directions `svfl_data.symmetry.DIRECTIONS`, shape (N+1, 4). None if the
+            network does not predict directions.
+        actions: Actions that the network would command, shape (N+1, 5), base axes. None if it does not predict actions.
+        crop: Part of the camera's image that the network sees: left, top, right, bottom edge, shape (N+1, 4), [px],
+            where the outer corner of the top left pixel is (0, 0). None for the middle part, whose size is given by
+            `svfl_data.viewer.images.CROP`.
     """
 
     name: str
@@ -45,9 +48,15 @@ Network = Callable[[Episode], Prediction]
 def load(checkpoint: Path) -> Network:
     """Open a trained network.
 
+    Args:
+        checkpoint: File of the network, whose suffix selects the package that opens it.
+
+    Returns:
+        Function that predicts on an episode.
+
     Raises:
-        FormatError: If there is no such file, or it is not what its suffix says.
-        UsageError: If no installed package opens files of this kind.
+        FormatError: If the file does not exist, or its content does not match its suffix.
+        UsageError: If no installed package opens files with this suffix.
     """
     if not checkpoint.is_file():
         raise FormatError(f"{checkpoint}: no such file")

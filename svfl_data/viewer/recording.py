@@ -1,4 +1,4 @@
-"""An episode as a Rerun recording, read from disk piece by piece: an hour takes no more memory than a minute."""
+"""An episode as a Rerun recording; it is read from disk in pieces, so that memory does not grow with its length."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -20,21 +20,21 @@ from svfl_data.viewer.summary_text import summary_text
 
 FRAMES_AT_ONCE = 256
 EXACT_BYTES = 2**26
-"""Up to this size a camera's colour pictures are kept exactly: 3800 frames of 76 x 76, three minutes."""
+"""Largest size of a camera's colour images that are logged exactly, [bytes]: 3800 frames of 76 x 76, three minutes."""
 ARROWS = 20_000
-"""Up to this number of readings every one is an arrow in the scene; beyond, the latest one at each observation."""
+"""Largest number of readings that are all drawn as arrows; of more readings, only the latest at each observation is."""
 RULE = ContactRule()
 
 
 @dataclass(frozen=True, eq=False)
 class Summary:
-    """What has been learnt of an episode on the way, for whoever arranges the window.
+    """Ranges and annotations of an episode that are found while it is logged, for the layout of the window.
 
     Attributes:
-        low: Smallest value of each component of the processed wrench, shape (6,), [N] and [N m].
-        high: Largest one.
-        peak: Largest filtered force, [N].
-        annotations: Recorded and found ones, with the label's.
+        low: Smallest value of each component of the processed wrench, at most 0, shape (6,), [N] and [N m].
+        high: Largest value of each component of the processed wrench, at least 0, shape (6,), [N] and [N m].
+        peak: Largest norm of the filtered force, [N].
+        annotations: Recorded annotations, contacts found here, and the label as an annotation.
     """
 
     low: np.ndarray
@@ -49,13 +49,16 @@ def log_episode(
     """Log a whole episode.
 
     Args:
-        recording: Where.
-        shown: The episode.
-        prediction: What a network says of it.
-        urdf: Description of the arm; that of the Panda if not given.
+        recording: Recording to log to.
+        shown: Episode to log.
+        prediction: Prediction of a network on the episode. None if no network is shown.
+        urdf: URDF of the arm. None for the Panda of the simulation.
+
+    Returns:
+        Ranges and annotations of the episode, for the layout of the window.
 
     Raises:
-        FormatError: If the episode has changed, or the description does not fit its joints.
+        FormatError: If the episode's file has changed since it was opened, or the URDF does not fit the joints.
         FieldError: If a field does not fit its declaration.
     """
     root, t_ns, proprio = shown.root, shown[TIMES], shown[PROPRIO]
@@ -87,11 +90,11 @@ def log_episode(
 
 
 def _log_wrench(recording: rr.RecordingStream, shown: EpisodeSource, t_ns: np.ndarray, proprio: np.ndarray) -> Summary:
-    """Log curves, arrows, marks and the coloured path in one pass over the readings."""
+    """Log the wrench curves, arrows, annotations and the coloured TCP path in one pass over the readings."""
     clock, root = shown[WRENCH_TIMES], shown.root
     at_steps = np.searchsorted(clock, t_ns, side="right") - 1  # the latest reading of each observation
     chosen = np.arange(len(clock)) if len(clock) <= ARROWS else np.unique(at_steps[at_steps >= 0])
-    chosen = chosen[clock[chosen] >= t_ns[0]] if len(chosen) else chosen  # before, where the wrist was is not recorded
+    chosen = chosen[clock[chosen] >= t_ns[0]] if len(chosen) else chosen  # the wrist's earlier position is not recorded
     size = np.zeros(len(clock), np.float32)
     low, high, first = np.zeros(6), np.zeros(6), 0
     for piece in shown.readings(RULE):
@@ -112,7 +115,7 @@ def _log_wrench(recording: rr.RecordingStream, shown: EpisodeSource, t_ns: np.nd
 
 
 def _force_on_the_way(at_steps: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Largest force between each observation and the next, shape (N,), [N]."""
+    """Return the largest force between each observation and the next, shape (N,), [N]."""
     edges = np.maximum(at_steps, 0)
     return np.array([size[first : max(after, first + 1)].max(initial=0.0) for first, after in pairwise(edges)])
 
@@ -122,7 +125,7 @@ def _half_extents(shown: EpisodeSource) -> np.ndarray | None:
 
 
 def _annotations(shown: EpisodeSource, clock: np.ndarray, size: np.ndarray, t_ns: np.ndarray) -> list[dict]:
-    """Recorded intervals, contacts found here where none were recorded, and the label at the last step."""
+    """Return the recorded intervals, contacts found here if none were recorded, and the label at the last step."""
     found = [
         one
         for one in shown.meta.annotations
@@ -139,7 +142,7 @@ def _annotations(shown: EpisodeSource, clock: np.ndarray, size: np.ndarray, t_ns
 
 
 def _log_camera(recording: rr.RecordingStream, shown: EpisodeSource, camera: str) -> None:
-    """Log a camera's calibration and pictures."""
+    """Log the calibration and the images of a camera."""
     entity, group = images.camera_entity(shown.root, camera), f"cameras/{camera}"
     color, clock = shown.arrays[f"{group}/color"], shown[f"{group}/t_ns"]
     rows, height, width = color.shape[:3]

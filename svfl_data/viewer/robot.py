@@ -1,4 +1,4 @@
-"""The arm, drawn from its URDF and moved by the recorded joints."""
+"""The robot arm, drawn from its URDF and moved by the recorded joint positions."""
 
 import importlib.util
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ from svfl_data.system.printable import printable
 from svfl_data.viewer.names import SCENE, send
 from svfl_data.viewer.urdf import mesh_file, numbers, read_urdf
 
-FRAMES = ("parent_frame", "child_frame")  # Rerun's own names for links; here the entity tree says what hangs on what
+FRAMES = ("parent_frame", "child_frame")  # Rerun's own link frames, left out because the entity tree gives the parents
 SHADE = (0.78, 0.78, 0.80, 0.4)
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """An arm.
+    """Robot arm from a URDF.
 
     Attributes:
-        file: Its URDF.
-        joints: In the order of the file.
-        meshes: Link, mesh file and where the mesh sits on the link: (x, y, z) [m] and (roll, pitch, yaw) [rad].
+        file: URDF file of the arm.
+        joints: Joints of the arm, in the order of the file.
+        meshes: For each mesh its link, its file and its pose on the link: (x, y, z) [m] and (roll, pitch, yaw) [rad].
     """
 
     file: Path
@@ -35,10 +35,13 @@ class Robot:
 
     @classmethod
     def of_file(cls, file: Path) -> "Robot":
-        """Read a URDF.
+        """Read a robot arm from a URDF.
+
+        Args:
+            file: URDF file.
 
         Raises:
-            FormatError: If it is not one.
+            FormatError: If the file is not a URDF.
         """
         links = read_urdf(file).iterfind("link")
         try:
@@ -49,11 +52,15 @@ class Robot:
 
     @property
     def moving(self) -> list[UrdfJoint]:
-        """The joints that have a recorded position, in the order of the columns."""
+        """Joints that move and so have a recorded position, in the order of the columns of the positions."""
         return [joint for joint in self.joints if joint.joint_type != "fixed"]
 
     def entities(self, root: str) -> dict[str, str]:
-        """Entity of every link: each below the link that it hangs on."""
+        """Return the entity path of every link by the name of the link; each is below the entity of its parent link.
+
+        Args:
+            root: Prefix of the episode's entities.
+        """
         paths = {joint.child_link: "" for joint in self.joints}
         base = next((joint.parent_link for joint in self.joints if joint.parent_link not in paths), "base")
         paths = {base: f"{root}{SCENE}/robot/{base}"}
@@ -66,7 +73,12 @@ class Robot:
         return paths
 
     def log(self, recording: rr.RecordingStream, root: str) -> None:
-        """Log what never changes: shapes, and links that do not move."""
+        """Log the parts of the arm that never change: the meshes, and the poses of links on fixed joints.
+
+        Args:
+            recording: Recording to log to.
+            root: Prefix of the episode's entities.
+        """
         paths = self.entities(root)
         for number, (link, mesh, xyz, rpy) in enumerate(self.meshes):
             entity = f"{paths.get(link, root + SCENE)}/mesh_{number}"
@@ -78,13 +90,13 @@ class Robot:
                 recording.send_columns(paths[joint.child_link], [], columns)
 
     def send(self, recording: rr.RecordingStream, root: str, t_ns: np.ndarray, positions: np.ndarray) -> None:
-        """Log how it moves.
+        """Log the movement of the arm.
 
         Args:
-            recording: Where.
-            root: Folder of the episode's entities.
-            t_ns: Shape (L,), [ns].
-            positions: Shape (L, J), [rad] and [m], one column for each moving joint.
+            recording: Recording to log to.
+            root: Prefix of the episode's entities.
+            t_ns: Timestamps of the joint positions, shape (L,), [ns].
+            positions: Joint positions, one column for each moving joint, shape (L, J), [rad] and [m].
         """
         paths = self.entities(root)
         for joint, values in zip(self.moving, positions.T, strict=True):
@@ -93,7 +105,7 @@ class Robot:
 
 @cache
 def panda() -> Robot | None:
-    """The Panda of the simulation with its coarse meshes, where pybullet (which brings it) is installed."""
+    """Return the Panda of the simulation with its coarse meshes; None if pybullet, which contains it, is missing."""
     found = importlib.util.find_spec("pybullet_data")
     for folder in (found and found.submodule_search_locations) or ():
         file = Path(folder) / "franka_panda" / "panda.urdf"
@@ -103,14 +115,14 @@ def panda() -> Robot | None:
 
 
 def robot_for(joints: int, urdf: Path | None = None) -> Robot | None:
-    """The robot that has recorded joints, or None if there is none to draw.
+    """Return the robot whose joints were recorded, or None if there is no matching robot to draw.
 
     Args:
-        joints: Columns of the recorded joint positions.
-        urdf: Its description; that of the Panda if not given.
+        joints: Number of columns of the recorded joint positions.
+        urdf: URDF of the robot. None for the Panda of the simulation.
 
     Raises:
-        FormatError: If the description given is not one, or has another number of joints.
+        FormatError: If the given file is not a URDF, or has another number of moving joints.
     """
     robot = Robot.of_file(urdf) if urdf else panda()
     if robot is None or len(robot.moving) == joints:
@@ -126,7 +138,7 @@ def _without_frames(joint: UrdfJoint, values: np.ndarray) -> list[rr.ComponentCo
 
 
 def _meshes(file: Path, link: ElementTree.Element) -> list[tuple[str, Path, tuple[float, ...], tuple[float, ...]]]:
-    """Meshes of a link that exist; a coarse one of the same name, for collisions, is preferred: nobody sees more."""
+    """Return the meshes of a link that exist, preferring coarse collision meshes, which look the same in the viewer."""
     found = []
     for visual in link.iterfind("visual"):
         mesh, origin = visual.find("geometry/mesh"), visual.find("origin")
@@ -139,7 +151,7 @@ def _meshes(file: Path, link: ElementTree.Element) -> list[tuple[str, Path, tupl
 
 
 def _quaternion(rpy: tuple[float, ...]) -> np.ndarray:
-    """Roll, pitch and yaw about fixed axes x, y, z (the URDF's convention) as quat_xyzw."""
+    """Convert roll, pitch and yaw about fixed axes x, y, z (the convention of URDF), [rad], into quat_xyzw."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(np.divide(rpy, 2)), np.sin(np.divide(rpy, 2))
     return np.array([
         sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy,

@@ -1,4 +1,4 @@
-"""The 3-D scene in base axes: workspace, objects, arm or gripper, what it feels, where it went and where it must go."""
+"""The 3-D scene in base axes: workspace, object, gripper, wrench at the wrist, path of the TCP, and label."""
 
 import numpy as np
 import rerun as rr
@@ -6,27 +6,27 @@ import rerun as rr
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer.names import AXES, BLOCK, FORCE, GREY, LABEL, SCENE, TORQUE, send
 
-METRES_PER_NEWTON = 0.003  # a collision of 30 N draws an arrow of 9 cm, as long as the gripper
-METRES_PER_NEWTON_METRE = 0.05  # 30 N on a finger 4.5 cm off the axis: 7 cm
+METRES_PER_NEWTON = 0.003  # a collision of 30 N gives an arrow of 9 cm, as long as the gripper
+METRES_PER_NEWTON_METRE = 0.05  # a force of 30 N on a finger 4.5 cm off the axis gives an arrow of 7 cm
 
 # Franka Gripper as in panda.urdf, in metres, drawn as boxes. The frame is at the TCP, z up; the fingers open along y,
 # which is base y at yaw 0.
-WRIST_ABOVE_TCP = 0.105  # the sensor origin
+WRIST_ABOVE_TCP = 0.105  # height of the sensor origin
 PALM_CENTRE, PALM_HALF = (0.0, 0.0, 0.072), (0.030, 0.100, 0.033)
 FINGER_Z, FINGER_HALF = 0.016, (0.010, 0.006, 0.023)
-FINGER_TRAVEL = 0.040  # of one finger, from closed to open
-BLOCK_HALF = (0.025, 0.025, 0.025)  # where it was not recorded
+FINGER_TRAVEL = 0.040  # travel of one finger, from closed to open
+BLOCK_HALF = (0.025, 0.025, 0.025)  # half edges of the object if they were not recorded
 PATH_COLORS = np.array([(70, 80, 110), FORCE, (255, 255, 210)], dtype=np.float64)
-"""Of the TCP's path, from no force to the largest."""
+"""Colours (red, green, blue) of the TCP's path, from zero force to the largest force."""
 
 
 def log_environment(recording: rr.RecordingStream, root: str, workspace: np.ndarray) -> None:
-    """Log workspace box, table, base axes, and how everything that moves looks.
+    """Log the workspace box, the table and the base axes, and the colours and sizes of everything that moves.
 
     Args:
-        recording: Where.
-        root: Folder of the episode's entities.
-        workspace: Bounds of the TCP, shape (3, 2), [m].
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+        workspace: Lower and upper bounds of the TCP's x, y, z in base, shape (3, 2), [m].
     """
     scene = root + SCENE
     lower, upper = workspace.T
@@ -52,23 +52,23 @@ def log_environment(recording: rr.RecordingStream, root: str, workspace: np.ndar
 
 
 def gripper_poses(proprio: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The gripper's frame: origin at the TCP, z up, the fingers open along y.
+    """Return the poses of the gripper's frame, whose origin is at the TCP, with z up; the fingers open along y.
 
     Args:
         proprio: Opening, TCP position and yaw as declared in `svfl_data.schema.fields`, shape (N, 5).
 
     Returns:
-        Position, shape (N, 3), [m], and quat_xyzw, shape (N, 4), in base.
+        Positions, shape (N, 3), [m], and quat_xyzw, shape (N, 4), in base.
     """
     zero, half_yaw = np.zeros(len(proprio)), proprio[:, 4] / 2
     return proprio[:, 1:4], np.stack([zero, zero, np.sin(half_yaw), np.cos(half_yaw)], axis=1)
 
 
 def gripper_boxes(opening: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A gripper made of three boxes: palm and two fingers.
+    """Return three boxes that show the gripper: the palm and two fingers.
 
     Args:
-        opening: Gripper opening, 0 closed to 1 open, shape (N,).
+        opening: Gripper opening, from 0 (closed) to 1 (open), shape (N,).
 
     Returns:
         Half sizes and centres, both of shape (N, 3 boxes, 3), [m], in the gripper's frame.
@@ -81,14 +81,14 @@ def gripper_boxes(opening: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def send_gripper(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, proprio: np.ndarray, boxes: bool) -> None:
-    """Log where TCP and wrist are.
+    """Log the poses of the TCP and the wrist.
 
     Args:
-        recording: Where.
-        root: Folder of the episode's entities.
-        t_ns: Shape (N,), [ns].
-        proprio: Shape (N, 5).
-        boxes: Whether to draw the gripper as well: where no arm is drawn.
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+        t_ns: Timestamps of the observations, shape (N,), [ns].
+        proprio: Proprioception at each observation, shape (N, 5).
+        boxes: Whether to draw the gripper as boxes as well, which is needed if no arm is drawn.
     """
     position, quat_xyzw = gripper_poses(proprio)
     wrist = position + np.array([0.0, 0.0, WRIST_ABOVE_TCP])
@@ -108,16 +108,16 @@ def send_boxes(
     half_sizes: np.ndarray,
     centres: np.ndarray | None = None,
 ) -> None:
-    """Log boxes that move together; sizes go with each row so that nothing is drawn before the first one.
+    """Log boxes that move together; each row has their sizes, so that nothing is drawn before the first row.
 
     Args:
-        recording: Where to log.
-        path: Entity.
-        t_ns: Time of each row, shape (N,).
-        position: Of the frame of the boxes, shape (N, 3), [m], base axes.
-        quat_xyzw: Of the frame of the boxes, shape (N, 4).
-        half_sizes: Shape (N, boxes, 3), [m].
-        centres: In the frame of the boxes, shape (N, boxes, 3), [m]; zero if not given.
+        recording: Recording to log to.
+        path: Entity of the boxes.
+        t_ns: Time of each row, shape (N,), [ns].
+        position: Position of the frame of the boxes, shape (N, 3), [m], base axes.
+        quat_xyzw: Orientation of the frame of the boxes in base, shape (N, 4).
+        half_sizes: Half edges of the boxes, shape (N, boxes, 3), [m].
+        centres: Centres of the boxes in their frame, shape (N, boxes, 3), [m]. None for zero.
     """
     rows, number = half_sizes.shape[:2]
     centres = np.zeros_like(half_sizes) if centres is None else centres
@@ -129,13 +129,28 @@ def send_boxes(
 def send_object(
     recording: rr.RecordingStream, root: str, t_ns: np.ndarray, pose: np.ndarray, half: np.ndarray | None
 ) -> None:
-    """Log the task's object as a box: poses of shape (P, 7), half edges of shape (3,) or not known, [m]."""
+    """Log the task's object as a box.
+
+    Args:
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+        t_ns: Timestamps of the poses, shape (P,), [ns].
+        pose: Position [m] and quat_xyzw of the object in base, shape (P, 7).
+        half: Half edges of the object, shape (3,), [m]. None if they were not recorded.
+    """
     boxes = np.tile(BLOCK_HALF if half is None else half, (len(pose), 1, 1))
     send_boxes(recording, f"{root}{SCENE}/object", t_ns, pose[:, :3], pose[:, 3:], boxes)
 
 
 def send_arrows(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, wrench: np.ndarray) -> None:
-    """Log force and torque at the wrist, shape (M, 6), [N] and [N m]."""
+    """Log force and torque as arrows at the wrist.
+
+    Args:
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+        t_ns: Timestamps of the readings, shape (M,), [ns].
+        wrench: Wrenches, shape (M, 6), [N] and [N m], base axes.
+    """
     force, torque = np.split(wrench, 2, axis=1)
     newtons = [f"{size:.1f} N" for size in np.linalg.norm(force, axis=1)]
     arrow = rr.Arrows3D.columns(vectors=force * METRES_PER_NEWTON, labels=newtons)
@@ -145,14 +160,14 @@ def send_arrows(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, wren
 
 
 def log_path(recording: rr.RecordingStream, root: str, position: np.ndarray, force: np.ndarray, top: float) -> None:
-    """Log the TCP's path, coloured by force.
+    """Log the path of the TCP, coloured by force.
 
     Args:
-        recording: Where.
-        root: Folder of the episode's entities.
-        position: Of the TCP at each observation, shape (N+1, 3), [m].
-        force: Largest force on the way from each observation to the next, shape (N,), [N].
-        top: Force of the brightest colour, [N].
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+        position: Position of the TCP at each observation, shape (N+1, 3), [m], base axes.
+        force: Largest force between each observation and the next, shape (N,), [N].
+        top: Force that has the brightest colour, [N].
     """
     pieces = np.stack([position[:-1], position[1:]], axis=1)  # (N, 2 ends, 3)
     shade = np.clip(force / max(top, 1e-9), 0, 1)
@@ -164,19 +179,19 @@ def log_path(recording: rr.RecordingStream, root: str, position: np.ndarray, for
 def log_label(
     recording: rr.RecordingStream, root: str, t_ns: int, proprio: np.ndarray, offset: np.ndarray, direction: int
 ) -> None:
-    """Log the label, which belongs to the final observation: an arrow from the gripper to its outline where it must go.
+    """Log the label of the final observation: an arrow for the displacement, and the gripper's outline at its target.
 
     Args:
-        recording: Where.
-        root: Folder of the episode's entities.
-        t_ns: Of the observation, [ns].
-        proprio: Of the observation, shape (5,).
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+        t_ns: Time of the final observation, [ns].
+        proprio: Proprioception at the final observation, shape (5,).
         offset: Displacement that centres the gripper, base (x, y), shape (2,), [m].
-        direction: Its class.
+        direction: Direction class of the displacement, an index into `svfl_data.symmetry.DIRECTIONS`.
     """
     end, move = np.array([t_ns]), np.array([*offset, 0.0])
     position, quat_xyzw = gripper_poses(proprio[None])
-    arrow, above = f"{root}{SCENE}/label_offset", [0.0, 0.0, WRIST_ABOVE_TCP + 0.02]  # the gripper's top would hide it
+    arrow, above = f"{root}{SCENE}/label_offset", [0.0, 0.0, WRIST_ABOVE_TCP + 0.02]  # above the gripper, which would hide it
     recording.log(arrow, rr.Arrows3D.from_fields(colors=[LABEL], radii=[0.004]), static=True)
     send(recording, arrow, end, rr.Arrows3D.columns(origins=position + above, vectors=[move]))
     target = f"{root}{SCENE}/label_target"

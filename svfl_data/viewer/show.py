@@ -1,4 +1,4 @@
-"""Episodes in a file, in the viewer's window, or in a browser."""
+"""Functions that show episodes in the viewer's window or in a browser, or save them in a file for the viewer."""
 
 import errno
 import os
@@ -26,7 +26,7 @@ from svfl_data.viewer.recording import log_episode
 
 LOOPBACK = "127.0.0.1"
 FOOTER, FOOTER_WITHIN = b"RRF2FOOT", 64
-"""How a whole recording ends: this within its last bytes."""
+"""Mark in the footer of a complete Rerun recording, and the number of last bytes of the file that contain the mark."""
 
 
 class ViewerError(SvflError):
@@ -34,15 +34,19 @@ class ViewerError(SvflError):
 
 
 Content = Callable[[rr.RecordingStream], None]
-"""Logs what is to be shown, and the arrangement of the window."""
+"""Function that logs the content to be shown, and the layout of the window, to a recording."""
 
 
 def content(episodes: Sequence[tuple[EpisodeSource, Prediction | None]], urdf: Path | None = None) -> Content:
-    """Episodes as something to show.
+    """Prepare episodes to be shown.
 
     Args:
-        episodes: One, or several with a root each, to be shown side by side; each with what a network says of it.
-        urdf: Description of the arm; that of the Panda if not given.
+        episodes: One episode, or several episodes with different roots, which are shown side by side; each with the
+            prediction of a network, or None.
+        urdf: URDF of the arm. None for the Panda of the simulation.
+
+    Returns:
+        Function that logs the episodes and the layout of the window to a recording.
     """
 
     def log(recording: rr.RecordingStream) -> None:
@@ -55,14 +59,14 @@ def content(episodes: Sequence[tuple[EpisodeSource, Prediction | None]], urdf: P
 
 
 def save(shown: Content, path: Path) -> None:
-    """Write a recording that Rerun opens, whole or not at all.
+    """Write a recording file that Rerun opens; no partial file is left if writing fails.
 
     Args:
-        shown: What to show.
-        path: The ``.rrd`` file; replaced if it exists.
+        shown: Content of the recording.
+        path: The ``.rrd`` file to write; replaced if it exists.
 
     Raises:
-        StorageError: If the disk refuses; a file that was there before is untouched.
+        StorageError: If the file cannot be written. A file that existed before is then unchanged.
     """
     with named_aside(path) as part:
         with _silent():
@@ -74,11 +78,11 @@ def _record(shown: Content, part: Path) -> None:
     """Write a recording to an empty file.
 
     Raises:
-        OSError: If Rerun's writer has given up. It does not always tell why; the usual reason is a full disk.
+        OSError: If Rerun's writer failed. It does not always report the reason; the usual reason is a full disk.
     """
     recording = rr.RecordingStream(APPLICATION)
     try:
-        recording.save(os.fsencode(part).decode("utf-8", "surrogateescape"))  # Rerun knows no other encoding
+        recording.save(os.fsencode(part).decode("utf-8", "surrogateescape"))  # Rerun supports no other encoding
         shown(recording)
         recording.flush()
     except RuntimeError as error:
@@ -94,11 +98,11 @@ def _record(shown: Content, part: Path) -> None:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Nothing on standard error: Rerun's threads write lines of their own there about a disk that is full."""
+    """Discard all output on standard error, because Rerun's threads write messages there if the disk is full."""
     sys.stderr.flush()
     try:
         kept = os.dup(2)
-    except OSError:  # it is closed already
+    except OSError:  # standard error is closed already
         yield
         return
     nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -112,10 +116,10 @@ def _silent() -> Iterator[None]:
 
 
 def _check_written(part: Path) -> None:
-    """Wait until a recording is on the disk; Rerun's writer only warns when a disk is full, and leaves the end out.
+    """Wait until a recording is on the disk, and check its end, because Rerun's writer only warns of a full disk.
 
     Raises:
-        OSError: If it is not whole.
+        OSError: If the end of the recording is missing.
     """
     with part.open("rb+") as file:
         os.fsync(file.fileno())
@@ -125,7 +129,11 @@ def _check_written(part: Path) -> None:
 
 
 def command_to_open(path: Path) -> str:
-    """The command that opens a recording, as it works from here, whether or not the environment is activated."""
+    """Return a shell command that opens a recording from the current folder, even in an inactive environment.
+
+    Args:
+        path: File of the recording.
+    """
     program = Path(sys.executable).parent / "rerun"
     if shutil.which("rerun") == str(program):
         return shlex.join(["rerun", str(path)])
@@ -135,9 +143,13 @@ def command_to_open(path: Path) -> str:
 def show(shown: Content) -> None:
     """Open Rerun's viewer and wait until its window is closed.
 
-    The viewer's server for live data listens on this machine only.
+    The viewer's server for live data listens only on the loopback address of this machine.
+
+    Args:
+        shown: Content to show.
 
     Raises:
+        StorageError: If the temporary recording cannot be written.
         ViewerError: If there is no display, or the viewer fails.
     """
     if sys.platform == "linux" and not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")):
@@ -155,12 +167,13 @@ def serve(shown: Content, bind: str = LOOPBACK, port: int = 9090) -> None:
     """Serve the viewer to browsers until interrupted.
 
     Args:
-        shown: What to show.
-        bind: Address to listen on; by default only this machine can look.
-        port: Of the page; the data come from the next one.
+        shown: Content to show.
+        bind: Address to listen on. By default only browsers on this machine can connect.
+        port: Port of the page. The data are served on the next port.
 
     Raises:
-        ViewerError: If the server fails, such as for a port in use.
+        StorageError: If the temporary recording cannot be written.
+        ViewerError: If the server fails, such as because a port is in use.
     """
     with tempfile.TemporaryDirectory(prefix="svfl-view-") as folder:
         file = Path(folder) / "episode.rrd"
@@ -173,7 +186,12 @@ def serve(shown: Content, bind: str = LOOPBACK, port: int = 9090) -> None:
 
 
 def web_address(bind: str, port: int) -> str:
-    """The page to open."""
+    """Return the address of the page that a browser must open.
+
+    Args:
+        bind: Address that the server listens on. For all addresses (``0.0.0.0``, ``::``), the loopback address is used.
+        port: Port of the page. The data are served on the next port.
+    """
     host = LOOPBACK if bind in ("0.0.0.0", "::") else bind
     data = f"rerun%2Bhttp%3A%2F%2F{host}%3A{port + 1}%2Fproxy"
     return f"http://{host}:{port}/?url={data}"
@@ -181,7 +199,7 @@ def web_address(bind: str, port: int) -> str:
 
 def _run(arguments: list[str], advice: str) -> None:
     command = [sys.executable, "-P", "-m", "rerun", *arguments]
-    # Rerun's Python program starts the viewer as a child of its own, so that both have to be ended: as one group.
+    # Rerun's Python program starts the viewer as a child process; one process group lets both be ended together.
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True) as viewer:
         try:
             said = _until_it_ends(viewer)
@@ -195,10 +213,10 @@ def _run(arguments: list[str], advice: str) -> None:
 
 
 def _until_it_ends(viewer: "subprocess.Popen[str]") -> str:
-    """What the viewer has written to standard error, once it has ended.
+    """Wait until the viewer ends, and return its output on standard error.
 
-    Python looks for signals before it waits, and one that comes just after that does not wake it up; so it looks again
-    every second.
+    Python checks for signals before it waits, and a signal that arrives just after the check does not interrupt the
+    wait. Therefore the wait is repeated every second.
     """
     while True:
         with suppress(subprocess.TimeoutExpired):

@@ -1,4 +1,4 @@
-"""What a person should know before looking, in words."""
+"""The text that the viewer shows beside an episode."""
 
 import numpy as np
 
@@ -13,12 +13,12 @@ from svfl_data.viewer.scene import METRES_PER_NEWTON, METRES_PER_NEWTON_METRE
 
 
 def summary_text(shown: EpisodeSource, peak: float, prediction: Prediction | None = None) -> str:
-    """The text beside an episode, in Markdown.
+    """Return the text that the viewer shows beside an episode, in Markdown.
 
     Args:
-        shown: The episode.
-        peak: Largest filtered force, [N]: the brightest colour of the path.
-        prediction: What a network says of it.
+        shown: Episode that is shown.
+        peak: Largest norm of the filtered force, [N], which has the brightest colour of the TCP's path.
+        prediction: Prediction of a network on the episode. None if no network is shown.
     """
     meta, t_ns, tare = shown.meta, shown[TIMES], shown[TARE]
     seconds = (t_ns[-1] - t_ns[0]) / 1e9

@@ -1,7 +1,8 @@
-"""The description of an arm (URDF), read so that nothing in it can do harm: a stranger may have written it.
+"""Safe reading of the description of an arm (URDF) from an untrusted source.
 
-Rerun's reader follows whatever paths a description names and ends the process on some that nest deeply, so it only gets
-what has been looked at here: a bounded text, a tree of links and joints, meshes of the description's own folders.
+Rerun's reader opens any path that a URDF names, and some deeply nested files end its process. Therefore Rerun only gets
+files that were checked here: the text has a limited size, links and joints form a tree, and all meshes are in the
+folders of the URDF.
 """
 
 import math
@@ -15,19 +16,23 @@ from svfl_data.system.regular_file import read_regular
 
 TEXT_BYTES, MESH_BYTES = 2**24, 2**28
 LEVELS, PARTS = 16, 1000
-"""Elements inside each other, and links or joints, at most; the largest robots have some tens of joints."""
+"""Largest nesting depth of elements, and largest number of links or joints; large robots have some tens of joints."""
 MESHES = (".dae", ".glb", ".gltf", ".obj", ".stl")
 PACKAGE = "package://"
 
 
 def read_urdf(file: Path) -> ElementTree.Element:
-    """The root element of a description.
+    """Read and check a URDF.
 
     Args:
-        file: Named by the user, be it by a link.
+        file: URDF file that the user named. It may be a symbolic link.
+
+    Returns:
+        The root element.
 
     Raises:
-        FormatError: If it is none, too large, nests too deeply, defines entities, or its joints are no tree of links.
+        FormatError: If the file does not exist, is not a URDF, is too large, nests too deeply or defines entities, or
+            if its joints do not connect the links to a tree.
     """
     if not file.exists():
         raise FormatError(f"{file}: no such file")
@@ -35,7 +40,7 @@ def read_urdf(file: Path) -> ElementTree.Element:
         content = read_regular(file.resolve(), TEXT_BYTES)
         if b"<!DOCTYPE" in content:
             raise FormatError(f"{file}: not a URDF that is read (it defines entities of its own)")
-        parser: Any = ElementTree.XMLPullParser(["start", "end"])  # its type says less than it does
+        parser: Any = ElementTree.XMLPullParser(["start", "end"])  # Any, because its declared type is incomplete
         parser.feed(content)
         root = _bounded(parser)
         parser.close()
@@ -46,13 +51,13 @@ def read_urdf(file: Path) -> ElementTree.Element:
 
 
 def mesh_file(file: Path, name: str) -> Path | None:
-    """The file of a mesh, if it is an ordinary one of the description's own folders; None otherwise.
+    """Return the file of a mesh if it is a regular mesh file in the folders of the URDF, otherwise None.
 
     Args:
-        file: The description.
-        name: What it calls the mesh: a path from its folder, or ``package://`` and a path inside a package, which is
-            the description's folder or one of the two above it. A path from its folder may lead into the folder above,
-            as packages with folders ``urdf`` and ``meshes`` have it.
+        file: URDF file.
+        name: Name of the mesh in the URDF: a path relative to the folder of the URDF, or ``package://`` and a path
+            inside a package, which is the folder of the URDF or one of the two folders above it. A relative path may
+            lead into the folder above, as in packages with the folders ``urdf`` and ``meshes``.
     """
     home = file.resolve().parent
     if name.startswith(PACKAGE):
@@ -70,10 +75,13 @@ def mesh_file(file: Path, name: str) -> Path | None:
 
 
 def numbers(text: str | None) -> tuple[float, ...]:
-    """Three numbers of an attribute; zeros if it is missing.
+    """Parse the three numbers of an attribute.
+
+    Args:
+        text: Value of the attribute. None, if the attribute is missing, gives three zeros.
 
     Raises:
-        ValueError: If they are none.
+        ValueError: If the text does not consist of three finite numbers.
     """
     found = tuple(float(part) for part in (text or "0 0 0").split())
     if len(found) != 3 or not all(map(math.isfinite, found)):
