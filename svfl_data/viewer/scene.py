@@ -191,7 +191,7 @@ def log_label(
     """
     end, move = np.array([t_ns]), np.array([*offset, 0.0])
     position, quat_xyzw = gripper_poses(proprio[None])
-    arrow, above = f"{root}{SCENE}/label_offset", [0.0, 0.0, WRIST_ABOVE_TCP + 0.02]  # above the gripper, which would hide it
+    arrow, above = f"{root}{SCENE}/label_offset", [0.0, 0.0, WRIST_ABOVE_TCP + 0.02]  # above the gripper's top
     recording.log(arrow, rr.Arrows3D.from_fields(colors=[LABEL], radii=[0.004]), static=True)
     send(recording, arrow, end, rr.Arrows3D.columns(origins=position + above, vectors=[move]))
     target = f"{root}{SCENE}/label_target"
