@@ -1,4 +1,4 @@
-"""A sum tree: a number is changed, and the place where the running total exceeds an amount is found, in log time.
+"""A sum tree, which changes numbers and finds where their running total exceeds an amount, both in logarithmic time.
 
 Source: Schaul, Quan, Antonoglou, Silver, "Prioritized Experience Replay", ICLR 2016, appendix B.2.1.
 """

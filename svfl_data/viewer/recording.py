@@ -1,4 +1,4 @@
-"""An episode as a Rerun recording; it is read from disk in pieces, so that memory does not grow with its length."""
+"""An episode as a Rerun recording; images and wrench readings are read from disk in pieces, to limit memory."""
 
 from dataclasses import dataclass
 from itertools import pairwise

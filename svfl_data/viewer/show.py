@@ -30,7 +30,7 @@ FOOTER, FOOTER_WITHIN = b"RRF2FOOT", 64
 
 
 class ViewerError(SvflError):
-    """The viewer's window cannot be opened on this machine."""
+    """Error that is raised if the viewer or its server cannot be started on this machine, or fails."""
 
 
 Content = Callable[[rr.RecordingStream], None]
