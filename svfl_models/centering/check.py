@@ -1,4 +1,4 @@
-"""How symmetric a trained network is, on real episodes."""
+"""Measures how far a trained network is from exact symmetry on recorded episodes."""
 
 import copy
 from collections.abc import Callable
@@ -23,12 +23,12 @@ from svfl_models.symmetry.testing import TOLERANCE, equivariance_error
 
 @dataclass(frozen=True)
 class Precision:
-    """How numbers are computed with.
+    """Number format in which a network is checked.
 
     Attributes:
-        dtype: Of weights and inputs.
-        autocast: Whether PyTorch computes the expensive part in bfloat16 (mixed precision).
-        tolerance: Relative error of a whole network that counts as rounding.
+        dtype: Data type of the weights and inputs.
+        autocast: Whether PyTorch computes the expensive operations in bfloat16 (mixed precision).
+        tolerance: Largest relative error of a whole network that still counts as rounding.
     """
 
     dtype: torch.dtype
@@ -42,19 +42,21 @@ PRECISIONS = {
     "bf16": Precision(torch.float32, True, 5e-2),  # 8 bits of mantissa: 4e-3 per operation
 }
 EXACT = "exact"
-"""What is expected of an element that nothing spoils."""
+"""Value of `ElementCheck.expected` for an element under which the network must be equivariant up to rounding."""
 
 
 @dataclass(frozen=True)
 class ElementCheck:
-    """What a network does when the world is rotated or mirrored.
+    """Error of a network when the world is transformed by one group element, a rotation or reflection.
 
     Attributes:
-        matrix: The element, shape (2, 2).
-        expected: `EXACT`, or why the network may err.
-        output_error: Relative error of the scores or offsets; None for scores unless four directions are permuted.
-        hidden_error: Relative error of the trunk's features; None if the network's group lacks the element.
-        accuracy: Share of right directions on the transformed samples, 0..1.
+        matrix: Matrix of the element in image-aligned axes, shape (2, 2).
+        expected: `EXACT`, or the reason in words why the network may err more than rounding under this element.
+        output_error: Relative error of the scores or offsets. None if the network gives scores and the element does not
+            permute the four directions.
+        hidden_error: Relative error of the trunk's features. None if the element does not belong to the network's
+            group.
+        accuracy: Share of correct directions on the transformed samples, 0..1.
     """
 
     matrix: np.ndarray
@@ -65,13 +67,13 @@ class ElementCheck:
 
     @property
     def name(self) -> str:
-        """In words, as `svfl_data.symmetry.element` builds it."""
+        """Name of the element in words, such as ``90 deg, mirrored``: the flip comes before the rotation."""
         degrees = float(np.rad2deg(np.arctan2(self.matrix[1, 0], self.matrix[0, 0]))) % 360
         return f"{degrees:g} deg" + (", mirrored" if np.linalg.det(self.matrix) < 0 else "")
 
     @property
     def worst(self) -> float:
-        """The larger of the errors, 0 if there is none."""
+        """The larger of `output_error` and `hidden_error`; 0 if both are None."""
         return float(np.max([error or 0.0 for error in (self.output_error, self.hidden_error)]))  # NaN stays NaN
 
 
@@ -83,17 +85,22 @@ def check(
     group: Group | None = None,
     precision: str = "32",
 ) -> list[ElementCheck]:
-    """Measure a network's equivariance, element by element.
+    """Measure the equivariance of a network separately for each group element.
 
     Args:
         module: The trained network; it is not changed.
-        samples: Episodes to transform.
-        config: What it was trained with.
-        group: Whose elements to try; by default the network's, or D4 if it has none.
-        precision: One of `PRECISIONS`.
+        samples: Samples to transform and to evaluate the network on.
+        config: Configuration that the network was trained with.
+        group: Group whose elements are tried. By default the group of the network, or D4 if the network has no
+            symmetry.
+        precision: Number format to compute in, a key of `PRECISIONS`: ``32``, ``64`` or ``bf16``.
+
+    Returns:
+        One check per element, in the order of ``group.elements``.
 
     Raises:
-        TrainingError: If the network gives NaN or only zeros, as damaged weights do.
+        TrainingError: If the output of the network is zero for every sample, as with damaged weights. A network whose
+            output is NaN has errors that are NaN, which `expect_symmetric` refuses.
     """
     network = copy.deepcopy(module.classifier).to(PRECISIONS[precision].dtype).eval()
     own = network.group
@@ -133,10 +140,15 @@ def check(
 
 
 def expect_symmetric(rows: list[ElementCheck], precision: str, name: object) -> None:
-    """Refuse a network that errs by more than rounding where it must be exact.
+    """Refuse a network whose error exceeds rounding for an element that is expected to be exact.
+
+    Args:
+        rows: Result of `check`.
+        precision: Key of `PRECISIONS` that the check was made with.
+        name: Name of the network in the error message, such as its file.
 
     Raises:
-        TrainingError: Naming the worst element.
+        TrainingError: If an error is too large; the message names the element with the largest one.
     """
     exact = [row for row in rows if row.expected == EXACT]
     worst = max(exact, key=lambda row: np.nan_to_num(row.worst, nan=np.inf))
@@ -167,7 +179,7 @@ def _expected(matrix: np.ndarray, group: Group, config: TrainingConfig) -> str:
 
 
 def _directions_after(matrix: np.ndarray, samples: CenteringSamples) -> np.ndarray:
-    """True classes of the transformed samples, from their offsets where classes are not permuted."""
+    """Return the true classes of the transformed samples; for elements outside D4 they follow from the offsets."""
     if _contains(GROUPS["D4"], matrix):
         return act_on_batch(matrix, {"direction": torch.from_numpy(samples.direction)})["direction"].numpy()
     return nearest_direction(samples.offset @ matrix.T)

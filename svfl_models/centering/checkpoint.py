@@ -1,4 +1,4 @@
-"""Opening a trained block-centering network."""
+"""Opens checkpoints of trained block-centering networks."""
 
 from dataclasses import fields
 from pathlib import Path
@@ -15,11 +15,11 @@ def load_classifier(path: Path | str) -> CenteringModule:
         path: A ``checkpoint.ckpt`` that ``svfl-train centering`` has written.
 
     Returns:
-        The module; ``.classifier`` is the network, ``.hparams`` what it was trained with.
+        The module; ``.classifier`` is the network and ``.hparams`` holds the configuration that it was trained with.
 
     Raises:
-        FormatError: If the file is missing, damaged, of another program or of another version, or if its weights do
-            not fit its own description.
+        FormatError: If the file is missing or damaged, was written by another program or in another format version, or
+            if its weights do not fit the network that it describes.
 
     Example:
         >>> module = load_classifier("out/centering/checkpoint.ckpt")  # doctest: +SKIP
@@ -31,7 +31,12 @@ def load_classifier(path: Path | str) -> CenteringModule:
 
 
 def configuration(module: CenteringModule, data: Path | str | None = None) -> TrainingConfig:
-    """What a network was trained with; with other data if some are given."""
+    """Return the configuration that a network was trained with.
+
+    Args:
+        module: The network, as `load_classifier` returns it.
+        data: Dataset folder that replaces the one of the training. None keeps the one of the training.
+    """
     kept = (module.hparams["training"] or {}) | module.hparams["network"]
     known = {field.name for field in fields(TrainingConfig)} & kept.keys()
     changed = {} if data is None else {"data": str(data)}

@@ -1,4 +1,4 @@
-"""Block centering: from image and wrench window to where the gripper must move."""
+"""Network for block centering: it maps an image and a wrench window to the direction in which the gripper must move."""
 
 from typing import Any
 
@@ -21,18 +21,22 @@ LATENT_INPUTS = "vfp"
 
 
 class CenteringClassifier(nn.Module):
-    """Encoders, fusion, and scores of the four directions, or the offset itself.
+    """Encoders and their fusion, followed by scores of the four directions or by the offset itself.
 
     Args:
-        encoder: ``v`` (image), ``f`` (wrench window) or ``vf`` (both).
-        group: Symmetry group, one of `groups.GROUPS`; ``none`` builds the parameter-matched CNN baseline.
-        preset: Sizes, one of `presets.PRESETS`.
-        target: ``direction`` (scores of four classes) or ``offset`` (where the block's centre is, in metres).
-        image_size: Height and width of the images, one of `config.IMAGE_SIZES`, [px].
-        window: Readings T per wrench window.
-        torque: ``axial``, or the paper's ``polar`` (see `representations.wrench_parts`).
-        latent_network: Arguments of a `LatentTrunk` to build on instead. It looks at ``vfp``, has no symmetry, and
-            decides on its sizes itself.
+        encoder: Inputs of the network: ``v`` (image), ``f`` (wrench window) or ``vf`` (both); ``vfp`` (both and
+            proprioception) with `latent_network`.
+        group: Name of the symmetry group, a key of `groups.GROUPS`; ``none`` builds the parameter-matched CNN baseline.
+        preset: Name of the layer sizes, a key of `presets.PRESETS`.
+        target: Output of the network: ``direction`` (scores of four classes) or ``offset`` (displacement that centres
+            the gripper over the block, in metres).
+        image_size: Height and width of the images, one of `networks.inputs.IMAGE_SIZES`, [px].
+        window: Number T of readings per wrench window.
+        torque: How torques transform under reflections: ``axial``, or ``polar`` as in the paper (see
+            `representations.wrench_parts`).
+        latent_network: Arguments of a `LatentTrunk` that replaces the encoders and their fusion. It needs the encoder
+            ``vfp``, the group ``none``, and its own image size and window; `preset` and `torque` have no effect then.
+            None builds the package's own encoders.
 
     Raises:
         TrainingError: If an argument is not one of its possible values.
@@ -75,9 +79,12 @@ class CenteringClassifier(nn.Module):
         self.head = layers.scores(hidden) if target == "direction" else OffsetHead(layers, hidden)
 
     def fit(self, samples: CenteringSamples) -> None:
-        """Take the statistics of training samples: scales of the inputs, and of offsets where they are the output.
+        """Take the scales of the inputs, and that of the offsets if these are the output, from training samples.
 
-        A latent encoder's inputs have their scales from the pretraining; its features get theirs here.
+        A latent encoder keeps the input scales of its pretraining; only the scales of its features are taken here.
+
+        Args:
+            samples: The training samples.
         """
         if isinstance(self.trunk, LatentTrunk):
             self.trunk.fit(Crops(samples, INPUTS[LATENT_INPUTS], self.trunk.image_size)[list(range(len(samples)))])
@@ -87,9 +94,9 @@ class CenteringClassifier(nn.Module):
             self.head.fit(torch.from_numpy(samples.offset))
 
     def forward(self, batch: Batch) -> Tensor:
-        """Scores of the directions (B, 4), order of `svfl_data.symmetry.DIRECTIONS`; or offsets (B, 2), [m].
+        """Return the scores of the directions, shape (B, 4), or the offsets, shape (B, 2), [m], in image-aligned axes.
 
-        Both in image-aligned axes.
+        The scores are in the order of `svfl_data.symmetry.DIRECTIONS`.
 
         Raises:
             TrainingError: If an input is missing or has a shape that the network was not built for.

@@ -1,4 +1,4 @@
-"""Do samples fit a trained network? One that was trained on other units or another camera answers anything."""
+"""Checks that samples fit a trained network: on other units or another camera its output would be meaningless."""
 
 import torch
 
@@ -8,30 +8,30 @@ from svfl_models.networks.inputs import INPUTS
 from svfl_models.networks.normalization import Normalization
 
 LEAST, MOST = 0.1, 10.0
-"""Root mean square of a normalised input, which is 1 on the training samples, that still counts as the same kind of
-data. Other blocks and noises stay within a factor of two; newtons in place of kilonewtons, or a depth in millimetres,
-are a factor of 1000."""
+"""Bounds on the root mean square of a normalised input. It is 1 on the training samples, and within these bounds
+samples count as the same kind of data. Other blocks and noises stay within a factor of two; newtons in place of
+kilonewtons, or a depth in millimetres, are a factor of 1000."""
 GROUPED = {
     "image": {"colour": slice(0, 3), "depth": slice(3, 4)},
     "wrench": {"force": slice(0, 3), "torque": slice(3, 6)},
 }
-"""Components of each input that share a unit."""
+"""Names and indices of the components of each input that share a unit."""
 
 
 def expect_fit(
     normalization: Normalization, samples: CenteringSamples, encoder: str, checkpoint: object, dataset: object
 ) -> None:
-    """Refuse samples for which a network's normalisation was not made.
+    """Refuse samples whose scale differs too much from that of the samples a network was trained on.
 
     Args:
-        normalization: Of the network.
-        samples: What it is to be used on.
-        encoder: What it looks at: ``v``, ``f`` or ``vf``.
-        checkpoint: What to call the network in the message.
-        dataset: What to call the samples.
+        normalization: Normalization of the network's inputs.
+        samples: Samples that the network is to be used on.
+        encoder: Inputs of the network, a key of `networks.inputs.INPUTS`: ``v``, ``f``, ``vf`` or ``vfp``.
+        checkpoint: Name of the network in the error message.
+        dataset: Name of the samples in the error message.
 
     Raises:
-        TrainingError: If an input is, normalised, far from 1 in root mean square.
+        TrainingError: If the root mean square of a normalised input lies outside `LEAST` to `MOST`.
     """
     for name in (name for name in INPUTS[encoder] if name in GROUPED):
         values = torch.from_numpy(getattr(samples, name))

@@ -1,4 +1,4 @@
-"""What a training run is made of: plain values, light to import."""
+"""Configuration of a block-centering run, in plain values; importing this module loads no heavy library."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -12,18 +12,19 @@ USES = ("frozen", "fine-tuned", "from-scratch")
 
 @dataclass(frozen=True)
 class Latent:
-    """A pretrained latent model whose encoder is the trunk of a classifier; `pretrained.describe` reads it off a file.
+    """Pretrained latent model whose encoder is the trunk of a classifier; `pretrained.describe` reads it from a file.
 
     Attributes:
-        checkpoint: Where it was.
-        sha256: Of the file's content: a newer checkpoint of the same name is another one.
-        model: One of `latent.config.MODELS`.
-        data: Dataset folder that it was pretrained on.
-        preset: Of the pretraining.
-        steps: Of the pretraining.
-        use: ``frozen``: only the head learns; ``fine-tuned``: the encoder too; ``from-scratch``: likewise, from random
-            weights, which tells what the pretraining is worth.
-        learning_rate: Of the encoder at the start, where it learns.
+        checkpoint: Path of the checkpoint file at the time of `pretrained.describe`.
+        sha256: SHA-256 of the file's content, which tells a newer checkpoint of the same name from this one.
+        model: Kind of latent model, one of `latent.config.MODELS`.
+        data: Dataset folder that the model was pretrained on.
+        preset: Name of the preset of the pretraining.
+        steps: Number of optimiser steps of the pretraining.
+        use: Training of the encoder. ``frozen``: only the head is trained. ``fine-tuned``: the encoder is trained as
+            well. ``from-scratch``: the same from random initial weights, a control that shows what the pretraining is
+            worth.
+        learning_rate: Learning rate of the encoder at the start of the training; unused if `use` is ``frozen``.
     """
 
     checkpoint: str
@@ -41,31 +42,39 @@ class Latent:
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """Configuration of one block-centering run; defaults are the paper's (Kohler et al., CoRL 2023, appendix).
+    """Configuration of one block-centering run.
+
+    The default batch size and learning rate are those of the paper (Kohler et al., CoRL 2023, appendix).
 
     Attributes:
-        data: Dataset folder.
-        encoder: What the network looks at: ``v`` image, ``f`` wrench window, ``vf`` both; ``vfp`` proprioception
-            besides, as latent encoders do.
-        group: Symmetry group, see `groups.GROUPS`; ``none`` is the parameter-matched CNN baseline (the paper's CNN).
-        train_samples: Size of the training set, balanced over the classes.
-        seed: Of the training set, the initial weights, the batches and the crops.
-        preset: Sizes of the network, see `presets.PRESETS`.
-        target: What it learns: one of four ``direction`` classes, or the ``offset`` in metres.
-        torque: ``axial``, or ``polar`` as the paper types it.
-        view: Images as the ``camera`` took them, or as seen from straight above (``top``, `svfl_data.signals.topdown`).
-        image_size: Height and width of what the network sees, [px].
-        augment: Colours and places of training images change at random (`augmentation`); without, only the paper's
-            crops.
-        rotate: Turn and mirror every training sample at random: what a plain network can do instead.
-        noise: Noise to add to every reading, in multiples of the sensor's own (`sensor_noise.WHITE`).
-        test_samples: Size of the test set, the same samples for every seed and training size.
-        window: Readings per wrench window.
-        epochs: Epochs to train; over them the learning rate falls to zero along a cosine.
-        patience: Stop after so many epochs without a better test accuracy, as the paper does; 0 never.
-        batch_size: Samples per step.
-        learning_rate: Of Adam, at the start.
-        latent: Pretrained encoder that takes the place of the package's own ones; `group` is ``none`` then.
+        data: Path of the dataset folder.
+        encoder: Inputs of the network: ``v`` image, ``f`` wrench window, ``vf`` both, or ``vfp`` both and
+            proprioception, which latent encoders need.
+        group: Name of the symmetry group, a key of `groups.GROUPS`; ``none`` is the parameter-matched CNN baseline (the
+            paper's CNN).
+        train_samples: Size of the training set, which is balanced over the classes.
+        seed: Seed of the choice of training samples, the initial weights, the batches and the crops.
+        preset: Name of the network's layer sizes, a key of `presets.PRESETS`.
+        target: Quantity that the network learns: one of four ``direction`` classes, or the ``offset`` in metres.
+        torque: How torques transform under reflections: ``axial``, or ``polar`` as in the paper (see
+            `representations.wrench_parts`).
+        view: Viewpoint of the images: ``camera``, as the camera took them, or ``top``, as seen from straight above
+            (`svfl_data.signals.topdown`).
+        image_size: Height and width of the images that the network gets, [px].
+        augment: Whether the colours and positions of training images are changed at random (`training.augmentation`).
+            False leaves only the random crops of the paper.
+        rotate: Whether every training sample is rotated and mirrored by a random element of D4, the usual substitute
+            for a symmetric network.
+        noise: Level of the noise that is added to every wrench reading, in multiples of `sensor_noise.WHITE`.
+        test_samples: Size of the test set, which holds the same samples for every seed and training size.
+        window: Number of readings per wrench window.
+        epochs: Number of epochs to train, over which the learning rate falls to zero along a cosine.
+        patience: Number of epochs without a better test accuracy after which the training stops, as in the paper. 0
+            turns this off.
+        batch_size: Number of samples per optimiser step.
+        learning_rate: Learning rate of Adam at the start of the training.
+        latent: Pretrained encoder that replaces the package's own ones; `group` must be ``none`` then. None for no
+            pretrained encoder.
 
     Example:
         >>> TrainingConfig(data="data/week", encoder="vf", group="D4", train_samples=25).train_samples
@@ -99,15 +108,15 @@ class TrainingConfig:
 
     @property
     def model(self) -> str:
-        """The paper's name of the kind of network."""
+        """Kind of network in the terms of the paper: ``cnn`` if `group` is ``none``, otherwise ``svfl``."""
         return "cnn" if self.group == "none" else "svfl"
 
     def network(self) -> dict[str, Any]:
-        """Arguments of `classifier.CenteringClassifier`."""
+        """Return the arguments of `classifier.CenteringClassifier`, as plain values."""
         names = ("encoder", "group", "preset", "target", "image_size", "window", "torque")
         return {name: getattr(self, name) for name in names}
 
     def plain(self) -> dict[str, Any]:
-        """As a dictionary of plain values, for files; ``TrainingConfig(**config.plain())`` is the same again."""
+        """Return the configuration as plain values for files; ``TrainingConfig(**config.plain())`` restores it."""
         plain = asdict(self)
         return {name: value for name, value in plain.items() if name != "latent" or value is not None}

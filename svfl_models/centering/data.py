@@ -1,4 +1,4 @@
-"""Batches for block centering: samples in memory, cropped as in the paper and scaled to the network's size."""
+"""Batches for block centering: samples in memory, cropped as in the paper and scaled to the network's image size."""
 
 from collections.abc import Callable, Sequence
 
@@ -21,19 +21,20 @@ from svfl_models.training.augmentation import MARGIN, recoloured
 LABELS = ("direction", "offset")
 TEST_BATCH = 256
 VIEWS = 16
-"""So many crops of every training sample are encoded where the encoder does not learn."""
+"""Number of random crops of every training sample that are encoded in advance if the encoder is not trained."""
 
 
 class Crops(Dataset[Batch]):
-    """Samples as batches, asked for with lists of indices.
+    """Dataset that returns samples with cropped images as batches; it is indexed with lists of sample indices.
 
     Args:
-        samples: What to serve.
-        inputs: Fields to put into a batch, beside the labels.
-        size: Height and width of the images that the network sees, [px].
-        random: Crop at random (training) rather than at the centre (test).
-        augment: Change places and colours of the images (`augmentation`).
-        rotate: Turn and mirror every sample by a random element of D4.
+        samples: The samples.
+        inputs: Names of the inputs that a batch holds beside the labels: ``image``, ``wrench``, ``proprio``.
+        size: Height and width of the images that the network gets, [px].
+        random: Whether crops lie at random positions, as in training, or at the centre of the image.
+        augment: Whether the colours of images change and crops may reach beyond their edges (`training.augmentation`).
+            It has no effect unless `random` is true.
+        rotate: Whether every sample is rotated and mirrored by a random element of D4.
     """
 
     def __init__(
@@ -52,7 +53,7 @@ class Crops(Dataset[Batch]):
         return len(self.tensors["direction"])
 
     def __getitem__(self, index: list[int]) -> Batch:
-        """The samples of `index` as one batch."""
+        """Return the samples at the positions `index` as one batch."""
         batch = {name: tensor[index] for name, tensor in self.tensors.items()}
         if "image" in batch:
             batch["image"] = self._image(batch["image"])
@@ -68,12 +69,14 @@ class Crops(Dataset[Batch]):
 
 
 class Features(Dataset[Batch]):
-    """What a trunk that does not learn makes of samples, computed once; batches have ``feature`` (B, F) for inputs.
+    """Dataset of features that a trunk computes once, for a trunk that is not trained.
+
+    Its batches hold ``feature`` (B, F) instead of the inputs.
 
     Args:
-        crops: The samples.
-        trunk: Batches of them -> features.
-        views: Crops of each sample; which one is served, is drawn.
+        crops: Dataset of the samples.
+        trunk: Function that maps a batch to features of shape (B, F).
+        views: Number of crops of each sample that are encoded; each access returns the features of a random one.
     """
 
     def __init__(self, crops: Crops, trunk: Callable[[Batch], Tensor], views: int = 1) -> None:
@@ -86,7 +89,7 @@ class Features(Dataset[Batch]):
         return self.features.shape[1]
 
     def __getitem__(self, index: list[int]) -> Batch:
-        """The samples of `index` as one batch."""
+        """Return the features and labels of the samples at the positions `index` as one batch."""
         view = torch.randint(len(self.features), (len(index),))
         return {"feature": self.features[view, index]} | {name: values[index] for name, values in self.labels.items()}
 
@@ -95,12 +98,13 @@ class CenteringData(pl.LightningDataModule):
     """Training and test batches of block centering.
 
     Args:
-        train: Samples to learn from.
+        train: Samples to train on.
         test: Samples to test on.
-        config: Inputs, image size, augmentation and batch size.
+        config: Configuration that gives the inputs, the image size, the augmentation and the batch size.
 
     Raises:
-        TrainingError: If an input has NaN or infinity, or images are not square or smaller than the network's.
+        TrainingError: If an input holds NaN or infinity, or images are not square or are smaller than those of the
+            network.
     """
 
     def __init__(self, train: CenteringSamples, test: CenteringSamples, config: TrainingConfig) -> None:
@@ -114,27 +118,43 @@ class CenteringData(pl.LightningDataModule):
         self.batch_size = config.batch_size
 
     def encode(self, trunk: Callable[[Batch], Tensor]) -> None:
-        """From now on serve what a trunk makes of the samples: for one that does not learn."""
+        """Replace the samples by the features that a trunk computes from them, for a trunk that is not trained.
+
+        Args:
+            trunk: Function that maps a batch to features of shape (B, F).
+        """
         self.train_set, self.test_set = Features(self.crops[0], trunk, VIEWS), Features(self.crops[1], trunk)
 
     def train_dataloader(self) -> DataLoader[Batch]:
-        """Shuffled batches with random crops."""
+        """Return a loader of shuffled training batches with random crops."""
         return DataLoader(
             self.train_set, sampler=BatchSampler(RandomSampler(self.train_set), self.batch_size, False), batch_size=None
         )
 
     def val_dataloader(self) -> DataLoader[Batch]:
-        """The test samples; Lightning validates on them because the paper's stopping rule reads the test accuracy."""
+        """Return a loader of the test samples, which serve as validation samples.
+
+        The stopping rule of the paper reads the test accuracy, and Lightning computes it in its validation.
+        """
         return in_order(self.test_set)
 
 
 def in_order(samples: Crops | Features) -> DataLoader[Batch]:
-    """Batches of all samples, in their order."""
+    """Return a loader of batches of all samples, in their order."""
     return DataLoader(samples, sampler=BatchSampler(SequentialSampler(samples), TEST_BATCH, False), batch_size=None)
 
 
 def check_samples(samples: CenteringSamples, config: TrainingConfig) -> None:
-    """Refuse samples that would poison the training, before its first step."""
+    """Refuse samples that a training cannot use, before its first step.
+
+    Args:
+        samples: The samples to check.
+        config: Configuration that gives the inputs and the image size.
+
+    Raises:
+        TrainingError: If an input holds NaN or infinity, or images are not square or are smaller than those of the
+            network.
+    """
     for name in INPUTS[config.encoder]:
         bad = ~np.isfinite(getattr(samples, name)).reshape(len(samples), -1).all(axis=1)
         if bad.any():

@@ -1,4 +1,4 @@
-"""How good a trained network is on samples, and on which ones it errs."""
+"""Evaluates a trained network on samples and writes its prediction for each sample."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ COLUMNS = ("samples", "episode", "direction", "predicted", "border_deg", "offset
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Predictions beside the truth.
+    """Predictions of a network together with the true labels.
 
     Attributes:
-        samples: What was evaluated.
-        predicted: Direction classes, shape (S,).
-        guess: Predicted offsets, shape (S, 2), [m]; None if the network scores directions.
+        samples: Samples that the network was evaluated on, with their true labels.
+        predicted: Predicted direction classes, shape (S,).
+        guess: Predicted offsets in image-aligned axes, shape (S, 2), [m]. None if the network predicts directions.
     """
 
     samples: CenteringSamples
@@ -34,32 +34,41 @@ class Evaluation:
 
     @property
     def accuracy(self) -> float:
-        """Share of directions that are right, 0..1."""
+        """Share of the samples whose direction is predicted correctly, 0..1."""
         return float(np.mean(self.predicted == self.samples.direction))
 
     @property
     def confusion(self) -> np.ndarray:
-        """Counts by true (row) and predicted (column) direction, shape (4, 4)."""
+        """Number of samples by true (row) and predicted (column) direction, shape (4, 4)."""
         counts = np.zeros((4, 4), dtype=int)
         np.add.at(counts, (self.samples.direction, self.predicted), 1)
         return counts
 
     @property
     def offset_error_mm(self) -> float | None:
-        """Mean distance between predicted and true offset, [mm]."""
+        """Mean distance between the predicted and the true offset, [mm]; None if the network predicts directions."""
         if self.guess is None:
             return None
         return float(1000 * np.linalg.norm(self.guess - self.samples.offset, axis=1).mean())
 
     @property
     def border_deg(self) -> np.ndarray:
-        """Angle between each true offset and the nearest border of two classes, shape (S,), [deg]."""
+        """Angle between each true offset and the nearest border between two direction classes, shape (S,), [deg]."""
         return np.rad2deg(border_distance(self.samples.offset))
 
 
 @torch.no_grad()
 def evaluate(module: CenteringModule, samples: CenteringSamples, config: TrainingConfig) -> Evaluation:
-    """Let a network predict, in eval mode, from centre crops."""
+    """Compute the predictions of a network, in eval mode and from centre crops.
+
+    Args:
+        module: The network; it is left in eval mode.
+        samples: Samples to evaluate on.
+        config: Configuration that gives the inputs and the image size of the network.
+
+    Returns:
+        The predictions together with the samples.
+    """
     module.eval()
     crops = Crops(samples, INPUTS[config.encoder], config.image_size)
     on_device = (module.transfer_batch_to_device(batch, module.device, 0) for batch in in_order(crops))
@@ -69,7 +78,12 @@ def evaluate(module: CenteringModule, samples: CenteringSamples, config: Trainin
 
 
 def write_predictions(evaluated: dict[str, Evaluation], path: Path) -> None:
-    """One row per sample, as CSV; lengths in [m]."""
+    """Write the predictions as a CSV file with the columns `COLUMNS` and one row per sample.
+
+    Args:
+        evaluated: Evaluations by the name of their samples, such as ``test``, which stands in the first column.
+        path: File to write. Offsets are in [m] and the angle to the class border in [deg].
+    """
     rows: list[Iterable[object]] = [COLUMNS]
     for name, one in evaluated.items():
         guesses = [("", "")] * len(one.predicted) if one.guess is None else [_metres(guess) for guess in one.guess]

@@ -1,4 +1,4 @@
-"""A pretrained latent encoder as the trunk of a classifier."""
+"""Trunk of a classifier that is a pretrained latent encoder."""
 
 from typing import Any
 
@@ -14,22 +14,23 @@ from svfl_models.networks.normalization import Normalization
 from svfl_models.networks.visual_force import Batch
 
 SMALLEST = 1e-6
-"""Least deviation that a feature is divided by."""
+"""Smallest standard deviation that a feature is divided by."""
 
 
 class LatentTrunk(nn.Module):
-    """What a latent encoder makes of image, wrench window and gripper, each feature in units of its deviation.
+    """Latent encoder of image, wrench window and proprioception that returns standardised features.
 
-    The inputs keep the statistics of the pretraining, without which its weights mean nothing; the features' own are of
-    the training samples. The encoder stays in eval mode also while it is fine-tuned: PoE's feature is its mean, as it
-    is when the classifier is used, and not a draw.
+    The inputs are scaled with the statistics of the pretraining, because the pretrained weights fit no other scales.
+    The features are scaled with the mean and standard deviation over the training samples of the classifier. The
+    encoder stays in eval mode even while it is fine-tuned: the feature of PoE is then its mean, as it is when the
+    classifier is used, and not a random draw.
 
     Args:
-        model: One of `latent.config.MODELS`.
-        sizes: Of the networks, as `latent.config.plain` writes them.
+        model: Kind of latent model, one of `latent.config.MODELS`.
+        sizes: Layer sizes of the latent networks, as `latent.config.plain` returns them.
 
     Raises:
-        TrainingError: If there is no such model.
+        TrainingError: If `model` is not one of `latent.config.MODELS`.
     """
 
     feature_mean: Tensor
@@ -49,30 +50,39 @@ class LatentTrunk(nn.Module):
 
     @property
     def normalization(self) -> Normalization:
-        """Statistics of the inputs."""
+        """Statistics of the inputs, taken in the pretraining."""
         return self.inputs.normalization
 
     def take_over(self, pretrained: LatentNetwork, weights: bool = True) -> None:
-        """Copy the statistics of a pretrained network's inputs and, unless a control must do without, its weights."""
+        """Copy the input statistics and the encoder weights of a pretrained network.
+
+        Args:
+            pretrained: The pretrained network, of the same model and sizes.
+            weights: Whether the weights are copied as well. False is for a control that is trained from random weights.
+        """
         self.inputs.load_state_dict(pretrained.inputs.state_dict())
         if weights:
             self.encoder.load_state_dict(pretrained.encoder.state_dict())
 
     @torch.no_grad()
     def fit(self, batch: Batch) -> None:
-        """Take the statistics of the features from training samples."""
+        """Take the mean and standard deviation of the features from a batch that holds all training samples."""
         feature = self._feature(batch)
         self.feature_mean.copy_(feature.mean(dim=0))
         self.feature_scale.copy_(feature.std(dim=0).clamp_min(SMALLEST))
 
     def train(self, mode: bool = True) -> "LatentTrunk":
-        """As ever, except for the encoder."""
+        """Set the training mode as in PyTorch, but leave the encoder in eval mode."""
         super().train(mode)
         self.encoder.eval()
         return self
 
     def forward(self, batch: Batch) -> Tensor:
-        """Features (B, F): of ``image``, ``wrench`` and ``proprio``, or ``feature`` itself if it is there already.
+        """Return features of shape (B, F).
+
+        Args:
+            batch: Inputs ``image``, ``wrench`` and ``proprio``. If the batch has an entry ``feature``, it is returned
+                as it is.
 
         Raises:
             TrainingError: If an input is missing or has another shape than in the pretraining.

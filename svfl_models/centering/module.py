@@ -1,4 +1,4 @@
-"""The training step of block centering."""
+"""Training step of block centering."""
 
 from typing import Any
 
@@ -18,17 +18,20 @@ FORMAT_VERSION = "1.0"
 
 
 class CenteringModule(pl.LightningModule):
-    """Loss and Adam around a `CenteringClassifier` (Kohler et al., CoRL 2023, appendix: cross-entropy, rate 1e-3).
+    """Loss and Adam for a `CenteringClassifier` (Kohler et al., CoRL 2023, appendix: cross-entropy, rate 1e-3).
 
     For offsets the loss is the squared error in units of the training offsets' root mean square. A checkpoint holds the
-    configuration and the normalisation with the weights; `checkpoint.load_classifier` opens it.
+    configuration and the normalisation together with the weights; `checkpoint.load_classifier` opens it.
 
     Args:
-        network: Arguments of `CenteringClassifier`.
-        learning_rate: Of Adam, at the start.
-        epochs: Over which the learning rate falls to zero along a cosine (Loshchilov & Hutter, ICLR 2017, one cycle).
-        training: The rest of the training's configuration, plain values, kept for whoever opens the checkpoint.
-        trunk_rate: Learning rate of the trunk at the start, if it is another; with 0 its weights stay as they are.
+        network: Arguments of `CenteringClassifier`, plain values.
+        learning_rate: Learning rate of Adam at the start of the training.
+        epochs: Number of epochs over which the learning rate falls to zero along a cosine (Loshchilov & Hutter, ICLR
+            2017, one cycle).
+        training: The whole configuration of the training in plain values, which is only kept in the checkpoint. None if
+            there is none.
+        trunk_rate: Learning rate of the trunk at the start. 0 leaves the trunk's weights unchanged; None gives the
+            trunk the same rate as the head.
     """
 
     def __init__(
@@ -48,23 +51,23 @@ class CenteringModule(pl.LightningModule):
 
     @property
     def frozen(self) -> bool:
-        """Whether only the head learns."""
+        """Whether the trunk's weights stay unchanged and only the head is trained."""
         return self.trunk_rate == 0
 
     def forward(self, batch: Batch) -> Tensor:
-        """Scores of the four directions, shape (B, 4), or offsets, shape (B, 2), [m]."""
+        """Return the scores of the four directions, shape (B, 4), or the offsets, shape (B, 2), [m]."""
         return self.classifier(batch)
 
     def training_step(self, batch: Batch, batch_index: int) -> Tensor:
-        """Loss of a batch."""
+        """Return the loss of a training batch."""
         return self._loss(batch, "train")
 
     def validation_step(self, batch: Batch, batch_index: int) -> None:
-        """Loss and accuracy on the test samples."""
+        """Log the loss and the accuracy on a batch of test samples."""
         self._loss(batch, "test")
 
     def configure_optimizers(self) -> OptimizerLRScheduler:
-        """Adam, slower with every epoch."""
+        """Return Adam with a learning rate that falls with every epoch."""
         learning: Any = [parameter for parameter in self.parameters() if parameter.requires_grad]
         if self.trunk_rate:
             head, trunk = self.classifier.head.parameters(), self.classifier.trunk.parameters()
@@ -73,7 +76,7 @@ class CenteringModule(pl.LightningModule):
         return [adam], [torch.optim.lr_scheduler.CosineAnnealingLR(adam, self.epochs)]
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Say what kind of file this is."""
+        """Mark the checkpoint with its format and format version."""
         checkpoint["svfl"] = {"format": FORMAT, "format_version": FORMAT_VERSION}
 
     def _loss(self, batch: Batch, stage: str) -> Tensor:
@@ -100,7 +103,7 @@ class CenteringModule(pl.LightningModule):
 
 
 def directions(output: Tensor) -> Tensor:
-    """Direction classes of scores (B, 4) or of offsets (B, 2), shape (B,)."""
+    """Return the direction classes of scores (B, 4) or of offsets (B, 2), shape (B,)."""
     if output.shape[-1] == 4:
         return output.argmax(dim=-1)
     return (torch.atan2(output[..., 1], output[..., 0]) / (torch.pi / 2)).round().long() % 4

@@ -1,4 +1,4 @@
-"""Figures of the paper, to print beside our own.
+"""Accuracies published in the paper, for comparison with the accuracies of a run.
 
 Source: Kohler et al., Symmetric Models for Visual Force Policy Learning (CoRL 2023), block centering in simulation:
 test accuracy in per cent, mean and standard error over three seeds, 100 test samples.
@@ -12,15 +12,30 @@ CENTERING = {
     ("vf", "cnn"): {10: (56.8, 1.4), 25: (72.8, 4.3), 50: (92.1, 6.2), 100: (98.8, 1.1)},
     ("vf", "svfl"): {10: (67.1, 5.1), 25: (77.3, 2.2), 50: (91.8, 4.7), 100: (99.3, 0.4)},
 }
-"""(encoder, model) -> number of training samples -> (mean, standard error)."""
+"""Mean and standard error of the accuracy, [%], by (encoder, model) and then by the number of training samples."""
 
 
 def centering_figure(encoder: str, model: str, train_samples: int) -> tuple[float, float] | None:
-    """The paper's (mean, standard error) of a cell in per cent; None where the paper has no such cell."""
+    """Return the paper's accuracy of a table cell.
+
+    Args:
+        encoder: Inputs of the network: ``v``, ``f`` or ``vf``.
+        model: Kind of network: ``cnn`` or ``svfl``.
+        train_samples: Number of training samples.
+
+    Returns:
+        Mean and standard error, [%]; None if the paper has no such cell.
+    """
     return CENTERING.get((encoder, model), {}).get(train_samples)
 
 
 def centering_words(encoder: str, model: str, train_samples: int) -> str:
-    """The paper's figure of a cell in words, e.g. ``99.3 +- 0.4 %``."""
+    """Return the paper's accuracy of a table cell in words, such as ``99.3 +- 0.4 %``, or ``no such cell``.
+
+    Args:
+        encoder: Inputs of the network: ``v``, ``f`` or ``vf``.
+        model: Kind of network: ``cnn`` or ``svfl``.
+        train_samples: Number of training samples.
+    """
     figure = centering_figure(encoder, model, train_samples)
     return f"{figure[0]} +- {figure[1]} %" if figure else "no such cell"

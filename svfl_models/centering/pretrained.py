@@ -1,4 +1,4 @@
-"""From the checkpoint of a latent pretraining to the classifier that is built on it."""
+"""Builds a classifier on the checkpoint of a latent pretraining."""
 
 import hashlib
 from pathlib import Path
@@ -15,15 +15,15 @@ from svfl_models.latent.networks.network import LatentNetwork
 
 
 def describe(path: Path | str, use: str, learning_rate: float = Latent.learning_rate) -> Latent:
-    """What a training that builds on a checkpoint must know of it.
+    """Describe a checkpoint of latent pretraining for the configuration of a training that builds on it.
 
     Args:
         path: A ``checkpoint.ckpt`` that ``svfl-train latent`` has written.
-        use: One of `config.USES`.
-        learning_rate: Of the encoder, where it learns.
+        use: Training of the encoder, one of `config.USES`.
+        learning_rate: Learning rate of the encoder at the start, if it is trained.
 
     Raises:
-        FormatError: If it is no such checkpoint, see `latent.checkpoint.load_latent`.
+        FormatError: If the file is not a sound checkpoint of latent pretraining, see `latent.checkpoint.load_latent`.
     """
     load_latent(path)  # what is damaged is refused here, before anything is trained
     found = read_latent(Path(path))
@@ -41,12 +41,12 @@ def describe(path: Path | str, use: str, learning_rate: float = Latent.learning_
 
 
 def settings(latent: Latent, augment: bool = True) -> dict[str, Any]:
-    """The settings of a configuration that builds on it.
+    """Return the arguments of `TrainingConfig` that a pretrained encoder requires.
 
     Args:
-        latent: What it builds on.
-        augment: Whether to recolour training images. Not for an encoder that does not learn: it has never seen such
-            colours, and with them its features are worth less.
+        latent: The pretrained encoder.
+        augment: Whether training images are to be recoloured. The result is false in any case for a frozen encoder: it
+            has never been trained on such colours, and its features are worth less with them.
     """
     return {
         "latent": latent, "encoder": LATENT_INPUTS, "group": "none", "augment": augment and latent.use != "frozen",
@@ -54,17 +54,17 @@ def settings(latent: Latent, augment: bool = True) -> dict[str, Any]:
 
 
 def digest(path: Path | str) -> str:
-    """SHA-256 of a file's content."""
+    """Return the SHA-256 of a file's content, in hexadecimal digits."""
     with Path(path).open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def network_of(latent: Latent) -> LatentNetwork:
-    """The pretrained network.
+    """Load the pretrained network that a `Latent` describes.
 
     Raises:
-        FormatError: If the checkpoint is none (any more).
-        TrainingError: If it is another one than when it was described.
+        FormatError: If the file is missing or is not a sound checkpoint of latent pretraining.
+        TrainingError: If the file's content is not the one that was described.
     """
     network = load_latent(latent.checkpoint).network
     if digest(latent.checkpoint) != latent.sha256:
@@ -73,10 +73,13 @@ def network_of(latent: Latent) -> LatentNetwork:
 
 
 def module_of(config: TrainingConfig) -> CenteringModule:
-    """The network that a configuration asks for, untrained but for what it takes over from a pretraining.
+    """Build the network of a configuration; only what comes from a pretraining is already trained.
+
+    Args:
+        config: Configuration of the run.
 
     Raises:
-        SvflError: If there is no such pretraining, or the configuration does not fit it.
+        SvflError: If the pretrained checkpoint is missing, damaged or changed, or does not fit the configuration.
     """
     latent = config.latent
     if latent is None:

@@ -1,4 +1,4 @@
-"""What a training run leaves for people: two pictures, a page and the numbers."""
+"""Writes the results of a training run: two figures, a Markdown page and the numbers as JSON."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -27,16 +27,18 @@ class Result:
     """Outcome of a training run.
 
     Attributes:
-        test_accuracy: Of the final weights, 0..1. Not chosen by its own value, hence the headline.
-        best_test_accuracy: Highest of all epochs, 0..1: a maximum over noisy measurements, and so optimistic.
-        separate_test_accuracy: On the samples of another dataset, 0..1, if there was one.
-        offset_error_mm: Mean distance of predicted and true offset on the test samples, [mm]; None if the network
+        test_accuracy: Accuracy of the final weights on the test samples, 0..1. It is the headline, because no weights
+            are chosen by it.
+        best_test_accuracy: Highest test accuracy of all epochs, 0..1. It is optimistic, as a maximum over noisy
+            measurements.
+        separate_test_accuracy: Accuracy on the samples of another dataset, 0..1; None if there was no other dataset.
+        offset_error_mm: Mean distance between predicted and true offset on the test samples, [mm]; None if the network
             predicts directions.
-        epochs: Epochs trained.
-        seconds: Time of the training, without imports and loading.
-        parameters: Learned numbers of the network.
-        train_samples: Per class, in the order of `DIRECTIONS`.
-        confusion: Test samples by true (row) and predicted (column) direction.
+        epochs: Number of epochs trained.
+        seconds: Duration of the training without imports and loading, [s].
+        parameters: Number of trained parameters of the network.
+        train_samples: Number of training samples of each class, in the order of `DIRECTIONS`.
+        confusion: Number of test samples by true (row) and predicted (column) direction.
     """
 
     test_accuracy: float
@@ -51,24 +53,31 @@ class Result:
 
 
 def cell_name(config: TrainingConfig) -> str:
-    """Name of a run's cell in the paper's table, e.g. ``V+F SVFL, 100 training samples``."""
+    """Return the name of a run's cell in the paper's table, such as ``V+F SVFL, 100 training samples``."""
     group = "" if config.group in ("D4", "none") else f" ({config.group})"
     network = latent_name(config.latent) if config.latent else f"{NAMES[config.model]}{group}"
     return f"{NAMES[config.encoder]} {network}, {config.train_samples} training samples"
 
 
 def latent_name(latent: Latent) -> str:
-    """Name of a pretrained encoder in its use, e.g. ``PoE fine-tuned``."""
+    """Return the name of a pretrained encoder with its use, such as ``PoE fine-tuned``."""
     return f"{NAMES[latent.model]} {NAMES[latent.use]}"
 
 
 def pretraining(latent: Latent) -> str:
-    """What a checkpoint was trained on, in words."""
+    """Return the number of steps, the dataset and the preset of a pretraining in words."""
     return f"{latent.steps:,} steps on {markdown(latent.data)}, preset {markdown(latent.preset)}"
 
 
 def write_report(out: Path, config: TrainingConfig, result: Result, history: History) -> None:
-    """Write pictures, page and numbers into the run's folder."""
+    """Write the figures, the page and the numbers of a run into its folder.
+
+    Args:
+        out: Folder of the run.
+        config: Configuration of the run.
+        result: Outcome of the run.
+        history: Loss and accuracy of each epoch.
+    """
     plot_history(history, out / run_folder.LEARNING_CURVE, cell_name(config))
     plot_confusion(np.array(result.confusion), out / run_folder.CONFUSION, cell_name(config))
     write_text(out / run_folder.REPORT, page(config, result))
@@ -78,7 +87,7 @@ def write_report(out: Path, config: TrainingConfig, result: Result, history: His
 
 
 def page(config: TrainingConfig, result: Result) -> str:
-    """The run in Markdown."""
+    """Return the report of a run in Markdown."""
     paper = centering_words(config.encoder, config.model, config.train_samples)
     settings = "\n".join(f"| {name} | {markdown(value)} |" for name, value in _settings(config).items())
     return f"""# Block centering: {cell_name(config)}
@@ -149,7 +158,13 @@ def _classes(result: Result) -> str:
 
 
 def plot_history(history: History, path: Path, title: str) -> None:
-    """Loss and accuracy of training and test over the epochs, as PNG."""
+    """Draw the loss and the accuracy on training and test samples over the epochs.
+
+    Args:
+        history: Rows of the metrics file, one per epoch.
+        path: PNG file to write.
+        title: Title of the figure.
+    """
     figure = Figure(figsize=(9, 3.4), layout="constrained")
     axes = figure.subplots(1, 2)
     for stage, color in (("train", "tab:blue"), ("test", "tab:orange")):
@@ -165,7 +180,13 @@ def plot_history(history: History, path: Path, title: str) -> None:
 
 
 def plot_confusion(confusion: np.ndarray, path: Path, title: str) -> None:
-    """Counts of true against predicted direction, as PNG."""
+    """Draw the number of samples by true and predicted direction.
+
+    Args:
+        confusion: Number of samples by true (row) and predicted (column) direction, shape (4, 4).
+        path: PNG file to write.
+        title: Title of the figure.
+    """
     figure = Figure(figsize=(4.4, 4.2), layout="constrained")
     axes = figure.subplots()
     axes.imshow(confusion, cmap="Blues", vmin=0)

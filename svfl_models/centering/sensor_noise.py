@@ -1,4 +1,4 @@
-"""More noise on wrench readings than the sensor had: how much a network needs a good sensor."""
+"""Adds noise to wrench readings, to measure how much a network depends on a precise sensor."""
 
 from dataclasses import replace
 
@@ -7,16 +7,16 @@ import numpy as np
 from svfl_data.sampling.centering_samples import CenteringSamples
 
 WHITE = (0.033, 0.033, 0.133, 0.0017, 0.0017, 0.00033)
-"""Standard deviation of one reading (fx, fy, fz, mx, my, mz), [N] and [N m]: a sixth of the noise-free resolution of
-OnRobot's HEX-E/H QC (datasheet v1.5), the sensor that the simulation has."""
+"""Standard deviation of the noise of one reading (fx, fy, fz, mx, my, mz) at level 1, [N] and [N m]: a sixth of the
+noise-free resolution of OnRobot's HEX-E/H QC (datasheet v1.5), the sensor that the simulation models."""
 
 
 def with_noise(samples: CenteringSamples, level: float) -> CenteringSamples:
-    """Samples whose readings have white noise on top; an episode gets the same noise every time.
+    """Return samples with white noise added to their wrench readings; an episode gets the same noise in every call.
 
     Args:
         samples: The samples; they are not changed.
-        level: Standard deviation in multiples of `WHITE`.
+        level: Standard deviation of the noise in multiples of `WHITE`.
     """
     if level == 0:
         return samples

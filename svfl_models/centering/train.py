@@ -1,4 +1,4 @@
-"""Train a block-centering classifier: load, split, fit, test, report."""
+"""Trains a block-centering classifier: loads and splits the samples, fits, tests and writes the report."""
 
 import time
 from functools import lru_cache
@@ -26,7 +26,8 @@ from svfl_models.training.progress import MetricsFile, ProgressLine
 from svfl_models.training.trainer import parameter_count, run, storage_errors
 
 TEST_EVERY = 10
-"""Epochs between two looks at the test samples where nothing hangs on them: a look takes longer than an epoch."""
+"""Number of epochs between two tests if no stopping rule needs the accuracy, because a test takes longer than an
+epoch."""
 
 
 def train_centering(
@@ -34,22 +35,24 @@ def train_centering(
 ) -> Result:
     """Train and test one network; the same configuration gives the same result on the same machine.
 
-    Adam, cross-entropy and batches are the paper's (Kohler et al., CoRL 2023, appendix). Unlike there, images are
-    augmented and a training lasts `config.epochs` epochs, whatever the test accuracy (docs/decisions.md).
+    Adam, cross-entropy and the batches are those of the paper (Kohler et al., CoRL 2023, appendix). Unlike in the
+    paper, images are augmented, and a training lasts `config.epochs` epochs whatever the test accuracy
+    (docs/decisions.md).
 
     Args:
-        config: What to train, on what.
-        out: Folder for checkpoint, metrics, predictions, pictures and report.
-        separate_test: Dataset folder whose samples are all tested too; nothing is chosen by them.
-        console: Where progress goes; standard output by default.
+        config: Configuration of the network, the data and the training.
+        out: Folder for the checkpoint, metrics, predictions, figures and report.
+        separate_test: Dataset folder whose samples are all tested as well; no choice is made by their result. None for
+            no such dataset.
+        console: Console that progress is printed on; standard output by default.
 
     Returns:
-        The outcome, as it is also written to ``result.json``.
+        The outcome, which is also written to ``result.json``.
 
     Raises:
-        SvflError: If the data, the configuration or the folder cannot serve, or the training diverges; then
-            ``checkpoint.ckpt`` holds the last epoch with a finite loss.
-        KeyboardInterrupt: If the user stopped the training; the last whole epoch is in ``checkpoint.ckpt``.
+        SvflError: If the data, the configuration or the folder cannot be used, or if the training diverges. If it
+            diverges, ``checkpoint.ckpt`` holds the last epoch with a finite loss.
+        KeyboardInterrupt: If the user stopped the training; ``checkpoint.ckpt`` holds the last complete epoch.
 
     Example:
         >>> from pathlib import Path
@@ -99,10 +102,14 @@ def train_centering(
 
 
 def samples_of(path: Path | str, config: TrainingConfig) -> CenteringSamples:
-    """The samples of a dataset, of the kind that a configuration asks for.
+    """Load the samples of a dataset with the window, view, inputs and noise of a configuration.
+
+    Args:
+        path: Dataset folder.
+        config: Configuration of the run.
 
     Raises:
-        SvflError: If they cannot serve.
+        SvflError: If the dataset cannot be read or its samples cannot be used for training.
     """
     samples = with_noise(_load(str(path), config.window, config.view, INPUTS[config.encoder]), config.noise)
     check_samples(samples, config)
@@ -117,10 +124,17 @@ def _load(path: str, window: int, view: View, inputs: tuple[str, ...]) -> Center
 def fit(
     module: CenteringModule, data: CenteringData, config: TrainingConfig, out: Path, callbacks: list[pl.Callback]
 ) -> None:
-    """Train with the paper's stopping rule.
+    """Train a module, with the stopping rule of the paper if `config.patience` is not 0.
+
+    Args:
+        module: The network to train.
+        data: Training and test batches.
+        config: Configuration that gives the number of epochs and the patience.
+        out: Folder for the checkpoint.
+        callbacks: Lightning callbacks of the training.
 
     Raises:
-        KeyboardInterrupt: If the user stopped it.
+        KeyboardInterrupt: If the user stopped the training.
     """
     stop = [EarlyStopping(monitor="test_accuracy", mode="max", patience=config.patience)] if config.patience else []
     every = 1 if config.patience or config.epochs < TEST_EVERY else TEST_EVERY
