@@ -25,7 +25,7 @@ def describe(path: Path | str, use: str, learning_rate: float = Latent.learning_
     Raises:
         FormatError: If the file is not a sound checkpoint of latent pretraining, see `latent.checkpoint.load_latent`.
     """
-    load_latent(path)  # what is damaged is refused here, before anything is trained
+    load_latent(path)  # refuses a damaged checkpoint before anything is trained
     found = read_latent(Path(path))
     training = found["hyper_parameters"].get("training") or {}
     return Latent(

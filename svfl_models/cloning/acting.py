@@ -1,4 +1,4 @@
-"""A trained policy as collectors and environments know it: whole pictures and base axes in, base axes out."""
+"""Trained policy as collectors and environments call it: whole images and base axes as input, base axes as output."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -23,19 +23,21 @@ from svfl_models.programs.program import TOLERANCE, from_bytes
 from svfl_models.symmetry.ordinary import plain
 
 TRIALS = 8
-"""Random inputs that an exported file is tried with."""
+"""Number of random inputs that an exported file is tested with."""
 
 
 class ActingPolicy(nn.Module):
-    """A policy from a camera's picture to a command, with all that lies between: crop, axes, centre, the gripper.
+    """Policy that maps whole camera images, wrench windows and proprioception in base axes to commands in base axes.
 
-    What a policy says most probably is what is done. Where demonstrations only opened or shut the gripper, so does
-    this: a gripper half open, because both were likely, is what nobody has shown.
+    It contains all steps between a camera and a command: cropping, the change of axes, the workspace centre and the
+    gripper. The command is the mode of the policy's distribution of actions. If the demonstrations only ever opened or
+    shut the gripper (`DeploymentSpec.switch`), the gripper command is set to 0 or 1, because no demonstration shows a
+    half-open gripper.
 
     Args:
-        policy: The network, in image-aligned axes.
-        deployment: Of its demonstrations.
-        view: One of `cloning.config.VIEWS`.
+        policy: The network, which works in image-aligned axes.
+        deployment: What the demonstrations of the policy have in common.
+        view: Centre of the images, one of `cloning.config.VIEWS`: ``gripper`` or ``camera``.
     """
 
     wrench_map: Tensor
@@ -49,7 +51,7 @@ class ActingPolicy(nn.Module):
         super().__init__()
         self.policy, self.deployment, self.view = policy, deployment, view
         axes = np.array(deployment.image_axes)
-        turn = act(axes, np.zeros(5), PROPRIO_PARTS)  # of the yaw; the rest of all this is linear
+        turn = act(axes, np.zeros(5), PROPRIO_PARTS)  # constant added to the yaw; the maps below are linear
         maps = {
             "wrench_map": act(axes, np.eye(6), WRENCH_PARTS),
             "proprio_map": act(axes, np.eye(5), PROPRIO_PARTS) - turn,
@@ -62,12 +64,12 @@ class ActingPolicy(nn.Module):
             self.register_buffer(name, torch.tensor(values, dtype=torch.float32))
 
     def forward(self, image: Tensor, wrench: Tensor, proprio: Tensor) -> Tensor:
-        """What to command, (B, 5): gripper opening 0..1, dx, dy, dz [m], dtheta [rad], base axes.
+        """Return the commands, shape (B, 5): gripper opening 0..1, dx, dy, dz [m], dtheta [rad], base axes.
 
         Args:
-            image: Shape (B, 4, H, H): colour 0..1, then depth in [m].
-            wrench: Shape (B, T, 6), tared, [N] and [N m], base axes, about the sensor origin.
-            proprio: Shape (B, 5): gripper opening 0..1, TCP x, y, z [m], yaw [rad], base.
+            image: Colour 0..1, then depth in [m], shape (B, 4, H, H).
+            wrench: Tared wrench windows, shape (B, T, 6), [N] and [N m], base axes, about the sensor origin.
+            proprio: Gripper opening 0..1, TCP x, y, z [m] and yaw [rad] in base axes, shape (B, 5).
         """
         batch = {
             "image": self._cropped(image, proprio) if self.deployment.camera else image,
@@ -90,15 +92,22 @@ class ActingPolicy(nn.Module):
 
 
 def acting(module: CloningModule) -> ActingPolicy:
-    """A trained policy, ready to act, made of ordinary layers."""
+    """Return a trained policy in the form that acts, in eval mode and made of ordinary layers.
+
+    Args:
+        module: The trained policy; it is not changed.
+    """
     return ActingPolicy(plain(module.policy), module.deployment, module.view).eval()  # type: ignore[arg-type] # a copy of a Policy
 
 
 def load(file: Path | str) -> exported_policy.ExportedPolicy:
     """Load a checkpoint of ``svfl-train bc`` onto this machine's device, for ``svfl-collect policy``.
 
+    Args:
+        file: The checkpoint file.
+
     Raises:
-        FormatError: If the file is not one.
+        FormatError: If the file is not a sound checkpoint of a policy.
     """
     module = load_policy(file)
     return exported_policy.opened(_exported(module), str(file))
@@ -113,16 +122,18 @@ def export(module: CloningModule, file: Path) -> float:
     """Write a trained policy as a program that runs without this package (`svfl_models.programs.exported_policy`).
 
     Args:
-        module: The policy.
-        file: Where to; replaced if it exists, once the new one has been tried.
+        module: The trained policy.
+        file: File to write, whose name ends in ``.pt2``. An existing file is replaced only after the new program has
+            been tested.
 
     Returns:
-        Largest difference between the actions of file and network on random inputs, in units of the bounds.
+        Largest difference between the actions of the program and of the network on random inputs, as a share of the
+        action bounds.
 
     Raises:
-        UsageError: If the file's name does not end in ``.pt2``.
+        UsageError: If the name of the file does not end in ``.pt2``.
         TrainingError: If the actions differ by more than rounding.
-        StorageError: If the disk refuses.
+        StorageError: If the folder does not exist or the file cannot be written.
     """
     if file.suffix != ".pt2":
         raise UsageError(f"{file}: cannot export a policy to {file.suffix or 'a file without suffix'}; possible: .pt2")
@@ -138,7 +149,7 @@ def export(module: CloningModule, file: Path) -> float:
 
 @torch.no_grad()
 def _difference(module: CloningModule, content: bytes) -> float:
-    """How far the actions of a program are from its network's, component by component, in units of the bounds."""
+    """Return the largest difference between the actions of a program and of its network, as a share of the bounds."""
     network = ActingPolicy(module.policy, module.deployment, module.view).eval()
     program, _ = from_bytes(content, exported_policy.FACTS)
     generator = torch.Generator().manual_seed(0)

@@ -1,4 +1,4 @@
-"""Opening a trained policy."""
+"""Opens checkpoints of trained policies."""
 
 from pathlib import Path
 
@@ -14,12 +14,12 @@ def load_policy(path: Path | str) -> CloningModule:
         path: A ``checkpoint.ckpt`` that ``svfl-train bc`` has written.
 
     Returns:
-        The module; ``.policy`` is the network, ``.deployment`` what it must know to act, ``.hparams`` what it was
-        trained with.
+        The module; ``.policy`` is the network, ``.deployment`` holds what the policy must know of its demonstrations to
+        act, and ``.hparams`` holds the configuration that the policy was trained with.
 
     Raises:
-        FormatError: If the file is missing, damaged, of another program or of another version, or if its weights do
-            not fit its own description.
+        FormatError: If the file is missing or damaged, was written by another program or in another format version, or
+            if its weights do not fit the network that it describes.
 
     Example:
         >>> module = load_policy("out/bc/checkpoint.ckpt")  # doctest: +SKIP
@@ -31,5 +31,5 @@ def load_policy(path: Path | str) -> CloningModule:
 
 
 def is_policy(path: Path | str) -> bool:
-    """Whether a file is marked as a checkpoint of a policy; false also if it cannot be read."""
+    """Return whether a file is marked as a checkpoint of a policy; false also if the file cannot be read."""
     return is_marked(Path(path), FORMAT)

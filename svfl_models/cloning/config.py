@@ -1,4 +1,4 @@
-"""What a behaviour cloning run is made of: plain values, light to import."""
+"""Configuration of a behaviour cloning run, in plain values; importing this module loads no heavy library."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -10,26 +10,29 @@ VIEWS = ("gripper", "camera")
 
 @dataclass(frozen=True)
 class CloningConfig:
-    """Configuration of one run.
+    """Configuration of one behaviour cloning run.
 
     Attributes:
-        data: Dataset folder with demonstrations.
-        episodes: Demonstrations to use: the first so many that succeeded.
-        encoder: What the policy looks at: ``v`` image, ``f`` wrench window, ``p`` proprioception, or several.
-        group: Symmetry group, see `groups.GROUPS`; ``none`` is the parameter-matched CNN baseline (the paper's CNN).
-        seed: Of the held-out episodes, the initial weights, the batches, the crops.
-        preset: Sizes of the network, see `presets.PRESETS`.
-        loss: How far the policy is from a demonstrated action, see `cloning.loss`.
-        augment: Colours and places of training images change at random (`augmentation`); without, only the paper's
-            crops.
-        view: Where the picture has its middle, one of `VIEWS`: ``gripper``, at the gripper, or ``camera``, as it was
-            taken.
-        image_size: Height and width of what the network sees, [px].
-        camera: Whose images it sees; by default the first one's, in alphabetical order.
-        valid: Share of the demonstrations that is held out, to see whether what was learned holds elsewhere.
-        epochs: Epochs to train; over them the learning rate falls to zero along a cosine.
-        batch_size: Steps of demonstrations per step of the optimiser.
-        learning_rate: Of Adam, at the start.
+        data: Path of the dataset folder with the demonstrations.
+        episodes: Number of demonstrations to use: the first ones of the dataset that succeeded.
+        encoder: Inputs of the policy, one of `ENCODERS`: ``v`` image, ``f`` wrench window, ``p`` proprioception, or a
+            combination of them.
+        group: Name of the symmetry group, a key of `groups.GROUPS`; ``none`` is the parameter-matched CNN baseline (the
+            paper's CNN).
+        seed: Seed of the choice of held-out episodes, the initial weights, the batches and the crops.
+        preset: Name of the network's layer sizes, a key of `presets.PRESETS`.
+        loss: Distance between the policy and a demonstrated action, one of `LOSSES`: ``action`` or ``likelihood`` (see
+            `cloning.loss`).
+        augment: Whether the colours and positions of training images are changed at random (`training.augmentation`).
+            False leaves only the random crops.
+        view: Centre of the images, one of `VIEWS`: ``gripper``, cropped around the gripper, or ``camera``, cropped from
+            the middle of the camera image.
+        image_size: Height and width of the images that the network gets, [px].
+        camera: Name of the camera whose images are used. None takes the first one in alphabetical order.
+        valid: Share of the demonstrations that is held out to measure how well the policy generalises, 0..1.
+        epochs: Number of epochs to train, over which the learning rate falls to zero along a cosine.
+        batch_size: Number of demonstrated steps per optimiser step.
+        learning_rate: Learning rate of Adam at the start of the training.
 
     Example:
         >>> CloningConfig(data="data/week", group="C4", epochs=5).group
@@ -54,13 +57,13 @@ class CloningConfig:
 
     @property
     def model(self) -> str:
-        """The paper's name of the kind of network."""
+        """Kind of network in the terms of the paper: ``cnn`` if `group` is ``none``, otherwise ``svfl``."""
         return "cnn" if self.group == "none" else "svfl"
 
     def network(self) -> dict[str, Any]:
-        """Arguments of `policy.Policy`."""
+        """Return the arguments of `policy.Policy`, as plain values."""
         return {name: getattr(self, name) for name in ("encoder", "group", "preset", "image_size")}
 
     def plain(self) -> dict[str, Any]:
-        """As a dictionary of plain values, for files."""
+        """Return the configuration as a dictionary of plain values for files."""
         return asdict(self)

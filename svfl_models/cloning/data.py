@@ -1,4 +1,4 @@
-"""Demonstrations as batches: what was known before each action, and the action."""
+"""Batches of demonstrated steps: the observation before each action, and the action."""
 
 from collections.abc import Sequence
 
@@ -26,28 +26,30 @@ from svfl_models.training.augmentation import MARGIN, recoloured
 
 VALID_BATCH = 256
 STATISTICS = 1024
-"""Most samples that the scales of the inputs are taken from."""
+"""Largest number of steps that the scales of the inputs are computed from."""
 
 
 class Demonstrations(TorchDataset[Batch]):
-    """Every step of some episodes, as `policy.Policy` takes them, with the ``action`` (B, 5); image-aligned axes.
+    """Dataset of all steps of some episodes: inputs of `policy.Policy` and ``action`` (B, 5), image-aligned axes.
 
-    Actions are scaled to the bounds that a policy has, the paper's (`DeploymentSpec.unit`).
+    Actions are scaled so that the bounds of the demonstrations become those of the paper, which the network has
+    (`DeploymentSpec.unit`).
 
-    Its keys run beyond the number of steps: key k is step k % len in epoch k // len, as those of
-    `svfl_data.sampling.torch_samples.TorchSamples`. What is random about a batch depends on the seed and its first key
-    only, so that a training that was interrupted goes on as if it had not been. Images stay as they were recorded,
-    uint8 and uint16, until they are in a batch.
+    The keys run beyond the number of steps: key k is step k % len in epoch k // len, as in
+    `svfl_data.sampling.torch_samples.TorchSamples`. The random choices of a batch depend only on the seed and on the
+    first key of the batch, so that a training that is interrupted and resumed gives the same result as an uninterrupted
+    one. Images are kept in memory as they were recorded, uint8 and uint16, and are converted when a batch is made.
 
     Args:
-        dataset: Where the episodes lie.
-        episodes: Which.
-        deployment: What they have in common.
-        config: Image size, augmentation and seed.
-        random: Crop at random (training) rather than at the centre.
+        dataset: Dataset to read the episodes from.
+        episodes: Indices of the episodes.
+        deployment: What the episodes have in common, as `deployment_of` returns it.
+        config: Configuration that gives the inputs, the image size, the view, the augmentation and the seed.
+        random: Whether crops are shifted at random, as in training, or lie exactly around the gripper or the centre of
+            the image.
 
     Raises:
-        DatasetError: If they do not fit into memory.
+        DatasetError: If the images do not fit into memory.
         FieldError: If an episode lacks a field.
     """
 
@@ -70,17 +72,17 @@ class Demonstrations(TorchDataset[Batch]):
         return len(self.samples)
 
     def __getitem__(self, key: int) -> Batch:
-        """One step, without the batch dimension."""
+        """Return the step of one key, without the batch dimension."""
         if key < 0:
             raise IndexError(f"no step {key}; there are {len(self)}, and again in every epoch")
         return self.__getitems__([key])[0]
 
     def __getitems__(self, keys: Sequence[int]) -> list[Batch]:
-        """Many steps, one by one, as PyTorch's loaders ask for them."""
+        """Return the steps of many keys one by one, as PyTorch's loaders ask for them."""
         return apart(self.batch(keys), len(keys))
 
     def batch(self, keys: Sequence[int]) -> Batch:
-        """Many steps as one batch."""
+        """Return the steps of many keys as one batch."""
         recorded = self.samples.batch(np.asarray(keys) % len(self))
         proprio = recorded[PROPRIO]
         known = torch.from_numpy(proprio.copy())
@@ -99,12 +101,18 @@ class Demonstrations(TorchDataset[Batch]):
         return batch
 
     def loader(self, batch_size: int) -> DataLoader[Batch]:
-        """Batches of all steps: in a new order in every epoch if the crops are random, else in their own."""
+        """Return a loader of batches of all steps.
+
+        The order is a new random one in every epoch if crops are random, and the order of the episodes otherwise.
+
+        Args:
+            batch_size: Number of steps per batch.
+        """
         order = EpochSampler(len(self), self.random, self.config.seed)
         return whole_batches(self, batch_size, order)
 
     def typical(self) -> Batch:
-        """Steps from all over the episodes, at most `STATISTICS`, to take the scales of the inputs from."""
+        """Return at most `STATISTICS` steps, spread evenly over the episodes, for the scales of the inputs."""
         return self.batch(np.linspace(0, len(self) - 1, min(len(self), STATISTICS)).astype(int).tolist())
 
     def _image(self, image: Tensor, proprio: Tensor) -> Tensor:
@@ -123,7 +131,7 @@ class Demonstrations(TorchDataset[Batch]):
 
 
 def _picture(color: np.ndarray, depth: np.ndarray, depth_scale: float) -> Tensor:
-    """Recorded images (B, H, W, 3) and (B, H, W) as a network sees them: (B, 4, H, W), colour 0..1, depth in [m]."""
+    """Convert recorded images (B, H, W, 3) and (B, H, W) to network input (B, 4, H, W): colour 0..1, depth [m]."""
     image = np.empty((len(color), 4, *color.shape[1:3]), np.float32)
     image[:, :3] = color.transpose(0, 3, 1, 2) / np.float32(255)
     image[:, 3] = depth * np.float32(depth_scale)
@@ -131,16 +139,17 @@ def _picture(color: np.ndarray, depth: np.ndarray, depth_scale: float) -> Tensor
 
 
 class CloningData(pl.LightningDataModule):
-    """Training and validation batches.
+    """Training and validation batches of behaviour cloning.
 
     Args:
-        config: Which demonstrations, and how they become batches.
+        config: Configuration that gives the demonstrations and how batches are made from them.
 
     Attributes:
         deployment: What the demonstrations have in common.
 
     Raises:
-        SvflError: If they cannot serve: too few, unlike each other, damaged, without a field.
+        SvflError: If the demonstrations cannot be used: if there are too few, if they differ in what a policy depends
+            on, if an episode is damaged or if it lacks a field.
     """
 
     def __init__(self, config: CloningConfig) -> None:
@@ -158,19 +167,23 @@ class CloningData(pl.LightningDataModule):
         self.batch_size = config.batch_size
 
     def train_dataloader(self) -> DataLoader[Batch]:
-        """Shuffled batches with random crops."""
+        """Return a loader of shuffled training batches with random crops."""
         return self.train_set.loader(self.batch_size)
 
     def val_dataloader(self) -> DataLoader[Batch]:
-        """The held-out episodes, in their order."""
+        """Return a loader of the held-out episodes, in their order."""
         return self.valid_set.loader(VALID_BATCH)
 
 
 def successful(dataset: Dataset, count: int) -> list[int]:
-    """The first so many episodes in which the task was achieved.
+    """Return the indices of the first episodes in which the task was achieved.
+
+    Args:
+        dataset: Dataset to search.
+        count: Number of episodes to return, at least 2, because a split needs two.
 
     Raises:
-        DatasetError: If there are fewer, or fewer than the two that a split needs.
+        DatasetError: If the dataset has fewer successful episodes, or `count` is less than 2.
     """
     found: list[int] = []
     for index in dataset.indices:

@@ -1,4 +1,4 @@
-"""Where and how demonstrations were made: what a policy that learned from them must know to act."""
+"""Conditions under which demonstrations were recorded, which a policy trained on them must know in order to act."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -16,30 +16,32 @@ from svfl_models.cloning.gripper_view import projection
 from svfl_models.networks.squashed_gaussian import SCALE
 
 UNEVEN, OTHER_RATE = 1.1, 1.5
-"""Factor between the steps of two episodes that is worth a line, and that is another control rate."""
+"""Ratios of the longest to the shortest step duration among episodes. Above `UNEVEN` a message is printed; above
+`OTHER_RATE` the episodes count as recorded at different control rates."""
 BLIND_SIDE = 76
-"""Pixels of the picture that a policy without eyes is handed and does not look at: the simulation's."""
+"""Side of the image that a policy without image input is given and ignores, [px]: the image side of the simulation."""
 LARGEST_SIDE = 4096
-"""Most pixels along a side of a camera's image, [px]."""
+"""Largest allowed side of a camera image, [px]."""
 
 
 @dataclass(frozen=True)
 class DeploymentSpec:
-    """What all demonstrations have in common; plain values, kept in the checkpoint.
+    """What all demonstrations of a policy have in common, in plain values that are kept in the checkpoint.
 
     Attributes:
         task: Name of the task.
-        camera: Name of the camera; empty if the policy does not see.
-        image_axes: Base (x, y) to image (right, up), 2 x 2.
-        projection: Base point to pixel of the camera, 3 x 4 (`gripper_view.projection`).
-        centre: Of the workspace, base (x, y), [m].
-        table: Height of the table, base z, [m]: the lower bound of the workspace.
+        camera: Name of the camera; empty if the policy has no image input.
+        image_axes: Matrix from base (x, y) to image (right, up), 2 x 2.
+        projection: Matrix from a homogeneous point in base axes, [m], to the camera's homogeneous pixel, 3 x 4
+            (`gripper_view.projection`).
+        centre: Centre of the workspace, base (x, y), [m].
+        table: Height of the table in base axes, [m]: the lower bound of the workspace.
         image_side: Height and width of the camera's images, [px].
-        depth_scale: Metres per unit of depth, [m].
-        step_ms: Time between two actions, [ms].
-        switch: Whether the gripper was only ever commanded to open or to shut.
-        max_move: Largest dx, dy, dz of an action, [m].
-        max_turn: Largest dtheta, [rad].
+        depth_scale: Metres per unit of recorded depth, [m].
+        step_ms: Time between two actions, [ms]; 0 if it is unknown.
+        switch: Whether the gripper commands of all demonstrations are fully open or fully shut.
+        max_move: Largest absolute dx, dy or dz of an action, [m].
+        max_turn: Largest absolute dtheta of an action, [rad].
     """
 
     task: str
@@ -77,37 +79,37 @@ class DeploymentSpec:
             raise TrainingError(f"actions of at most {self.max_move} m and {self.max_turn} rad are none")
 
     def plain(self) -> dict[str, Any]:
-        """As a dictionary of plain values, for files."""
+        """Return the attributes as a dictionary of plain values for files."""
         return asdict(self)
 
     @property
     def unit(self) -> np.ndarray:
-        """What the network's bounds, the paper's, are multiplied by to be these, (5,)."""
+        """Factors from the network's action bounds (the paper's) to those of the demonstrations, shape (5,)."""
         return np.array([1.0, *3 * [self.max_move / SCALE[1]], self.max_turn / SCALE[4]], dtype=np.float32)
 
     @property
     def bounds(self) -> ActionBounds:
-        """Of an action."""
+        """Bounds of an action of the demonstrations."""
         return ActionBounds(self.max_move, self.max_turn)
 
 
 def deployment_of(
     dataset: Dataset, episodes: Sequence[int], camera: str | None = None, encoder: str = "vfp"
 ) -> DeploymentSpec:
-    """What demonstrations have in common, as far as a policy depends on it.
+    """Read what demonstrations have in common, as far as a policy depends on it.
 
-    A policy without eyes needs no camera: its vectors stay in base axes, and what a file must know of pictures is
-    made up.
+    A policy without image input needs no camera: its vectors stay in base axes, and the attributes that describe images
+    have default values.
 
     Args:
-        dataset: Where they lie.
-        episodes: Which; at least one.
-        camera: Whose images to use; the first one's (in alphabetical order) by default.
-        encoder: What the policy looks at, one of `cloning.config.ENCODERS`.
+        dataset: Dataset to read the episodes from.
+        episodes: Indices of the demonstrations, at least one.
+        camera: Name of the camera whose images are used. None takes the first one in alphabetical order.
+        encoder: Inputs of the policy, one of `cloning.config.ENCODERS`.
 
     Raises:
-        DatasetError: If they differ in what a policy cannot tell apart: task, camera, workspace, rate of control,
-            bounds of actions.
+        DatasetError: If the demonstrations differ in what a policy cannot observe: task, camera, workspace, control
+            rate or action bounds.
         FieldError: If an episode lacks a field.
     """
     found = [(index, _of_episode(dataset.episode(index), camera, encoder)) for index in episodes]
@@ -139,7 +141,7 @@ def _of_episode(reader: EpisodeReader, camera: str | None, encoder: str) -> Depl
 
 
 def _seen(reader: EpisodeReader, camera: str | None, encoder: str) -> dict[str, Any]:
-    """What a policy with eyes depends on."""
+    """Return the attributes of a `DeploymentSpec` that describe the images of an episode."""
     if not reader.cameras:
         raise DatasetError(f"{reader.extent}: recorded without a camera, which encoder {encoder} looks through")
     name = camera or reader.cameras[0]
@@ -161,7 +163,7 @@ def _projection(reader: EpisodeReader, camera: str) -> np.ndarray:
 
 
 def _period(step_ms: Mapping[int, float], dataset: Dataset) -> float:
-    """The usual time of a step, [ms], of the median times in each episode; 0 if there are no steps."""
+    """Return the median of the episodes' median step durations, [ms]; 0 if no episode has a step."""
     if not step_ms:
         return 0.0
     (slow, longest), (quick, shortest) = (pick(step_ms.items(), key=lambda item: item[1]) for pick in (max, min))

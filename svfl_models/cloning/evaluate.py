@@ -1,4 +1,4 @@
-"""How often a trained policy succeeds, in the gymnasium environment of its task."""
+"""Measures how often a trained policy succeeds in the gymnasium environment of its task."""
 
 import json
 from collections import deque
@@ -25,14 +25,14 @@ from svfl_models.cloning.deployment_spec import OTHER_RATE, DeploymentSpec
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What came of it.
+    """Result of the evaluation of a policy.
 
     Attributes:
-        checkpoint: File of the policy.
-        environment: Gymnasium's id.
-        seed: Of the scenes.
-        success: Whether each episode succeeded.
-        steps: Length of each episode.
+        checkpoint: Path of the policy's checkpoint.
+        environment: Gymnasium id of the environment.
+        seed: Seed of the scenes.
+        success: For each episode, whether it succeeded.
+        steps: Number of steps of each episode.
     """
 
     checkpoint: str
@@ -48,12 +48,12 @@ class Evaluation:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Of the rate, 95 %."""
+        """Lower and upper end of the 95 % interval of the success rate, 0..1."""
         return wilson(sum(self.success), len(self.success))
 
     @property
     def median_steps(self) -> float | None:
-        """Of the episodes that succeeded; None if none did."""
+        """Median number of steps of the episodes that succeeded; None if none did."""
         lengths = [steps for steps, success in zip(self.steps, self.success, strict=True) if success]
         return float(np.median(lengths)) if lengths else None
 
@@ -66,34 +66,38 @@ class Evaluation:
         )
 
     def save(self, file: Path) -> None:
-        """Write everything as JSON.
+        """Write the result, with the success rate, its interval and the median length, as JSON.
+
+        Args:
+            file: File to write.
 
         Raises:
-            StorageError: If the disk refuses.
+            StorageError: If the file cannot be written.
         """
         derived = {"rate": self.rate, "interval": self.interval, "median_steps": self.median_steps}
         write_atomically(file, (json.dumps(asdict(self) | derived, indent=2) + "\n").encode())
 
 
 def environment_of(task: str) -> str:
-    """Gymnasium's id of a task's environment, with the module that declares it."""
+    """Return the gymnasium id of a task's environment, prefixed with the module that declares the environment."""
     return f"collectors.environment:svfl/{task}-v0"
 
 
 def evaluate(
     checkpoint: Path, episodes: int, seed: int = 0, workers: int = 1, console: Console | None = None
 ) -> Evaluation:
-    """Let a policy act in as many scenes: those of ``svfl-collect policy`` with the same seed.
+    """Run a policy in several scenes, which are those of ``svfl-collect policy`` with the same seed.
 
     Args:
-        checkpoint: File written by ``svfl-train bc``.
-        episodes: How many.
-        seed: Of the scenes; none of them is that of a demonstration, whatever the seed of those.
-        workers: Processes.
-        console: Where progress goes; standard error by default.
+        checkpoint: Checkpoint file that ``svfl-train bc`` has written.
+        episodes: Number of episodes to run, one per scene.
+        seed: Seed of the scenes. No scene is that of a demonstration, whatever the seed of the demonstrations.
+        workers: Number of worker processes; 1 runs the episodes in this process.
+        console: Console that progress is printed on; standard error by default.
 
     Raises:
-        SvflError: If the file is no policy, there is no such environment, its camera is another one, or workers die.
+        SvflError: If the file is not a checkpoint of a policy, the task has no environment, the environment differs
+            from that of the demonstrations (control rate or camera), or a worker process dies.
     """
     environment = environment_of(load_policy(checkpoint).deployment.task)
     console = console or Console(stderr=True)
@@ -110,15 +114,16 @@ def evaluate(
 
 
 class Trial:
-    """A policy and an environment, to try one in the other.
+    """Policy and environment in which the policy is run, one episode per call.
 
     Args:
-        checkpoint: File of the policy.
-        environment: Gymnasium's id.
-        seed: Of the scenes.
+        checkpoint: Checkpoint file of the policy.
+        environment: Gymnasium id of the environment.
+        seed: Seed of the scenes.
 
     Raises:
-        TrainingError: If there is no such environment, or it is not what the demonstrations were made in.
+        TrainingError: If the environment does not exist, or its steps or images differ from those of the
+            demonstrations.
     """
 
     def __init__(self, checkpoint: Path, environment: str, seed: int) -> None:
@@ -128,14 +133,14 @@ class Trial:
         self.policy, self.seed, self.name = acting(module), seed, str(checkpoint)
         try:
             self.environment = gymnasium.make(environment, disable_env_checker=True)
-        except (gymnasium.error.Error, ValueError) as error:  # the latter for a name that is none
+        except (gymnasium.error.Error, ValueError) as error:  # ValueError: not a valid name
             reason = printable(" ".join(str(error).split()), 200)
             raise TrainingError(f"{checkpoint}: cannot be tried in {environment}: {reason}") from error
         _expect_same(self.environment, module.deployment, self.name)
 
     @torch.inference_mode()
     def __call__(self, index: int) -> tuple[bool, int]:
-        """Run the episode of a number; returns whether it succeeded, and its length."""
+        """Run the episode with the number `index`, and return whether it succeeded and its number of steps."""
         observation, _ = self.environment.reset(options={"scene": (self.seed, index)})
         ended, success, steps = False, False, 0
         while not ended:
@@ -153,19 +158,19 @@ class Trial:
 
 
 def _expect_same(environment: Any, deployment: DeploymentSpec, name: str) -> None:  # noqa: ANN401 - gymnasium's, wrapped
-    """Refuse an environment whose steps or pictures are others than the demonstrations'.
+    """Refuse an environment whose steps or images differ from those of the demonstrations.
 
     Raises:
-        TrainingError: Saying what differs.
+        TrainingError: If they differ; the message says in what.
     """
-    rate = environment.metadata.get("render_fps")  # environments of others may not say
+    rate = environment.metadata.get("render_fps")  # other people's environments may not have it
     if rate and deployment.step_ms and not 1 / OTHER_RATE < deployment.step_ms * rate / 1000 < OTHER_RATE:
         raise TrainingError(
             f"{name}: learned from steps of {deployment.step_ms:.1f} ms, those of the environment last "
             f"{1000 / rate:.1f} ms"
         )
     if not deployment.camera:
-        return  # it does not look
+        return  # the policy has no image input
     side = environment.observation_space["image"].shape[-1]
     if side != deployment.image_side:
         raise TrainingError(f"{name}: learned from images of {deployment.image_side} px, the environment gives {side}")

@@ -1,12 +1,12 @@
-"""The camera's picture with the gripper in its middle: what a policy sees is where things are from the gripper.
+"""Crops camera images around the gripper, so that a policy sees positions relative to the gripper.
 
-Actions are displacements of the gripper, so a scene that is shifted together with the gripper asks for the same action,
-and a scene that is turned about the gripper for the turned one. A picture of the whole table leaves a policy to find
-the gripper in it first; one around the gripper has both symmetries in its frame. The middle is the point of the table
-below the TCP, projected through the camera's calibration, so what lies under the gripper is in the middle at whatever
-height.
+An action is a displacement of the gripper. If the scene is shifted together with the gripper, the right action stays
+the same; if the scene is rotated about the gripper, the right action is rotated as well. In an image of the whole table
+a policy must first find the gripper, whereas an image centred on the gripper shows both symmetries directly. The centre
+of the image is the point of the table below the TCP, projected with the camera's calibration, so that what lies under
+the gripper is in the centre whatever the height of the gripper.
 
-The paper crops about the middle of the workspace; `docs/cloning.md` has both.
+The paper crops around the middle of the workspace; `docs/cloning.md` describes both.
 """
 
 import numpy as np
@@ -14,28 +14,30 @@ import torch
 from torch import Tensor
 
 JITTER = 1
-"""Pixels by which training crops are off at random."""
+"""Largest random shift of a training crop along each axis, [px]."""
 
 
 def projection(intrinsics: np.ndarray, T_base_camera: np.ndarray) -> np.ndarray:
-    """Matrix (3, 4) that takes a homogeneous point in base axes, [m], to homogeneous pixels (column, row).
+    """Return the matrix (3, 4) from a homogeneous point in base axes, [m], to a homogeneous pixel (column, row).
 
     Args:
-        intrinsics: Pinhole matrix K, (3, 3), [px].
-        T_base_camera: Pose of the camera, (4, 4), [m]; camera axes x right, y down, z forward.
+        intrinsics: Pinhole matrix K of the camera, shape (3, 3), [px].
+        T_base_camera: Pose of the camera in base axes, shape (4, 4), [m]; camera axes are x right, y down, z forward.
     """
     return np.asarray(intrinsics @ np.linalg.inv(T_base_camera)[:3])
 
 
 def corners(proprio: Tensor, matrix: Tensor, table: float, height: int, side: int) -> Tensor:
-    """Where to cut: (row, column) of the first pixel, (B, 2), int64; beyond the edges by at most a whole crop.
+    """Return the (row, column) of each crop's first pixel, shape (B, 2), int64.
+
+    A crop lies around the point of the table below the TCP, and beyond the edges of the image by at most its own side.
 
     Args:
-        proprio: Base axes: opening, TCP x, y, z [m], yaw, shape (B, 5).
-        matrix: See `projection`.
+        proprio: Gripper opening, TCP x, y, z [m] and yaw in base axes, shape (B, 5).
+        matrix: Projection matrix of the camera, shape (3, 4), see `projection`.
         table: Height of the table in base axes, [m].
-        height: Of the picture, which is square, [px].
-        side: Of the crop, [px].
+        height: Height and width of the image, [px].
+        side: Height and width of the crop, [px].
     """
     ones = torch.ones_like(proprio[:, :1])
     point = torch.cat([proprio[:, 1:3], table * ones, ones], dim=1) @ matrix.T  # (B, 3)

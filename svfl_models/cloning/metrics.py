@@ -1,4 +1,4 @@
-"""Callbacks that write down and show how a cloning goes; what was written survives an interruption."""
+"""Callbacks that record and show the progress of a behaviour cloning run; the records survive an interruption."""
 
 import time
 from pathlib import Path
@@ -15,7 +15,7 @@ COLUMNS = (
 
 
 class MetricsFile(progress.MetricsFile):
-    """The same rows in the checkpoint, from which a training that continues takes them.
+    """CSV file with one row of metrics per epoch, whose rows are also kept in the checkpoint for a resumed training.
 
     Args:
         path: CSV file to write.
@@ -25,19 +25,19 @@ class MetricsFile(progress.MetricsFile):
         super().__init__(path, COLUMNS)
 
     def state_dict(self) -> dict[str, Any]:
-        """What a checkpoint keeps."""
+        """Return the rows so far, for the checkpoint."""
         return {"rows": self.rows}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Go on where a checkpoint was made."""
+        """Restore the rows from a checkpoint."""
         self.rows = list(state_dict["rows"])
 
 
 class CloningProgress(ProgressLine):
-    """A progress bar on a terminal, an occasional line elsewhere, with what matters here."""
+    """Progress display of a training: a bar on a terminal, otherwise a line every `QUIET_SECONDS`."""
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Show the epoch's figures."""
+        """Show the losses and the position error of the epoch."""
         metrics, epoch = trainer.callback_metrics, trainer.current_epoch + 1
         words = ", ".join(
             (

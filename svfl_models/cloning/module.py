@@ -1,4 +1,4 @@
-"""The training step of behaviour cloning."""
+"""Training step of behaviour cloning."""
 
 import math
 from typing import Any
@@ -20,19 +20,21 @@ FORMAT_VERSION = "1.0"
 
 
 class CloningModule(pl.LightningModule):
-    """Loss and Adam around a `policy.Policy`.
+    """Loss and Adam for a `policy.Policy`.
 
-    A checkpoint holds the configuration, the normalisation and the deployment setup of the demonstrations with the
-    weights; `cloning.checkpoint.load_policy` opens it.
+    A checkpoint holds the configuration, the normalisation and the `DeploymentSpec` of the demonstrations together with
+    the weights; `cloning.checkpoint.load_policy` opens it.
 
     Args:
-        network: Arguments of `policy.Policy`.
-        deployment: The fields of `cloning.deployment.DeploymentSpec`.
-        view: One of `cloning.config.VIEWS`.
-        loss: One of `cloning.config.LOSSES`.
-        learning_rate: Of Adam, at the start.
-        steps: Over which the learning rate falls to zero along a cosine (Loshchilov & Hutter, ICLR 2017, one cycle).
-        training: The rest of the training's configuration, plain values, kept for whoever opens the checkpoint.
+        network: Arguments of `policy.Policy`, plain values.
+        deployment: Attributes of the demonstrations' `cloning.deployment_spec.DeploymentSpec`, plain values.
+        view: Centre of the images, one of `cloning.config.VIEWS`: ``gripper`` or ``camera``.
+        loss: Name of the loss, one of `cloning.config.LOSSES`: ``action`` or ``likelihood``.
+        learning_rate: Learning rate of Adam at the start of the training.
+        steps: Number of optimiser steps over which the learning rate falls to zero along a cosine (Loshchilov & Hutter,
+            ICLR 2017, one cycle).
+        training: The whole configuration of the training in plain values, which is only kept in the checkpoint. None if
+            there is none.
     """
 
     def __init__(
@@ -54,25 +56,25 @@ class CloningModule(pl.LightningModule):
         self.loss, self.learning_rate, self.steps = LOSSES[loss], learning_rate, steps
 
     def forward(self, batch: Batch) -> SquashedGaussian:
-        """What to do, image-aligned axes."""
+        """Return the policy's distribution of actions for a batch of observations, in image-aligned axes."""
         return self.policy(batch)
 
     def training_step(self, batch: Batch, batch_index: int) -> Tensor:
-        """Loss of a batch."""
+        """Return the loss of a training batch."""
         return self._loss(batch, "train")
 
     def validation_step(self, batch: Batch, batch_index: int) -> None:
-        """Loss and errors on the held-out episodes."""
+        """Log the loss and the errors on a batch of the held-out episodes."""
         self._loss(batch, "valid")
 
     def configure_optimizers(self) -> OptimizerLRScheduler:
-        """Adam, slower with every step."""
+        """Return Adam with a learning rate that falls with every step."""
         adam = torch.optim.Adam(self.parameters(), lr=self.learning_rate)
         slower = torch.optim.lr_scheduler.CosineAnnealingLR(adam, self.steps)
         return {"optimizer": adam, "lr_scheduler": {"scheduler": slower, "interval": "step"}}
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Say what kind of file this is."""
+        """Mark the checkpoint with its format and format version."""
         checkpoint["svfl"] = {"format": FORMAT, "format_version": FORMAT_VERSION}
 
     def _loss(self, batch: Batch, stage: str) -> Tensor:
@@ -91,11 +93,15 @@ class CloningModule(pl.LightningModule):
 
 
 def errors(said: Tensor, action: Tensor) -> dict[str, Tensor]:
-    """How far actions (B, 5) are from demonstrated ones, in units that one can picture.
+    """Compute the mean errors of a policy's actions in common units.
+
+    Args:
+        said: Actions of the policy, shape (B, 5): gripper opening 0..1, dx, dy, dz [m], dtheta [rad].
+        action: Demonstrated actions, with the same shape and units.
 
     Returns:
-        ``gripper``, share of the openings on the wrong side of a half; ``xy_mm`` and ``z_mm``, mean distances;
-        ``turn_deg``, mean angle.
+        ``gripper``: share of the gripper openings on the wrong side of 0.5. ``xy_mm`` and ``z_mm``: mean distance of
+        (dx, dy) and of dz, [mm]. ``turn_deg``: mean absolute difference of dtheta, [deg].
     """
     off = said - action
     return {

@@ -1,4 +1,4 @@
-"""Train a policy on demonstrations: load, split, fit; an interrupted training goes on where it was."""
+"""Trains a policy on demonstrations: loads, splits and fits; an interrupted training can be resumed."""
 
 import math
 from dataclasses import asdict, dataclass
@@ -26,17 +26,17 @@ class Result:
     """Outcome of a training; errors are those of the last epoch on the held-out episodes (`module.errors`).
 
     Attributes:
-        train_loss: Of the last epoch.
-        valid_loss: The same on the held-out episodes.
-        valid_gripper: Share of the gripper's openings that were wrong, 0..1.
-        valid_xy_mm: Mean distance between said and demonstrated (dx, dy), [mm].
-        valid_z_mm: The same of dz, [mm].
-        valid_turn_deg: The same of dtheta, [deg].
-        episodes: Episodes learned from and held out.
-        steps: Steps in them.
-        epochs: Epochs trained.
-        seconds: Time of the training, without imports and loading.
-        parameters: Learned numbers of the network.
+        train_loss: Mean loss of the last epoch on the training episodes.
+        valid_loss: Mean loss of the last epoch on the held-out episodes.
+        valid_gripper: Share of the gripper openings that were wrong, 0..1.
+        valid_xy_mm: Mean distance between predicted and demonstrated (dx, dy), [mm].
+        valid_z_mm: Mean distance between predicted and demonstrated dz, [mm].
+        valid_turn_deg: Mean absolute difference between predicted and demonstrated dtheta, [deg].
+        episodes: Number of training episodes, then of held-out episodes.
+        steps: Number of steps in the training episodes, then in the held-out episodes.
+        epochs: Number of epochs trained.
+        seconds: Duration of the training without imports and loading, [s].
+        parameters: Number of trained parameters of the network.
     """
 
     train_loss: float
@@ -55,21 +55,21 @@ class Result:
 def train_cloning(config: CloningConfig, out: Path, console: Console | None = None) -> Result:
     """Train one policy; the same configuration gives the same weights on the same machine, interrupted or not.
 
-    The weights are those of the last epoch: the loss on held-out episodes says little about success (Mandlekar et al.,
-    CoRL 2021), so nothing is chosen by it.
+    The final weights are those of the last epoch. No weights are chosen by the loss on the held-out episodes, because
+    it says little about the success of a policy (Mandlekar et al., CoRL 2021).
 
     Args:
-        config: What to train, on what.
-        out: Folder for checkpoint, metrics and result. A training of the same configuration that was interrupted there
-            goes on after its last whole epoch.
-        console: Where progress goes; standard output by default.
+        config: Configuration of the policy, the demonstrations and the training.
+        out: Folder for the checkpoint, metrics and result. If it holds an interrupted training of the same
+            configuration, that training is resumed after its last complete epoch.
+        console: Console that progress is printed on; standard output by default.
 
     Returns:
-        The outcome, as it is also written to ``result.json``.
+        The outcome, which is also written to ``result.json``.
 
     Raises:
-        SvflError: If the data, the configuration or the folder cannot serve, or the training diverges.
-        KeyboardInterrupt: If the user stopped the training; the last whole epoch is in ``checkpoint.ckpt``.
+        SvflError: If the data, the configuration or the folder cannot be used, or the training diverges.
+        KeyboardInterrupt: If the user stopped the training; ``checkpoint.ckpt`` holds the last complete epoch.
 
     Example:
         >>> from pathlib import Path
@@ -109,14 +109,14 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
 
 
 def _interrupted(config: CloningConfig, out: Path) -> Path | None:
-    """The checkpoint of a training of the same configuration that has not come to its end, if there is one."""
+    """Return the checkpoint of an unfinished training of the same configuration, or None if there is none."""
     checkpoint = out / run_folder.CHECKPOINT
     if not checkpoint.exists() or (out / run_folder.RESULT).exists():
         return None
     try:
         same = read_json(out / run_folder.CONFIG) == config.plain()
     except (OSError, FormatError):
-        return None  # `run_folder.claim` says what is wrong
+        return None  # `run_folder.claim` reports what is wrong
     if same:
-        load_policy(checkpoint)  # a damaged one is said before the training starts
+        load_policy(checkpoint)  # reports a damaged checkpoint before the training starts
     return checkpoint if same else None

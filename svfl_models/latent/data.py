@@ -66,7 +66,7 @@ class Sequences(TorchDataset[Batch]):
     def __getitem__(self, keys: Sequence[int]) -> Batch:
         """The sequences of `keys` as one batch."""
         chosen = np.asarray(keys, dtype=np.int64)
-        fraction = draws(self.seed, 0, chosen) if self.random else None  # a key tells its pass
+        fraction = draws(self.seed, 0, chosen) if self.random else None  # the key includes the pass
         height, width = self.recordings[0].color.shape[1:3]
         places = np.broadcast_to(corners(height, width, (IMAGE_SIZE, IMAGE_SIZE), fraction), (len(chosen), 2))
         cut = [
@@ -181,7 +181,7 @@ def fit(inputs: Inputs, recordings: Sequence[Recording]) -> None:
     """Take the statistics of the training episodes."""
     stride = max(1, sum(map(len, recordings)) // IMAGES)
     color, depth = (np.concatenate([getattr(one, name) for one in recordings])[::stride] for name in ("color", "depth"))
-    depth = np.where(depth > 0, depth, depth[depth > 0].mean() if depth.any() else 0)  # no measurement is no distance
+    depth = np.where(depth > 0, depth, depth[depth > 0].mean() if depth.any() else 0)  # 0: not measured
     image = np.concatenate([color.astype(np.float32) / 255, depth[..., None]], axis=-1)  # (N, H, W, 4)
     wrench = np.concatenate([one.readings[one.windows] for one in recordings])
     inputs.fit(image.transpose(0, 3, 1, 2), wrench, np.concatenate([one.proprio for one in recordings]))

@@ -40,10 +40,10 @@ def mismatched(episode: Tensor, step: Tensor, touching: Tensor, gap: int, per_se
         Frames are numbered through the batch, sequence by sequence.
     """
     sequences, frames = step.shape
-    drawn = torch.rand(sequences, frames).argsort(dim=1)[:, :per_sequence]  # on the CPU, whatever the device
+    drawn = torch.rand(sequences, frames).argsort(dim=1)[:, :per_sequence]  # always on the CPU
     chosen = (drawn + frames * torch.arange(sequences)[:, None]).flatten().to(step.device)
     allowed = allowed_pairs(episode[chosen // frames], step.flatten()[chosen], touching.flatten()[chosen], gap).cpu()
-    liking = torch.rand(allowed.shape) + len(chosen) * allowed  # a pair more outweighs all preferences
+    liking = torch.rand(allowed.shape) + len(chosen) * allowed  # one more pair outweighs all random numbers
     rows, partners = (torch.from_numpy(index) for index in linear_sum_assignment(liking.numpy(), maximize=True))
     kept = allowed[rows, partners]
     return Mismatch(chosen[rows[kept].to(chosen.device)], chosen[partners[kept].to(chosen.device)])

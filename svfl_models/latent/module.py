@@ -73,7 +73,7 @@ class LatentModule(pl.LightningModule):
 
     def validation_step(self, batch: Batch, batch_index: int) -> None:
         """Loss of held-out sequences, from the means of all that is drawn in training."""
-        torch.manual_seed(batch_index)  # the same wrong pairs every time
+        torch.manual_seed(batch_index)  # the same mismatched pairs in every validation
         self._loss(batch, "valid")
 
     def configure_optimizers(self) -> torch.optim.Optimizer:

@@ -135,7 +135,7 @@ def _earlier(config: LatentConfig, out: Path) -> dict[str, Any]:
         FormatError: If there is none.
     """
     checkpoint = out / run_folder.CHECKPOINT
-    load_latent(checkpoint)  # a damaged one is said before the training starts
+    load_latent(checkpoint)  # reports a damaged checkpoint before the training starts
     found = read_latent(checkpoint)
     before, now = found["hyper_parameters"]["training"], config.plain()
     changed = [

@@ -59,7 +59,7 @@ class WrenchTrunk(nn.Module):
         """(B, 64, 6) -> (B, out)."""
         x = wrench
         for layer in self.layers:
-            x = functional.leaky_relu(layer(x.reshape(len(x), x.shape[1] // 2, -1)), SLOPE)  # neighbours side by side
+            x = functional.leaky_relu(layer(x.reshape(len(x), x.shape[1] // 2, -1)), SLOPE)  # joins neighbours
         return self.last(x[:, 0])
 
 

@@ -108,7 +108,7 @@ def missing(found: list[Remaining], path: Path) -> Path:
         if not label.endswith(("dB", "mm")):
             one.set_ylim(0, 1.02)
         if label.endswith("AUROC"):
-            one.axhline(0.5, color=PLAIN, linestyle="--", linewidth=1)  # guessing
+            one.axhline(0.5, color=PLAIN, linestyle="--", linewidth=1)  # random guesses
     figure.supxlabel("modalities that are there: I image, W wrench, P proprioception", fontsize=10)
     return save(figure, path)
 

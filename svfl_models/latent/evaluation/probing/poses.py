@@ -32,7 +32,7 @@ def object_poses(dataset: Dataset, frames: Frames) -> np.ndarray | None:
         pose = reader["streams/object/pose"][()][
             [max(0, latest(object_t_ns, now)) for now in t_ns[frames.step[rows].numpy()]]
         ]
-        axis = Rotation.from_quat(pose[:, 3:]).as_matrix()[:, :2, 0]  # where the object's own x axis points
+        axis = Rotation.from_quat(pose[:, 3:]).as_matrix()[:, :2, 0]  # the object's x axis in base axes
         position = pose[:, :3].copy()
         position[:, :2] -= reader["workspace"][()][:2].mean(axis=1)
         planar = np.concatenate([position, np.arctan2(axis[:, 1], axis[:, 0])[:, None]], axis=1)
