@@ -1,10 +1,11 @@
-"""What a latent pretraining is made of: plain values, light to import; presets of three publications, and ours.
+"""Configuration and presets of a latent pretraining, in plain values; importing this module loads no heavy library.
 
-`vtt_2022` is Chen et al. ("Visuo-Tactile Transformers for Manipulation", CoRL 2022) with the sizes and weights of its
-published code, `lee_2020` Lee et al. ("Making Sense of Vision and Touch", T-RO 2020), `svfl_2023` the baselines of
-Kohler et al. (CoRL 2023), which name VTT's architectures and train 10,000 steps of batches of 32 on expert episodes.
-`balanced` is ours: the same with weights at which contact and alignment rise above chance beside the pictures
-(docs/latent.md). What had to change for this package's observations is written in `svfl_models.latent`.
+The preset `vtt_2022` is Chen et al. ("Visuo-Tactile Transformers for Manipulation", CoRL 2022) with the sizes and
+weights of its published code. `lee_2020` is Lee et al. ("Making Sense of Vision and Touch", T-RO 2020). `svfl_2023` are
+the baselines of Kohler et al. (CoRL 2023), which name VTT's architectures and train 10,000 steps of batches of 32 on
+expert episodes. `balanced` is this package's own: `svfl_2023` with weights at which contact and alignment rise above
+chance beside the image terms (docs/latent.md). `svfl_models.latent` describes what had to change for this package's
+observations.
 """
 
 from dataclasses import asdict, dataclass, field
@@ -15,35 +16,36 @@ from svfl_data.errors import TrainingError
 MODELS = ("vtt", "poe", "concat")
 MODALITIES = ("image", "wrench", "proprio")
 DEEPEST = 64
-"""Most blocks of self-attention."""
+"""Largest allowed number of self-attention blocks."""
 TERMS = (
     "image", "depth", "kl", "expert_kl", "reward", "contact", "next_contact", "alignment", "mismatch", "next_proprio",
 )  # fmt: skip
-"""Terms of the loss (`losses`), in the order in which they are written down."""
+"""Names of the terms of the loss (`losses`), in the order in which metrics files list them."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of the networks; defaults are those of VTT's published code, as far as it has such a layer.
+    """Layer sizes of the networks; defaults are those of VTT's published code where it has such a layer.
 
     Attributes:
-        feature: Numbers that an encoder makes of an observation.
-        z1: First part of the latent state.
-        z2: Second part, the one that the dynamics carry on.
-        hidden: Units of the dynamics' hidden layers.
-        patch: Edge of VTT's image patches, [px].
-        readings: Consecutive readings of VTT's wrench tokens.
-        dim: Numbers per token.
-        depth: Blocks of self-attention.
-        heads: Of the attention.
-        token: Units that each token is reduced to before all are joined, two layers.
-        joined: Units between the joined tokens and the feature.
-        image: Channels of the convolutions of PoE and concat.
-        wrench: Units of the tree over their wrench window; each layer halves the readings.
-        proprio: Units of their proprioception's layers.
-        concat: Numbers that concat makes of image, wrench and proprioception.
-        decoder: Channels of the decoder.
-        heads_hidden: Units of the layers that predict the next step.
+        feature: Length of the feature that an encoder computes from an observation.
+        z1: Length of z1, the first part of the latent state.
+        z2: Length of z2, the second part of the latent state, which the dynamics pass on to the next step.
+        hidden: Units of each hidden layer of the dynamics.
+        patch: Side of VTT's image patches, [px].
+        readings: Number of consecutive readings in each of VTT's wrench tokens.
+        dim: Length of each of VTT's tokens.
+        depth: Number of VTT's self-attention blocks.
+        heads: Number of heads of VTT's self-attention.
+        token: Units of the two layers that reduce each of VTT's tokens before all tokens are joined.
+        joined: Units of VTT's layer between the joined tokens and the feature.
+        image: Channels after each of the first four convolutions of PoE and concat.
+        wrench: Units of each layer of the tree over the wrench window of PoE and concat; each layer halves the number
+            of readings.
+        proprio: Units of the hidden layers for proprioception of PoE and concat.
+        concat: Lengths of the vectors that concat computes from image, wrench and proprioception.
+        decoder: Channels at the input of each of the decoder's four transposed convolutions.
+        heads_hidden: Units of the hidden layers that predict the reward and the next step.
     """
 
     feature: int = 288
@@ -71,16 +73,16 @@ class Sizes:
 
 @dataclass(frozen=True)
 class Preset:
-    """What a publication prescribes.
+    """Settings of a preset: those of a publication, or this package's own (``balanced``).
 
     Attributes:
-        weights: Of each of `TERMS`; a term of weight 0 is not computed.
-        summed: Terms that are summed over the elements and frames of a sequence; the others are means.
+        weights: Weight in the loss of each of `TERMS`; a term of weight 0 is not computed.
+        summed: Terms that are summed over the elements and frames of a sequence; all others are means.
         contact_n: Force above which a frame counts as contact, [N].
-        batch_size: Sequences per step.
-        sequence: Actions per sequence, S; it has S + 1 frames.
-        negatives: Frames of each sequence that are also shown with the wrench of another one.
-        sizes: Of the networks.
+        batch_size: Number of sequences per optimiser step.
+        sequence: Number S of actions per sequence, which has S + 1 frames.
+        negatives: Number of frames of each sequence that are also shown with the wrench of another frame.
+        sizes: Layer sizes of the networks.
     """
 
     weights: dict[str, float]
@@ -93,8 +95,9 @@ class Preset:
 
 
 _RAISED = 1000.0
-"""Weight of a mean beside sums over the 150,000 pixels and channels of a sequence, of which pretraining saves about a
-twentieth of a nat each."""
+"""Weight in `balanced` of the terms that are means. The image terms are sums over the 150,000 pixels and channels of a
+sequence, and pretraining lowers each of these by about a twentieth of a nat, so that a mean needs a weight of this size
+to count beside them."""
 _VTT_SUMMED = ("image", "depth", "kl", "expert_kl", "reward")
 PRESETS = {
     "vtt_2022": Preset(
@@ -122,21 +125,22 @@ PRESETS = {
 
 @dataclass(frozen=True)
 class LatentConfig:
-    """Configuration of one pretraining.
+    """Configuration of one latent pretraining.
 
     Attributes:
-        data: Dataset folder.
-        model: One of `MODELS`.
-        preset: One of `PRESETS`.
-        steps: Steps of the optimiser.
-        batch_size: Sequences per step.
-        sequence: Actions per sequence.
-        seed: Of the initial weights, and with the number of the step of all that is drawn in it.
-        split: Name of a split stored with the dataset; by default one that is drawn, 4 of 5 episodes to train on.
+        data: Path of the dataset folder.
+        model: Kind of latent model, one of `MODELS`.
+        preset: Name of the loss weights and layer sizes, a key of `PRESETS`.
+        steps: Number of optimiser steps.
+        batch_size: Number of sequences per optimiser step.
+        sequence: Number of actions per sequence.
+        seed: Seed of the initial weights and, together with the number of the step, of everything random in a step.
+        split: Name of a split that is stored with the dataset. If empty, a split is drawn with four fifths of the
+            episodes for training.
         contact_n: Force above which a frame counts as contact, [N].
-        mixed: Whether episodes may be of different tasks or action spaces.
-        checkpoint_every: Steps between two checkpoints.
-        learning_rate: Of Adam.
+        mixed: Whether episodes of different tasks or with different action bounds are allowed.
+        checkpoint_every: Number of steps between two checkpoints.
+        learning_rate: Constant learning rate of Adam.
 
     Example:
         >>> LatentConfig("data/week", "poe", steps=100).model
@@ -157,19 +161,19 @@ class LatentConfig:
     learning_rate: float = 1e-4
 
     def network(self) -> dict[str, Any]:
-        """Arguments of `network.LatentNetwork`, plain values."""
+        """Return the arguments of `network.LatentNetwork`, as plain values."""
         return {"model": self.model, "sizes": plain(PRESETS[self.preset].sizes)}
 
     def objective(self) -> dict[str, Any]:
-        """Arguments of `losses.Objective`, plain values."""
+        """Return the arguments of `losses.Objective`, as plain values."""
         preset = PRESETS[self.preset]
         return {"weights": dict(preset.weights), "summed": list(preset.summed), "negatives": preset.negatives}
 
     def plain(self) -> dict[str, Any]:
-        """As a dictionary of plain values, for files."""
+        """Return the configuration as a dictionary of plain values for files."""
         return asdict(self)
 
 
 def plain(sizes: Sizes) -> dict[str, Any]:
-    """Sizes as a checkpoint keeps them; ``Sizes(**plain(sizes))`` builds the same networks."""
+    """Return layer sizes as plain values for a checkpoint; ``Sizes(**plain(sizes))`` builds the same networks."""
     return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(sizes).items()}

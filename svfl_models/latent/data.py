@@ -1,4 +1,4 @@
-"""Sequences of frames and actions, cut from whole episodes for a whole batch at once."""
+"""Batches of sequences of frames and actions, cut from whole episodes."""
 
 from collections.abc import Iterator, Sequence
 
@@ -17,30 +17,33 @@ from svfl_models.latent.recordings import Recording, load_recordings
 
 SHARES = {"train": 0.8, "valid": 0.2}
 IMAGES = 256
-"""So many images, from all over the episodes, give the statistics of all."""
+"""Approximate number of images, spread evenly over all episodes, that the image statistics are computed from."""
 SPLIT_SEED = 0
-"""A constant: whatever the seed of a training, its validation episodes are the same."""
+"""Seed of the drawn split. It is a constant, so that the validation episodes are the same whatever the seed of a
+training."""
 
 
 class Sequences(TorchDataset[Batch]):
-    """Every stretch of S actions in the given episodes, as batches, asked for with lists of keys.
+    """Dataset of all sequences of S consecutive actions in the given episodes; lists of keys give batches.
 
-    A batch, with T = S + 1 frames: ``image`` (B, T, 4, 64, 64), colour 0..1 and depth in [m], the same crop in all
-    frames of a sequence; ``wrench`` (B, T, 64, 6); ``proprio`` (B, T, 5); ``action`` and ``reward`` (B, S, ...);
-    ``terminated`` (B, S), whether the task was achieved then; ``contact`` (B, T), whether the force exceeds the
-    threshold; ``next_contact`` (B, S), whether there is contact until the next frame; ``touching`` (B, T), either of
-    the two; ``episode`` (B,) and ``step`` (B, T).
+    A batch has these entries, with T = S + 1 frames per sequence: ``image`` (B, T, 4, 64, 64), colour 0..1 and depth in
+    [m], with the same crop in all frames of a sequence; ``wrench`` (B, T, 64, 6); ``proprio`` (B, T, 5); ``action`` (B,
+    S, 5) and ``reward`` (B, S); ``terminated`` (B, S), whether the episode ended with success after the action;
+    ``contact`` (B, T), 1 if the force exceeds the threshold; ``next_contact`` (B, S), 1 if there is contact between the
+    frame and the next one; ``touching`` (B, T), whether the force exceeds the threshold or there was contact between
+    the frame before and this one; ``episode`` (B,), index of the episode; ``step`` (B, T), number of the frame in its
+    episode.
 
-    Key k is sequence k % len in its pass k // len: each pass has other random crops.
+    Key k is sequence k % len in pass k // len through the data; each pass has other random crops.
 
     Args:
-        recordings: The episodes; those of fewer than S steps have no sequence.
-        actions: S.
-        random: Crop at random (training) rather than in the middle.
-        seed: Of the crops.
+        recordings: Episodes to cut the sequences from; an episode of fewer than S steps has no sequence.
+        actions: Number S of actions per sequence.
+        random: Whether crops lie at random positions, as in training, or in the middle of the image.
+        seed: Seed of the random crops.
 
     Raises:
-        DatasetError: If no episode is long enough.
+        DatasetError: If no episode has S steps.
     """
 
     def __init__(self, recordings: Sequence[Recording], actions: int, random: bool, seed: int = 0) -> None:
@@ -60,11 +63,11 @@ class Sequences(TorchDataset[Batch]):
 
     @property
     def left_out(self) -> int:
-        """Episodes that are too short."""
+        """Number of episodes that are too short for a sequence."""
         return sum(len(one) < self.actions for one in self.recordings)
 
     def __getitem__(self, keys: Sequence[int]) -> Batch:
-        """The sequences of `keys` as one batch."""
+        """Return the sequences of `keys` as one batch."""
         chosen = np.asarray(keys, dtype=np.int64)
         fraction = draws(self.seed, 0, chosen) if self.random else None  # the key includes the pass
         height, width = self.recordings[0].color.shape[1:3]
@@ -100,15 +103,16 @@ class Sequences(TorchDataset[Batch]):
 
 
 class Leg(Sampler[list[int]]):
-    """The batches of some steps of a training: they follow from the seed and the number of the step alone.
+    """Keys of the batches of one leg, the steps of a training between two checkpoints.
 
-    Passes through the data in new orders are laid end to end; step k takes the k-th batch of them.
+    The batches depend only on the seed and on the numbers of the steps. All passes through the data, each in a new
+    random order, are joined end to end, and step k takes the k-th batch of them.
 
     Args:
-        sequences: How many there are.
-        batch_size: Sequences per step.
-        seed: Of the orders.
-        steps: Which steps.
+        sequences: Number of sequences in the data.
+        batch_size: Number of sequences per step.
+        seed: Seed of the random orders.
+        steps: Numbers of the leg's steps in the whole training.
     """
 
     def __init__(self, sequences: int, batch_size: int, seed: int, steps: range) -> None:
@@ -130,10 +134,13 @@ class Leg(Sampler[list[int]]):
 
 
 def sequences_of(config: LatentConfig) -> tuple[Sequences, Sequences, Split]:
-    """Training and validation sequences of a dataset, from different episodes.
+    """Return the training and validation sequences of a dataset, which are of different episodes, and the split.
+
+    Args:
+        config: Configuration that gives the dataset, the split, the length of a sequence and the labels.
 
     Raises:
-        SvflError: If the data cannot serve.
+        SvflError: If the dataset cannot be read, or its episodes or labels cannot be used for training.
     """
     dataset = Dataset.open(config.data)
     recordings = {one.index: one for one in load_recordings(dataset, config.contact_n, config.mixed)}
@@ -153,7 +160,7 @@ def _drawn(dataset: Dataset, indices: list[int]) -> Split:
 
 
 def _check_labels(train: Sequences, config: LatentConfig) -> None:
-    """Refuse to learn what never changes in the training episodes."""
+    """Refuse training episodes in which a label that is to be learned never changes."""
     wanted = PRESETS[config.preset].weights
     force = [np.linalg.norm(one.readings[one.windows[:, -1], :3], axis=1) for one in train.recordings]
     values = {
@@ -178,7 +185,12 @@ def _check_labels(train: Sequences, config: LatentConfig) -> None:
 
 
 def fit(inputs: Inputs, recordings: Sequence[Recording]) -> None:
-    """Take the statistics of the training episodes."""
+    """Take the statistics of the inputs from training episodes.
+
+    Args:
+        inputs: Scaling of the inputs; its statistics are set.
+        recordings: The training episodes.
+    """
     stride = max(1, sum(map(len, recordings)) // IMAGES)
     color, depth = (np.concatenate([getattr(one, name) for one in recordings])[::stride] for name in ("color", "depth"))
     depth = np.where(depth > 0, depth, depth[depth > 0].mean() if depth.any() else 0)  # 0: not measured

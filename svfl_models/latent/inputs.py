@@ -1,4 +1,4 @@
-"""From physical observations to what networks like to read, with the statistics of the training episodes."""
+"""Scales physical observations to the inputs of the networks, with the statistics of the training episodes."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,14 +14,15 @@ from svfl_models.networks.squashed_gaussian import to_unit
 IMAGE_SIZE, WINDOW, PROPRIO = 64, 64, 6
 SHAPES = {"image": (4, IMAGE_SIZE, IMAGE_SIZE), "wrench": (WINDOW, 6), "proprio": (5,)}
 Batch = dict[str, Tensor]
-"""Physical values, vectors in image-aligned axes; shapes of `SHAPES` behind (B, T), see `data.Sequences`."""
+"""Batch of physical values by name, with vectors in image-aligned axes; shapes are those of `SHAPES` after (B, T), see
+`data.Sequences`."""
 
 
 class Inputs(nn.Module):
-    """Scales every modality; carries its statistics as buffers.
+    """Scales each modality with statistics that it holds as buffers.
 
-    The wrench, in units of its deviation, goes through asinh: it is in proportion where little is felt, and a collision
-    of fifty deviations is still told from one of a hundred (a tanh of newtons would say 1 to both).
+    The wrench, in units of its deviation, passes through asinh. This is nearly linear for small values, and it still
+    separates a collision of fifty deviations from one of a hundred, which a tanh of newtons would both map to 1.
     """
 
     def __init__(self) -> None:
@@ -29,18 +30,24 @@ class Inputs(nn.Module):
         self.normalization = Normalization()
 
     def fit(self, image: np.ndarray, wrench: np.ndarray, proprio: np.ndarray) -> None:
-        """Take the statistics of training observations: (N, 4, H, W), (N, 64, 6), (N, 5)."""
+        """Take the statistics of training observations.
+
+        Args:
+            image: Colour 0..1, then depth in [m], shape (N, 4, H, W).
+            wrench: Wrench windows in image-aligned axes, shape (N, 64, 6), [N] and [N m].
+            proprio: Proprioception in image-aligned axes, (x, y) relative to the workspace centre, shape (N, 5).
+        """
         self.normalization.fit(image, wrench, proprio)
 
     def forward(self, batch: Mapping[str, Tensor], only: Sequence[str] = MODALITIES) -> Batch:
-        """What encoders read.
+        """Return the inputs of an encoder.
 
         Args:
-            batch: Physical observations, any leading dimensions.
-            only: Modalities to prepare.
+            batch: Physical observations, with any leading dimensions.
+            only: Names of the modalities to prepare.
 
         Returns:
-            ``image`` (..., 4, 64, 64), ``wrench`` (..., 64, 6), ``proprio`` (..., 6), dimensionless.
+            ``image`` (..., 4, 64, 64), ``wrench`` (..., 64, 6) and ``proprio`` (..., 6), dimensionless.
 
         Raises:
             TrainingError: If a modality is missing or has another shape.
@@ -48,21 +55,24 @@ class Inputs(nn.Module):
         return {name: getattr(self, name)(_expect(batch, name)) for name in only}
 
     def image(self, image: Tensor) -> Tensor:
-        """Colour and depth; a pixel without depth counts as one of mean depth."""
+        """Scale colour and depth, shape (..., 4, H, W); a pixel without depth (0) gets the mean depth."""
         scaled = self.normalization.image(image)
         return torch.cat([scaled[..., :3, :, :], scaled[..., 3:, :, :] * (image[..., 3:, :, :] > 0)], dim=-3)
 
     def wrench(self, wrench: Tensor) -> Tensor:
-        """Wrench windows."""
+        """Scale wrench windows, shape (..., 64, 6)."""
         return torch.asinh(self.normalization.wrench(wrench))
 
     def proprio(self, proprio: Tensor) -> Tensor:
-        """Opening, x, y, z, then the yaw as cosine and sine of its double: a two-fingered gripper has period pi."""
+        """Scale proprioception (..., 5) to (..., 6): opening, x, y, z, then cosine and sine of twice the yaw.
+
+        The yaw is doubled because a gripper with two fingers looks the same after half a turn.
+        """
         yaw = 2 * proprio[..., 4:]
         return torch.cat([self.normalization.proprio(proprio)[..., :4], yaw.cos(), yaw.sin()], dim=-1)
 
     def action(self, action: Tensor) -> Tensor:
-        """Actions (..., 5), each component -1..1."""
+        """Scale actions, shape (..., 5), to -1..1 in each component."""
         return to_unit(action)
 
 

@@ -1,4 +1,4 @@
-"""What happens in an episode, step by step: contact and reward."""
+"""Labels of the steps of an episode: contact and reward."""
 
 from collections.abc import Sequence
 
@@ -10,13 +10,20 @@ from svfl_data.schema.episode import Episode
 from svfl_data.signals.contact import CONTACT
 
 MOVED_M, MOVED_COSINE = 5e-4, np.cos(np.deg2rad(1.0) / 2)
-"""An object that moves or turns farther than this within a step, 0.5 mm or 1 degree, is being touched."""
+"""Limits of the motion of an object within a step, 0.5 mm and 1 degree (as the cosine of half the angle). An object
+that moves or turns farther counts as touched."""
 
 
 def pressed(episode: Episode, contact_n: float) -> np.ndarray:
-    """Whether the last reading before each observation is a force above a threshold, shape (N+1,), bool.
+    """Return whether the force at each observation exceeds a threshold, shape (N+1,), bool.
 
-    As VTT labels contact, but of the force alone: newtons and newton metres have no common norm.
+    The force is that of the last reading at or before the observation; without such a reading the result is false. VTT
+    labels contact in the same way but from the whole wrench; here it is the force alone, because newtons and newton
+    metres have no common norm.
+
+    Args:
+        episode: The episode, of N steps.
+        contact_n: Threshold on the norm of the tared force, [N].
     """
     force = np.linalg.norm(episode.tared_wrench[:, :3], axis=1)
     rows = [latest(episode.wrench_t_ns, now) for now in episode.t_ns]
@@ -24,12 +31,12 @@ def pressed(episode: Episode, contact_n: float) -> np.ndarray:
 
 
 def touched(episode: Episode, annotated: bool) -> np.ndarray:
-    """Whether there is contact between each observation and the next, shape (N,), bool.
+    """Return whether there is contact between each observation and the next, shape (N,), bool.
 
     Args:
-        episode: Where to look.
-        annotated: Whether its annotations say so (``svfl-data relabel --contact``); else the simulated or tracked
-            object does: what moves is touched.
+        episode: The episode, of N steps.
+        annotated: Whether contact is read from the episode's annotations (``svfl-data relabel --contact``). Otherwise
+            it is read from the pose of the simulated or tracked object: an object that moves is touched.
     """
     before, after = episode.t_ns[:-1], episode.t_ns[1:]
     if annotated:
@@ -43,17 +50,23 @@ def touched(episode: Episode, annotated: bool) -> np.ndarray:
 
 
 def rewards(episode: Episode) -> np.ndarray:
-    """1 for the last action of an episode that succeeded, 0 for all others, shape (N,), float32."""
+    """Return 1 for the last action of an episode that succeeded and 0 for all others, shape (N,), float32."""
     reward = np.zeros(len(episode), dtype=np.float32)
     reward[-1:] = float(episode.meta.success)
     return reward
 
 
 def contacts_annotated(episodes: Sequence[Episode], where: object) -> bool:
-    """Where the contacts of a dataset's episodes are to be read: annotations if any has them, else the object.
+    """Return whether contacts are read from annotations, which is the case if any episode has annotations of contact.
+
+    Otherwise contacts are read from the pose of the object.
+
+    Args:
+        episodes: All episodes of a dataset.
+        where: Path of the dataset, for the error message.
 
     Raises:
-        DatasetError: If there is neither.
+        DatasetError: If no episode has annotations of contact, and an episode was recorded without the object's pose.
     """
     if any(one.get("name") == CONTACT for episode in episodes for one in episode.meta.annotations):
         return True

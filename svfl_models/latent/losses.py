@@ -1,4 +1,4 @@
-"""The terms of the loss: what each is per element, and what it weighs."""
+"""Terms of the loss of latent pretraining, and their weighted sum."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from svfl_models.latent.networks.gaussian import Gaussian
 from svfl_models.latent.networks.network import LatentNetwork, LatentOutput
 
 SIGMA = math.sqrt(0.1)
-"""Deviation of the pictures' normal distribution (VTT's published code), in units of the decoder's output."""
+"""Standard deviation of the normal distribution of images (VTT's published code), in units of the decoder's output."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +25,8 @@ class Term:
     """One term of the loss.
 
     Attributes:
-        mean: Over all elements that count, a scalar.
-        elements: Of a sequence: what the mean is multiplied with to be a sum over the sequence.
+        mean: Mean of the term over all elements that count, a scalar.
+        elements: Number of elements per sequence, the factor from the mean to the sum over a sequence.
     """
 
     mean: Tensor
@@ -34,26 +34,28 @@ class Term:
 
 
 class Objective:
-    """The weighted sum of terms.
+    """Weighted sum of the terms of the loss.
 
-    - ``image``, ``depth``: negative logarithm of a normal density of fixed deviation, per pixel and channel, [nat];
+    - ``image``, ``depth``: negative logarithm of a normal density with fixed deviation, per pixel and channel, [nat];
       pixels without depth do not count.
-    - ``kl``: KL of z1's posterior from its prior, per component, [nat].
-    - ``expert_kl``: KL of PoE's posterior from N(0, I), per component, [nat]; the other encoders have none.
-    - ``reward``: whether an action is rewarded; rewards are 0 or 1, so this is a cross-entropy. The last action of an
-      episode counts: it is the only one that can be rewarded.
-    - ``contact``: whether the force exceeds a threshold in the frame; ``next_contact``: whether there is contact at the
-      next one, from state and action.
-    - ``alignment``, ``mismatch``: cross-entropy of frames with their own wrench and with a foreign one (`mismatch`).
-    - ``next_proprio``: squared error, scaled as `Inputs` does it.
+    - ``kl``: KL divergence of z1's posterior from its prior, per component, [nat].
+    - ``expert_kl``: KL divergence of PoE's posterior from N(0, I), per component, [nat]; the other encoders have none.
+    - ``reward``: cross-entropy of the prediction whether an action is rewarded; rewards are 0 or 1. The last action of
+      an episode counts, because no other action can be rewarded.
+    - ``contact``: cross-entropy of the prediction whether the force in a frame exceeds the threshold.
+    - ``next_contact``: cross-entropy of the prediction, from state and action, whether there is contact between a frame
+      and the next one.
+    - ``alignment``, ``mismatch``: cross-entropy of the prediction whether image and wrench belong together, for frames
+      with their own wrench and for frames with a foreign one (`mismatch`).
+    - ``next_proprio``: squared error of the next proprioception, scaled as by `Inputs`.
 
     Args:
-        weights: Of each of `config.TERMS`.
-        summed: Terms to sum over a sequence.
-        negatives: Frames of each sequence to show with another wrench.
+        weights: Weight of each of `config.TERMS`; a missing term has weight 0.
+        summed: Terms that are summed over a sequence; all others are means.
+        negatives: Number of frames of each sequence that are shown with another wrench.
 
     Raises:
-        TrainingError: If a name is none of a term.
+        TrainingError: If a name is not one of `config.TERMS`.
     """
 
     def __init__(self, weights: dict[str, float], summed: Sequence[str], negatives: int = 1) -> None:
@@ -63,11 +65,14 @@ class Objective:
         self.weights, self.summed, self.negatives = weights, set(summed), negatives
 
     def terms(self, network: LatentNetwork, batch: Batch) -> dict[str, Term]:
-        """All terms of positive weight.
+        """Compute all terms of positive weight.
 
         Args:
-            network: The model.
-            batch: As `data.Sequences` makes them.
+            network: The latent model.
+            batch: A batch of `data.Sequences`.
+
+        Returns:
+            Terms by name, in the order of `config.TERMS`.
         """
         seen = network(batch)
         made = (self._pictures, self._divergences, self._next_step, self._pairs)
@@ -75,7 +80,7 @@ class Objective:
         return {name: found[name] for name in TERMS if name in found and self._counts(name)}
 
     def weighted(self, name: str, term: Term) -> Tensor:
-        """What a term adds to the loss."""
+        """Return what the term called `name` adds to the loss, a scalar."""
         return self.weights[name] * (term.elements if name in self.summed else 1) * term.mean
 
     def _counts(self, *names: str) -> bool:
@@ -133,5 +138,5 @@ def _entropy(logits: Tensor, target: Tensor) -> Term:
 
 
 def _nats(error: Tensor) -> Tensor:
-    """Negative logarithm of a normal density of deviation `SIGMA`."""
+    """Return the negative logarithm of a normal density of deviation `SIGMA`, [nat]."""
     return 0.5 * (error / SIGMA).square() + math.log(SIGMA) + 0.5 * math.log(2 * math.pi)

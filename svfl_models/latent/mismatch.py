@@ -1,4 +1,4 @@
-"""Frames with the wrench of another moment: what a network must tell from frames with their own."""
+"""Pairs of frames with the wrench of another moment, which a network must tell from frames with their own wrench."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,11 @@ from torch import Tensor
 
 @dataclass(frozen=True, eq=False)
 class Mismatch:
-    """Pairs of frames of a batch.
+    """Pairs of frames of a batch, one that gives the image and one that gives the wrench.
 
     Attributes:
-        image: Frame whose image, and gripper, is taken, shape (P,), int64.
-        wrench: Frame whose wrench is taken, shape (P,), int64.
+        image: Numbers of the frames whose image and proprioception are taken, shape (P,), int64.
+        wrench: Numbers of the frames whose wrench is taken, shape (P,), int64.
     """
 
     image: Tensor
@@ -21,23 +21,23 @@ class Mismatch:
 
 
 def mismatched(episode: Tensor, step: Tensor, touching: Tensor, gap: int, per_sequence: int) -> Mismatch:
-    """Pair frames of a batch so that each pair is really wrong, and can be seen to be.
+    """Pair frames of a batch so that each pair is wrong and can be recognised as wrong.
 
-    Of each sequence some frames are drawn, and among these a derangement: each gives its wrench to at most one other
-    one. No pair is of one episode and close in time, where two wrenches are nearly the same; and no pair is of two
-    frames free of contact, where both wrenches are nothing. Of all derangements one with the most pairs is drawn; a
-    frame that is left without a partner is left out. There is no search that could go on for ever, however few or
-    similar the frames are.
+    Some frames of each sequence are drawn at random, and a derangement of the drawn frames pairs them: each gives its
+    wrench to at most one other frame. No pair consists of two frames of one episode that are close in time, where the
+    two wrenches are nearly the same. No pair consists of two frames free of contact, where both wrenches are nearly
+    zero. Among all such derangements, one with the most pairs is drawn at random; a frame without a partner is left
+    out. The assignment is solved directly, so that it always ends, however few or similar the frames are.
 
     Args:
-        episode: Of each sequence, shape (B,).
-        step: Of each frame in its episode, shape (B, T).
+        episode: Index of each sequence's episode, shape (B,).
+        step: Number of each frame in its episode, shape (B, T).
         touching: Whether the gripper is in contact, shape (B, T), bool.
-        gap: Steps of one episode that two frames of a pair are apart, at least.
-        per_sequence: Frames to draw of each sequence; at most T.
+        gap: Smallest number of steps between two frames of one episode that form a pair.
+        per_sequence: Number of frames to draw from each sequence, at most T.
 
     Returns:
-        Frames are numbered through the batch, sequence by sequence.
+        The pairs. Frames are numbered through the whole batch: frame t of sequence b has the number b T + t.
     """
     sequences, frames = step.shape
     drawn = torch.rand(sequences, frames).argsort(dim=1)[:, :per_sequence]  # always on the CPU
@@ -50,6 +50,13 @@ def mismatched(episode: Tensor, step: Tensor, touching: Tensor, gap: int, per_se
 
 
 def allowed_pairs(episode: Tensor, step: Tensor, touching: Tensor, gap: int) -> Tensor:
-    """Whether frame i may be shown with the wrench of frame j, shape (F, F); never with its own."""
+    """Return whether frame i may be shown with the wrench of frame j, shape (F, F), bool; false on the diagonal.
+
+    Args:
+        episode: Index of each frame's episode, shape (F,).
+        step: Number of each frame in its episode, shape (F,).
+        touching: Whether each frame is in contact, shape (F,), bool.
+        gap: Smallest number of steps between two frames of one episode that form a pair.
+    """
     near = (episode[:, None] == episode) & ((step[:, None] - step).abs() < max(1, gap))
     return ~near & (touching[:, None] | touching)

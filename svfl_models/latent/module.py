@@ -1,4 +1,4 @@
-"""The training step of latent pretraining."""
+"""Training step of latent pretraining."""
 
 from typing import Any
 
@@ -18,18 +18,19 @@ FORMAT_VERSION = "1.0"
 
 
 class LatentModule(pl.LightningModule):
-    """A `LatentNetwork`, its `Objective` and Adam; right and wrong pairs are learned from in the same step.
+    """`LatentNetwork` with its `Objective` and Adam; right and wrong pairs are learned from in the same step.
 
-    Everything random in a step follows from the seed and the number of the step, nothing from the steps before: a
-    training that goes on from a checkpoint is the same, bit for bit, as one that never stopped.
+    Everything random in a step depends only on the seed and on the number of the step, not on earlier steps. A training
+    that is resumed from a checkpoint therefore gives the same result, bit for bit, as an uninterrupted one.
 
     Args:
         network: Arguments of `LatentNetwork`, plain values.
         objective: Arguments of `Objective`, plain values.
-        learning_rate: Of Adam.
-        seed: Of all that is drawn in a step.
-        training: The rest of the training's configuration, plain values, kept for whoever opens the checkpoint.
-        split: Episodes of each part of the data, kept likewise.
+        learning_rate: Constant learning rate of Adam.
+        seed: Seed of everything random in a step.
+        training: The whole configuration of the training in plain values, which is only kept in the checkpoint. None if
+            there is none.
+        split: Indices of the episodes of each part of the data, which are only kept in the checkpoint.
     """
 
     def __init__(
@@ -51,40 +52,44 @@ class LatentModule(pl.LightningModule):
 
     @property
     def steps(self) -> int:
-        """Steps of the optimiser so far, those of interrupted runs included."""
+        """Number of optimiser steps so far, including those of interrupted runs."""
         return self.earlier_steps + self.global_step
 
     def go_on(self, checkpoint: dict[str, Any]) -> None:
-        """Take up the training that a checkpoint is of.
+        """Resume the training of a checkpoint: restore the weights, the number of steps and the state of Adam.
 
-        Lightning's own way would restore the counters of its loops too, and begin by ending the leg that is over.
+        Lightning's own way of resuming would also restore the counters of its loops, and would begin by ending the leg
+        that is already complete.
+
+        Args:
+            checkpoint: Content of the checkpoint, as `checkpoint.read_latent` returns it.
         """
         self.load_state_dict(checkpoint["state_dict"])
         self.earlier_steps = checkpoint["svfl"]["steps"]
         self.earlier_adam = checkpoint["optimizer_states"][0]
 
     def on_train_batch_start(self, batch: Batch, batch_index: int) -> None:
-        """Make the step's randomness its own."""
+        """Seed PyTorch's random numbers from the seed and the number of the step."""
         torch.manual_seed(int(np.random.SeedSequence([self.seed, self.steps]).generate_state(1)[0]))
 
     def training_step(self, batch: Batch, batch_index: int) -> Tensor:
-        """Loss of a batch."""
+        """Return the loss of a training batch."""
         return self._loss(batch, "train")
 
     def validation_step(self, batch: Batch, batch_index: int) -> None:
-        """Loss of held-out sequences, from the means of all that is drawn in training."""
+        """Log the loss of held-out sequences; latent variables have their means instead of random draws."""
         torch.manual_seed(batch_index)  # the same mismatched pairs in every validation
         self._loss(batch, "valid")
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Adam, always at the same rate; as a checkpoint left it, after `go_on`."""
+        """Return Adam with a constant learning rate, in the state of the checkpoint after `go_on`."""
         adam = torch.optim.Adam(self.parameters(), lr=self.learning_rate)
         if self.earlier_adam is not None:
             adam.load_state_dict(self.earlier_adam)
         return adam
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Say what kind of file this is, and how far the training is."""
+        """Mark the checkpoint with its format, its format version and the number of steps."""
         checkpoint["svfl"] = {"format": FORMAT, "format_version": FORMAT_VERSION, "steps": self.steps}
 
     def _loss(self, batch: Batch, stage: str) -> Tensor:
@@ -105,6 +110,6 @@ class LatentModule(pl.LightningModule):
 
 
 def columns() -> list[str]:
-    """Figures of a row of the metrics file: each term per element, and as it enters the loss."""
+    """Return the column names of the metrics file: each term per element, and as it enters the loss."""
     names = ["loss", *TERMS, *(f"{name}_weighted" for name in TERMS)]
     return ["step", "seconds", *(f"{stage}_{name}" for stage in ("train", "valid") for name in names)]

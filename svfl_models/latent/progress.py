@@ -1,4 +1,4 @@
-"""Callbacks that write down and show how a pretraining goes, leg by leg."""
+"""Callbacks that record and show the progress of a pretraining, leg by leg (a leg lies between two checkpoints)."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,23 +16,24 @@ Row = dict[str, float]
 
 
 class LegsFile(MetricsFile):
-    """One row per leg: means over its steps, and over the validation sequences after it.
+    """CSV file with one row per leg: means over its steps, and over the validation sequences after it.
 
     Args:
         path: CSV file to write.
-        done: Steps that an earlier run has done; its rows up to there are kept, later ones are done again.
+        done: Number of steps that an earlier run has done. Its rows up to this step are kept; later steps are done
+            again.
     """
 
     def __init__(self, path: Path, done: int = 0) -> None:
         super().__init__(path, columns(), _kept(path, done))
 
     def place(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> Row:
-        """Where in the training a row belongs."""
+        """Return the step that a row belongs to."""
         return {"step": steps_of(pl_module)}
 
 
 def _kept(path: Path, done: int) -> Iterator[Row]:
-    """Rows of a metrics file up to a step; none if there is no file."""
+    """Yield the rows of a metrics file up to the step `done`; no rows if the file does not exist."""
     for row in read_numbers(path) if path.is_file() else []:
         if "step" not in row:
             raise FormatError(f"{path}: not the metrics of a training (a line has no step)")
@@ -41,17 +42,17 @@ def _kept(path: Path, done: int) -> Iterator[Row]:
 
 
 def steps_of(module: pl.LightningModule) -> int:
-    """Steps of a training so far, those before an interruption included."""
+    """Return the number of steps of a training so far, including those before an interruption."""
     assert isinstance(module, LatentModule)
     return module.steps
 
 
 class StepsBar(Bar):
-    """A progress bar on a terminal, a line per leg elsewhere.
+    """Progress display of a training: a bar on a terminal, otherwise one line per leg.
 
     Args:
-        steps: Of the whole training.
-        console: Where to print.
+        steps: Number of steps of the whole training.
+        console: Console to print on.
     """
 
     def __init__(self, steps: int, console: Console) -> None:
@@ -62,18 +63,18 @@ class StepsBar(Bar):
         self.task = self.bar.add_task("", total=steps)
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Show the bar."""
+        """Show the bar at the number of steps so far."""
         if self.console.is_terminal:
             self.bar.update(self.task, completed=steps_of(pl_module))
             self.bar.start()
 
     def on_train_batch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule, *_: object) -> None:
-        """Move the bar."""
+        """Move the bar to the number of steps so far."""
         if self.console.is_terminal:
             self.bar.update(self.task, completed=steps_of(pl_module))
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Show the leg's losses."""
+        """Show the losses of the leg."""
         metrics = trainer.callback_metrics
         words = f"loss {float(metrics['train_loss']):.4g}, held out {float(metrics['valid_loss']):.4g}"
         if self.console.is_terminal:

@@ -1,4 +1,4 @@
-"""Episodes as latent pretraining sees them, in memory: checked, labelled, in image-aligned axes."""
+"""Episodes as latent pretraining uses them: in memory, checked, labelled and in image-aligned axes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,19 +19,19 @@ from svfl_models.latent.labels import contacts_annotated, pressed, rewards, touc
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One episode of N steps; vectors in image-aligned axes.
+    """One episode of N steps, with vectors in image-aligned axes.
 
     Attributes:
-        index: Of the episode in its dataset.
-        color: The latest frame at each observation, (N+1, H, W, 3), uint8.
-        depth: Likewise, (N+1, H, W), float32, [m]; 0 where there is no measurement.
-        readings: All wrench readings after one of zeros, tared, (1 + M, 6), float32, [N] and [N m].
-        windows: Rows of `readings` that each observation feels, (N+1, 64), int64.
-        proprio: (N+1, 5), (x, y) relative to the workspace centre.
-        action: (N, 5).
-        reward: (N,), float32.
-        pressed: Whether the force exceeds the threshold at each observation, (N+1,), bool.
-        touched: Whether there is contact during each step, (N,), bool.
+        index: Index of the episode in its dataset.
+        color: Latest colour image at each observation, shape (N+1, H, W, 3), uint8.
+        depth: Latest depth image at each observation, shape (N+1, H, W), float32, [m]; 0 where there is no measurement.
+        readings: A row of zeros, then all M wrench readings, tared, shape (1 + M, 6), float32, [N] and [N m].
+        windows: Rows of `readings` in the wrench window of each observation, shape (N+1, 64), int64.
+        proprio: Proprioception at each observation, (x, y) relative to the workspace centre, shape (N+1, 5).
+        action: Commanded actions, shape (N, 5).
+        reward: Reward of each action, 0 or 1, shape (N,), float32.
+        pressed: Whether the force at each observation exceeds the threshold, shape (N+1,), bool.
+        touched: Whether there is contact between each observation and the next, shape (N,), bool.
         terminated: Whether the task was achieved at the end; otherwise the episode was cut off.
     """
 
@@ -52,16 +52,17 @@ class Recording:
 
 
 def load_recordings(dataset: Dataset, contact_n: float, mixed: bool = False) -> list[Recording]:
-    """Read all episodes of a dataset.
+    """Read all episodes of a dataset into memory.
 
     Args:
-        dataset: Where from.
+        dataset: Dataset to read the episodes from.
         contact_n: Force above which an observation counts as contact, [N].
-        mixed: Whether they may be of different tasks or have different limits of actions.
+        mixed: Whether the episodes may be of different tasks or have different action bounds.
 
     Raises:
-        DatasetError: If there are none, one is unfit for training, they do not fit together, or something is missing.
-        FormatError: If one is damaged.
+        DatasetError: If the dataset has no episodes, an episode cannot be used for training or lacks something, or the
+            episodes do not fit together.
+        FormatError: If an episode is damaged.
     """
     indices = dataset.indices
     cameras = {f"cameras/{camera}" for index in indices for camera in dataset.episode(index).cameras}

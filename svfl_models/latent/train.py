@@ -1,4 +1,4 @@
-"""Pretrain a latent model: load, split, fit, write down."""
+"""Pretrains a latent model: loads and splits the episodes, fits the model and writes the results."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -26,12 +26,12 @@ class LatentResult:
     """Outcome of a pretraining.
 
     Attributes:
-        steps: That were done, in all.
-        seconds: That training took, in all.
-        parameters: Trainable numbers of each part of the network.
-        train_sequences: To learn from.
-        valid_sequences: Held out.
-        last: Figures of the last leg, as in the metrics file.
+        steps: Number of steps done, including those of interrupted runs.
+        seconds: Duration of the training, including that of interrupted runs, [s].
+        parameters: Number of trained parameters of each part of the network.
+        train_sequences: Number of training sequences.
+        valid_sequences: Number of held-out sequences.
+        last: Metrics of the last leg, as in the metrics file.
     """
 
     steps: int
@@ -46,14 +46,18 @@ def train_latent(config: LatentConfig, out: Path, resume: bool = False, console:
     """Pretrain one model; the same configuration gives the same result on the same machine, interrupted or not.
 
     Args:
-        config: What to train, on what.
-        out: Folder for checkpoint, metrics and result.
-        resume: Go on from the checkpoint in `out`, with the same configuration but for the number of steps.
-        console: Where progress goes; standard output by default.
+        config: Configuration of the model, the data and the training.
+        out: Folder for the checkpoint, metrics and result.
+        resume: Whether to resume from the checkpoint in `out`. The configuration must be the same except for the number
+            of steps.
+        console: Console that progress is printed on; standard output by default.
+
+    Returns:
+        The outcome, which is also written to ``result.json``.
 
     Raises:
-        SvflError: If the data, the configuration or the folder cannot serve, or the training diverges.
-        KeyboardInterrupt: If the user stopped the training; the last whole leg is in ``checkpoint.ckpt``.
+        SvflError: If the data, the configuration or the folder cannot be used, or the training diverges.
+        KeyboardInterrupt: If the user stopped the training; ``checkpoint.ckpt`` holds the last complete leg.
 
     Example:
         >>> from pathlib import Path
@@ -92,13 +96,13 @@ def train_latent(config: LatentConfig, out: Path, resume: bool = False, console:
 
 
 class LatentData(pl.LightningDataModule):
-    """Batches of a pretraining, a leg at a time; what Lightning calls an epoch is a leg here.
+    """Batches of a pretraining, one leg at a time; an epoch of Lightning is one leg.
 
     Args:
-        train: Sequences to learn from.
-        valid: Sequences to test on after each leg.
-        config: Steps, batch size, seed and the length of a leg.
-        module: Which knows how many steps are done.
+        train: Sequences to train on.
+        valid: Sequences to validate on after each leg.
+        config: Configuration that gives the number of steps, the batch size, the seed and the length of a leg.
+        module: Module that is trained; it gives the number of steps done so far.
     """
 
     def __init__(self, train: Sequences, valid: Sequences, config: LatentConfig, module: LatentModule) -> None:
@@ -106,7 +110,7 @@ class LatentData(pl.LightningDataModule):
         self.train, self.valid, self.config, self.module = train, valid, config, module
 
     def train_dataloader(self) -> DataLoader[Batch]:
-        """The batches of the next leg."""
+        """Return a loader of the batches of the next leg."""
         config, first = self.config, self.module.steps
         steps = range(first, min(first + config.checkpoint_every, config.steps))
         return DataLoader(
@@ -114,25 +118,25 @@ class LatentData(pl.LightningDataModule):
         )
 
     def val_dataloader(self) -> DataLoader[Batch]:
-        """All held-out sequences, in order."""
+        """Return a loader of all held-out sequences, in their order."""
         size, count = self.config.batch_size, len(self.valid)
         batches = [list(range(start, min(start + size, count))) for start in range(0, count, size)]
         return DataLoader(self.valid, sampler=batches, batch_size=None)
 
 
 def _expect_none(out: Path) -> None:
-    """Refuse to throw away a training that could go on."""
+    """Refuse an output folder that already holds a checkpoint, whose training could be resumed."""
     checkpoint = out / run_folder.CHECKPOINT
     if checkpoint.exists():
         raise TrainingError(f"{checkpoint} exists; --resume goes on from there, or choose another --out")
 
 
 def _earlier(config: LatentConfig, out: Path) -> dict[str, Any]:
-    """The checkpoint to go on from.
+    """Return the content of the checkpoint to resume from.
 
     Raises:
-        TrainingError: If it is one of another configuration, or has as many steps already.
-        FormatError: If there is none.
+        TrainingError: If the checkpoint has another configuration, or already has as many steps as asked for.
+        FormatError: If there is no sound checkpoint.
     """
     checkpoint = out / run_folder.CHECKPOINT
     load_latent(checkpoint)  # reports a damaged checkpoint before the training starts

@@ -1,7 +1,7 @@
-"""What a pretrained latent model is worth: ``svfl-train latent-eval``, on episodes that it has not learned from.
+"""Evaluates a pretrained latent model (``svfl-train latent-eval``) on episodes that it was not trained on.
 
-The order of reading: `episodes` (which), `frames` (what the model makes of them), then one file per question:
-`reconstruction`, `contact`, `alignment`, `following` (the next gripper), `probes`, `missing` (modalities), `attention`
-and `experts` (the weight of each expert), `symmetry`; `evaluate` asks them all, `report` and `figures` write the
-answers down.
+The files are best read in this order: `episodes` chooses the episodes and `frames` computes the model's outputs on
+them. One file follows for each question: `reconstruction`, `contact`, `alignment`, `following` (the next
+proprioception), `probing` (linear probes), `missing` (missing modalities), `attention` and `experts` (the weight of
+each expert), `symmetry`. `evaluate` runs all of them, and `pages` writes the results.
 """

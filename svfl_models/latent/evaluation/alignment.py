@@ -1,4 +1,4 @@
-"""Whether a model tells frames with their own wrench from frames with another, by how far apart the two are."""
+"""Measures how well a model tells frames with their own wrench from frames with another, by the distance in time."""
 
 from dataclasses import dataclass
 
@@ -12,17 +12,18 @@ from svfl_models.latent.networks.network import LatentNetwork
 
 GAPS = (1, 2, 4, 8, 16)
 PAIRS = 200
-"""Of each kind, at most."""
+"""Largest number of pairs of each kind."""
 
 
 @dataclass(frozen=True)
 class Told:
-    """Pairs of one kind.
+    """Result for the mismatched pairs of one kind.
 
     Attributes:
-        pairs: How many there were to evaluate.
-        rejected: Share that the model says are wrong.
-        auroc: How well they are told from the same frames with their own wrench.
+        pairs: Number of pairs that were evaluated.
+        rejected: Share of the pairs that the model rejects as mismatched, 0..1.
+        auroc: Area under the receiver operating characteristic of the alignment, between these pairs and the same
+            frames with their own wrench.
     """
 
     pairs: int
@@ -32,14 +33,14 @@ class Told:
 
 @dataclass(frozen=True)
 class Alignment:
-    """What a model makes of right and wrong pairs.
+    """Judgement of a model on matched and mismatched pairs of image and wrench.
 
     Attributes:
-        accepted: Share of all frames whose own wrench is accepted.
-        accepted_touching: Likewise of those in contact.
-        by_gap: Frames with a wrench from so many steps earlier or later in their episode; a gap that no pair has is
-            left out.
-        other_episodes: Frames with the wrench of another episode; None if there is no such pair.
+        accepted: Share of all frames that the model accepts with their own wrench, 0..1.
+        accepted_touching: The same share of the frames in contact; None if there are none.
+        by_gap: Results for frames with the wrench of another frame of the same episode, by the distance of the two
+            frames in steps. A distance without pairs is left out.
+        other_episodes: Result for frames with the wrench of another episode; None if there is no such pair.
     """
 
     accepted: float
@@ -49,13 +50,15 @@ class Alignment:
 
 
 def alignment(network: LatentNetwork, frames: Frames, encoded: Encoded, seed: int) -> Alignment:
-    """Show frames with other wrenches; pairs of two frames free of contact cannot be told and are not asked.
+    """Evaluate frames with the wrenches of other frames.
+
+    Pairs of two frames that are both free of contact are left out, because their wrenches cannot be told apart.
 
     Args:
-        network: In eval mode.
-        frames: Of whole episodes.
-        encoded: What the encoder said about them, parts included.
-        seed: Of the pairs, where there are more than `PAIRS` of a kind.
+        network: The latent model, in eval mode.
+        frames: Frames of whole episodes.
+        encoded: Output of the encoder for these frames, including `Encoded.parts`.
+        seed: Seed of the choice of pairs, for kinds with more than `PAIRS` pairs.
     """
     episode, step = frames.episode, frames.step
     allowed = allowed_pairs(episode, step, frames.touching, gap=1)
@@ -85,7 +88,10 @@ def alignment(network: LatentNetwork, frames: Frames, encoded: Encoded, seed: in
 
 @torch.no_grad()
 def _shown(network: LatentNetwork, encoded: Encoded, image: Tensor, wrench: Tensor) -> Tensor:
-    """Probability of alignment of frames `image` with the wrenches of frames `wrench`; proprio is the image's."""
+    """Return the probability of alignment of the frames `image` with the wrenches of the frames `wrench`.
+
+    Image and proprioception are those of the frames `image`.
+    """
     logits = []
     for some_image, some_wrench in zip(image.split(CHUNK), wrench.split(CHUNK), strict=True):
         parts = {name: part[some_wrench if name == "wrench" else some_image] for name, part in encoded.parts.items()}

@@ -1,4 +1,4 @@
-"""Which tokens a visuo-tactile transformer looks at."""
+"""Measures which tokens a visuo-tactile transformer attends to."""
 
 from dataclasses import dataclass
 
@@ -11,21 +11,24 @@ from svfl_models.latent.networks.encoder import Parts
 from svfl_models.latent.networks.vtt import Block, VTTEncoder
 
 ASKED = 2
-"""The tokens of alignment and contact come first; they can be looked at too."""
+"""Number of tokens for alignment and contact. They come first among the tokens, and other tokens can attend to them
+too."""
 LOOKERS = ("contact", "alignment", "all")
 Mass = dict[str, list[float]]
-"""By group of tokens, ``asked``, then the modalities: share of the attention in each layer; sums to 1 over groups."""
+"""Share of the attention in each layer by group of tokens: ``asked`` (the tokens for alignment and contact), then the
+modalities. The shares of a layer sum to 1 over the groups."""
 
 
 @dataclass(frozen=True)
 class Attention:
-    """Attention mass, mean over heads and frames.
+    """Shares of the attention on groups of tokens, averaged over heads and frames.
 
     Attributes:
-        tokens: Share of the tokens that each group has: the mass if all tokens were looked at alike.
-        mass: By token that looks (``contact``, ``alignment``, or the mean of ``all``).
-        mass_contact: Likewise, of frames in contact; None if there are none.
-        mass_free: Likewise, of frames free of contact.
+        tokens: Share of the tokens that belong to each group, which would be the share of the attention if all tokens
+            got the same.
+        mass: Shares by the attending token: ``contact``, ``alignment``, or ``all`` for the mean of all tokens.
+        mass_contact: The same shares for frames in contact; None if there are none.
+        mass_free: The same shares for frames free of contact; None if there are none.
     """
 
     tokens: dict[str, float]
@@ -36,14 +39,15 @@ class Attention:
 
 @torch.no_grad()
 def looks(encoder: VTTEncoder, parts: Parts) -> Tensor:
-    """How much the token of contact, that of alignment and all on average look at each token.
+    """Return the attention of the contact token, the alignment token and the mean of all tokens to each token.
 
     Args:
-        encoder: In eval mode.
-        parts: Of F frames.
+        encoder: The encoder, in eval mode.
+        parts: Tokens of each modality of F frames, as `VTTEncoder.parts` returns them.
 
     Returns:
-        Mean over heads, shape (F, layers, 3, N), in the order of `LOOKERS`; each row sums to 1.
+        Mean over heads, shape (F, layers, 3, N), with the attending tokens in the order of `LOOKERS`; each row sums to
+        1.
     """
     chunks = []
     for start in range(0, len(parts["proprio"]), CHUNK):
@@ -59,12 +63,12 @@ def looks(encoder: VTTEncoder, parts: Parts) -> Tensor:
 
 
 def attention(looked: Tensor, parts: Parts, contact: Tensor) -> Attention:
-    """Sum attention over the tokens of each modality.
+    """Sum the attention over the tokens of each modality.
 
     Args:
-        looked: Of `looks`.
-        parts: The same ones.
-        contact: Whether a frame is in contact, shape (F,), bool.
+        looked: Result of `looks`, shape (F, layers, 3, N).
+        parts: Tokens of each modality that `looked` was computed from.
+        contact: Whether each frame is in contact, shape (F,), bool.
     """
     counts = {"asked": ASKED, **{name: parts[name].shape[1] for name in MODALITIES}}
     total = sum(counts.values())
@@ -90,11 +94,11 @@ def attention(looked: Tensor, parts: Parts, contact: Tensor) -> Attention:
 
 
 def over_image(looked: Tensor, patches: int) -> Tensor:
-    """Where in the image the contact token looks in the last layer.
+    """Return the attention of the contact token to each image patch in the last layer.
 
     Args:
-        looked: Of `looks`.
-        patches: Tokens of the image, a square number.
+        looked: Result of `looks`, shape (F, layers, 3, N).
+        patches: Number of image tokens, a square number.
 
     Returns:
         Share of all attention on each patch, row by row, shape (F, side, side).

@@ -1,4 +1,4 @@
-"""How well contact is told: of the frame that is seen, and of the next one, from the state and the action."""
+"""Measures how well a model detects contact, in a frame or between a frame and the next."""
 
 from dataclasses import dataclass
 
@@ -10,13 +10,14 @@ from svfl_models.latent.evaluation.scores import auroc, f1
 
 @dataclass(frozen=True)
 class Detection:
-    """How well a yes-no question is answered.
+    """Scores of a yes-no prediction.
 
     Attributes:
-        auroc: Area under the receiver operating characteristic; None if the answer is always the same.
-        f1: Of the answers at a probability of one half.
-        base_rate: Share of the frames where yes is right.
-        always_f1: F1 of saying yes always: what a model has to beat.
+        auroc: Area under the receiver operating characteristic; None if the truth is the same for all frames.
+        f1: F1 of the predictions at a probability of one half; None if no frame is positive, neither predicted nor
+            true.
+        base_rate: Share of the frames that are positive in truth, 0..1.
+        always_f1: F1 of always predicting yes, which a model has to exceed.
     """
 
     auroc: float | None
@@ -26,11 +27,11 @@ class Detection:
 
 
 def detection(probability: Tensor, truth: Tensor) -> Detection:
-    """Compare answers with the truth.
+    """Score predictions against the truth.
 
     Args:
-        probability: Of yes, shape (F,).
-        truth: Shape (F,), bool.
+        probability: Predicted probability of yes, shape (F,).
+        truth: True answers, shape (F,), bool.
     """
     said, right = probability.numpy(), truth.numpy()
     return Detection(

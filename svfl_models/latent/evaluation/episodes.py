@@ -1,4 +1,4 @@
-"""Which episodes a model is evaluated on, and from which linear maps may be fitted."""
+"""Chooses the episodes that a model is evaluated on, and those that linear maps may be fitted on."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Part:
     """Some episodes of a dataset.
 
     Attributes:
-        dataset: Where they are from.
+        dataset: Dataset of the episodes.
         recordings: The episodes.
     """
 
@@ -35,9 +35,9 @@ class Material:
     """Episodes for an evaluation.
 
     Attributes:
-        evaluated: Not learned from.
-        learned: Training episodes of the model: what linear maps are fitted on.
-        of: What the evaluated ones are, in words.
+        evaluated: Episodes to evaluate, which the model was not trained on.
+        learned: Training episodes of the model, which linear maps are fitted on.
+        of: Description of the evaluated episodes in words.
     """
 
     evaluated: Part
@@ -46,22 +46,22 @@ class Material:
 
 
 def material(module: LatentModule, data: Path | None, episodes: int, seed: int) -> Material:
-    """The episodes for a checkpoint.
+    """Return the episodes for the evaluation of a checkpoint.
 
-    Of the dataset that the model was trained on, those of its split that it has not learned from are evaluated. `data`
-    names another dataset, all of which is evaluated; or the same one in another place: what has the same task, seed and
-    configuration, and what is given while the original is missing, is taken for the same one, and its training
-    episodes are not evaluated.
+    Without `data`, the held-out episodes of the dataset that the model was trained on are evaluated. `data` names
+    another dataset, all of whose episodes are evaluated, or the same dataset in another place, whose held-out episodes
+    are evaluated. A dataset counts as the same one if its task, seed and configuration are equal, or if the original is
+    missing.
 
     Args:
-        module: A model that `checkpoint.load_latent` has opened.
-        data: Dataset folder; by default where the checkpoint says.
-        episodes: Most episodes to evaluate.
-        seed: Of the draw, if there are more.
+        module: The model, as `checkpoint.load_latent` returns it.
+        data: Dataset folder; None for the one named in the checkpoint.
+        episodes: Largest number of episodes to evaluate.
+        seed: Seed of the choice of episodes, if there are more.
 
     Raises:
         FormatError: If a dataset is missing or damaged.
-        DatasetError: If it lacks the split's episodes, or cannot serve.
+        DatasetError: If the dataset lacks episodes of the split, or its episodes cannot be used.
     """
     original = Path(module.hparams["training"]["data"])
     if data is None and not original.exists():
@@ -91,13 +91,13 @@ def material(module: LatentModule, data: Path | None, episodes: int, seed: int) 
 
 
 def some(recordings: Sequence[Recording], most: int, seed: int) -> list[Recording]:
-    """At most so many of them, drawn, in order."""
+    """Draw at most `most` of the episodes at random, and return them in their order."""
     drawn = np.random.default_rng(seed).permutation(len(recordings))[:most]
     return [recordings[place] for place in sorted(drawn)]
 
 
 def whole(recording: Recording) -> Batch:
-    """An episode of N steps as one sequence of N + 1 frames, shape (1, N + 1, ...), as `Sequences` describes it."""
+    """Return an episode of N steps as one sequence of N + 1 frames, shape (1, N + 1, ...), as `Sequences` describes."""
     return Sequences([recording], len(recording), random=False)[[0]]
 
 

@@ -1,4 +1,4 @@
-"""All questions to one model, in turn."""
+"""Runs all parts of the evaluation of a model."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -22,38 +22,44 @@ from svfl_models.latent.networks.poe import PoEEncoder
 from svfl_models.latent.networks.vtt import VTTEncoder
 
 LEARNED_EPISODES, LEARNED_FRAMES = 200, 1200
-"""What linear maps are fitted on: at most so many training episodes, drawn, and frames, evenly over all of those."""
+"""Largest numbers of training episodes, drawn at random, and of their frames, spread evenly, that linear maps are
+fitted on."""
 MISSING_EPISODES = 12
-"""Evaluated episodes that are followed again without some modalities, evenly over all."""
+"""Largest number of episodes, spread evenly, that are evaluated again without some modalities."""
 LOOKED_AT = 250
-"""Evaluated frames whose attention is summed, evenly over all."""
+"""Largest number of evaluated frames, spread evenly, whose attention is summed."""
 TURNED_LEARNED, ROTATED_EVALUATED = 500, 150
-"""Frames that are turned and flipped, evenly over all: each is encoded seven times more."""
+"""Largest numbers of training frames and of evaluated frames, spread evenly, that are rotated and flipped. Each of them
+is encoded seven more times."""
 SHOWN = 6
-"""Frames of one episode in the pictures."""
+"""Largest number of frames of the one episode in the figures."""
 HEADS = {
     "contact": "contact of the frame",
     "next_contact": "contact of the next frame",
     "mismatch": "alignment",
     "next_proprio": "the next proprioception",
 }
-"""Terms of the loss, and what a model of weight 0 was not trained to say."""
+"""Predictions by the term of the loss that trains them, in words. A model in which the term has weight 0 was not
+trained to make this prediction."""
 
 
 def evaluate(
     checkpoint: Path, data: Path | None, episodes: int, seed: int, say: Callable[[str], None] = lambda stage: None
 ) -> tuple[Evaluation, SampleFigures]:
-    """Evaluate a pretrained model on episodes that it has not learned from.
+    """Evaluate a pretrained model on episodes that it was not trained on.
 
     Args:
-        checkpoint: Written by ``svfl-train latent``.
-        data: Dataset folder; by default the one of the training (see `episodes.material`).
-        episodes: Most episodes to evaluate.
-        seed: Of all that is drawn.
-        say: Told what is being done.
+        checkpoint: Checkpoint file that ``svfl-train latent`` has written.
+        data: Dataset folder; None for the one of the training (see `episodes.material`).
+        episodes: Largest number of episodes to evaluate.
+        seed: Seed of everything that is drawn at random.
+        say: Function that is called with a description of each stage as it begins.
+
+    Returns:
+        The numbers, and the samples of one episode for its figures.
 
     Raises:
-        SvflError: If the checkpoint or the data cannot serve.
+        SvflError: If the checkpoint or the dataset cannot be used.
     """
     say("reading episodes")
     module = load_latent(checkpoint)
@@ -118,7 +124,7 @@ def _attention(encoder: VTTEncoder, seen: Encoded, frames: Frames) -> Attention:
 
 
 def _sample_figures(network: LatentNetwork, followed: list[Followed]) -> SampleFigures:
-    """The first episode in which there is contact."""
+    """Return samples of the first episode with contact, or of the first episode if none has contact."""
     one = next((one for one in followed if one.batch["contact"].any()), followed[0])
     rows = spread(one.batch["step"].shape[1], SHOWN)
     looked = None

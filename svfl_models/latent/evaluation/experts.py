@@ -1,4 +1,4 @@
-"""The weight of each expert of a product: the share of the precision that each claims."""
+"""Measures the weight of each expert of a product: its share of the precision."""
 
 from dataclasses import dataclass
 
@@ -9,17 +9,19 @@ from svfl_models.latent.networks.encoder import Parts
 from svfl_models.latent.networks.poe import PoEEncoder
 
 Share = dict[str, float]
-"""By modality, and ``prior``; sums to 1."""
+"""Share of the precision by modality and for ``prior``; the shares sum to 1."""
 
 
 @dataclass(frozen=True)
 class Experts:
-    """Share of the product's precision, mean over components and frames: the weight of an expert's mean.
+    """Shares of the product's precision by expert, averaged over components and frames.
+
+    The share of an expert is the weight of its mean in the mean of the product.
 
     Attributes:
-        every: Of all frames.
-        contact: Of frames in contact; None if there are none.
-        free: Of frames free of contact.
+        every: Shares over all frames.
+        contact: Shares over the frames in contact; None if there are none.
+        free: Shares over the frames free of contact; None if there are none.
     """
 
     every: Share
@@ -29,12 +31,12 @@ class Experts:
 
 @torch.no_grad()
 def experts(encoder: PoEEncoder, parts: Parts, contact: Tensor) -> Experts:
-    """Weigh the experts.
+    """Compute the share of each expert in the precision of the product.
 
     Args:
-        encoder: In eval mode.
-        parts: Of F frames, of some modalities.
-        contact: Whether a frame is in contact, shape (F,), bool.
+        encoder: The encoder, in eval mode.
+        parts: Outputs of the experts for F frames, for any of the modalities, as `PoEEncoder.parts` returns them.
+        contact: Whether each frame is in contact, shape (F,), bool.
     """
     precision = {name: 1 / one.variance.double() for name, one in encoder.experts(parts).items()}
     total = torch.stack(list(precision.values())).sum(dim=0)

@@ -1,4 +1,4 @@
-"""How well the next proprioception is predicted, in units."""
+"""Measures how well a model predicts the next proprioception, in physical units."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from svfl_models.latent.networks.network import LatentNetwork
 
 @dataclass(frozen=True)
 class GripperError:
-    """Mean absolute errors.
+    """Mean absolute errors of a guess of the proprioception.
 
     Attributes:
-        opening: Of the gripper, 0 closed, 1 open.
-        xy_mm: Distance in the plane, [mm].
-        z_mm: Of the height, [mm].
-        yaw_deg: Of the yaw, modulo half a turn, [deg].
+        opening: Error of the gripper opening, where 0 is closed and 1 is open.
+        xy_mm: Distance of the TCP in the horizontal plane, [mm].
+        z_mm: Error of the TCP height, [mm].
+        yaw_deg: Error of the yaw modulo half a turn, [deg].
     """
 
     opening: float
@@ -29,12 +29,12 @@ class GripperError:
 
 @dataclass(frozen=True)
 class NextHand:
-    """Errors of different guesses about the next frame's gripper.
+    """Errors of three guesses of the next frame's proprioception.
 
     Attributes:
-        predicted: The model's, from state and action.
-        unchanged: The gripper stays as it is.
-        commanded: The gripper does exactly what it is told to.
+        predicted: Error of the model's prediction from state and action.
+        unchanged: Error of the guess that the gripper does not move.
+        commanded: Error of the guess that the gripper does exactly what the action commands.
     """
 
     predicted: GripperError
@@ -43,7 +43,12 @@ class NextHand:
 
 
 def next_gripper(network: LatentNetwork, followed: Sequence[Followed]) -> NextHand:
-    """Compare guesses over all steps of followed episodes."""
+    """Compare three guesses of the next proprioception over all steps of the evaluated episodes.
+
+    Args:
+        network: The latent model.
+        followed: Episodes with the outputs of the model.
+    """
     normalization = network.inputs.normalization
     before, after, action, predicted = [], [], [], []
     for one in followed:
@@ -60,7 +65,12 @@ def next_gripper(network: LatentNetwork, followed: Sequence[Followed]) -> NextHa
 
 
 def gripper_error(guess: np.ndarray, truth: np.ndarray) -> GripperError:
-    """Compare proprioception (N, 5): opening, x, y, z in [m], yaw in [rad]."""
+    """Return the mean absolute errors of a guess of the proprioception.
+
+    Args:
+        guess: Guessed gripper opening, x, y, z [m] and yaw [rad], shape (N, 5).
+        truth: True values, with the same shape and units.
+    """
     off = guess - truth
     yaw = np.abs((off[:, 4] + np.pi / 2) % np.pi - np.pi / 2)
     return GripperError(

@@ -1,4 +1,4 @@
-"""What a model makes of episodes: of each frame alone, and of each as part of its episode."""
+"""Computes a model's outputs on episodes: for each frame alone, and for each frame as part of its episode."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,18 +16,19 @@ from svfl_models.latent.networks.network import LatentNetwork, LatentOutput
 from svfl_models.latent.recordings import Recording
 
 CHUNK = 64
-"""Frames to encode at a time: more only take memory."""
+"""Number of frames to encode at once; a larger number only takes more memory."""
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """An episode that a model has followed from its first frame to its last.
+    """Episode with the outputs of a model that has processed it from the first to the last frame.
 
-    The states have seen all frames before theirs, also where that is more than a training's sequences have.
+    Each latent state depends on all frames up to its own, even where these are more than the frames of a training
+    sequence.
 
     Attributes:
-        batch: The episode, shape (1, T, ...).
-        seen: What the model makes of it.
+        batch: The episode as one sequence of T frames, shape (1, T, ...).
+        seen: Outputs of the model for this sequence.
     """
 
     batch: Batch
@@ -36,14 +37,15 @@ class Followed:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Frames of many episodes, side by side.
+    """F frames of several episodes, joined.
 
     Attributes:
-        observations: ``image``, ``wrench`` and ``proprio``, physical, shape (F, ...).
-        episode: Index of the episode, shape (F,).
-        step: Shape (F,).
+        observations: Physical values ``image``, ``wrench`` and ``proprio``, shape (F, ...).
+        episode: Index of each frame's episode, shape (F,).
+        step: Number of each frame in its episode, shape (F,).
         contact: Whether the force exceeds the threshold, shape (F,), bool.
-        touching: Whether there is contact, by force or by annotation, shape (F,), bool.
+        touching: Whether the force exceeds the threshold or there was contact between the frame before and this one,
+            shape (F,), bool.
     """
 
     observations: Batch
@@ -56,24 +58,24 @@ class Frames:
         return len(self.step)
 
     def __getitem__(self, rows: Tensor) -> "Frames":
-        """Some of them."""
+        """Return the frames with the given row numbers."""
         observations = {name: values[rows] for name, values in self.observations.items()}
         return Frames(observations, self.episode[rows], self.step[rows], self.contact[rows], self.touching[rows])
 
     def spread(self, most: int) -> "Frames":
-        """At most so many, evenly over all."""
+        """Return at most `most` of the frames, spread evenly."""
         return self[spread(len(self), most)]
 
 
 @dataclass(frozen=True, eq=False)
 class Encoded:
-    """What an encoder says about frames.
+    """Output of an encoder for F frames.
 
     Attributes:
-        feature: Shape (F, D).
-        contact: Probability, shape (F,).
-        alignment: Probability, shape (F,).
-        parts: What it made of each modality alone; empty if not asked for.
+        feature: Feature of each frame, shape (F, D).
+        contact: Probability of contact, shape (F,).
+        alignment: Probability that image and wrench belong together, shape (F,).
+        parts: What the encoder computes from each modality alone; empty if it was not asked for.
     """
 
     feature: Tensor
@@ -83,23 +85,23 @@ class Encoded:
 
 
 def spread(count: int, most: int) -> Tensor:
-    """At most `most` of `count` rows, evenly over all, int64."""
+    """Return the numbers of at most `most` of `count` rows, spread evenly, int64."""
     return torch.from_numpy(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
 
 
 @torch.no_grad()
 def follow(network: LatentNetwork, recordings: Sequence[Recording]) -> list[Followed]:
-    """Let a model, in eval mode, follow episodes."""
+    """Compute the outputs of a model, in eval mode, for whole episodes."""
     batches = [whole(one) for one in recordings]
     return [Followed(batch, network(batch)) for batch in progress(batches, "following episodes")]
 
 
 def frames_of(batches: Sequence[Batch], most: int | None = None) -> Frames:
-    """The frames of whole episodes.
+    """Return the frames of whole episodes.
 
     Args:
-        batches: Made by `episodes.whole`.
-        most: At most so many, evenly over all; by default all.
+        batches: Episodes as `episodes.whole` returns them.
+        most: Largest number of frames to return, spread evenly; None for all.
     """
     counts = [batch["step"].shape[1] for batch in batches]
     owner = torch.arange(len(batches)).repeat_interleave(torch.tensor(counts))
@@ -121,7 +123,7 @@ def frames_of(batches: Sequence[Batch], most: int | None = None) -> Frames:
 
 @torch.no_grad()
 def encode(network: LatentNetwork, observations: Batch) -> Encoded:
-    """Encode frames, a chunk at a time."""
+    """Encode F frames in chunks of `CHUNK` frames; `Encoded.parts` stays empty."""
     count = len(observations["wrench"])
     chunks = [
         network.encode({name: values[start : start + CHUNK] for name, values in observations.items()})
@@ -135,7 +137,7 @@ def encode(network: LatentNetwork, observations: Batch) -> Encoded:
 
 
 def encoded(followed: Sequence[Followed]) -> Encoded:
-    """What the encoder said about the frames of followed episodes, in the order of `frames_of`."""
+    """Return the encoder's outputs for the frames of processed episodes, in the order of `frames_of`."""
     seen = [one.seen for one in followed]
     return Encoded(
         torch.cat([one.encoding.feature for one in seen]),
@@ -146,5 +148,5 @@ def encoded(followed: Sequence[Followed]) -> Encoded:
 
 
 def numbers(tensor: Tensor) -> np.ndarray:
-    """For NumPy, float64."""
+    """Convert a tensor to a NumPy array of float64."""
     return np.asarray(tensor.double().numpy())

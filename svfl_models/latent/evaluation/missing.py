@@ -1,4 +1,4 @@
-"""What is left of a model when modalities are missing."""
+"""Measures how well a model works if modalities are missing."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,21 +17,24 @@ from svfl_models.latent.networks.network import LatentNetwork
 from svfl_models.latent.networks.poe import PoEEncoder
 
 SUBSETS = tuple(chosen for count in (3, 2, 1) for chosen in combinations(MODALITIES, count))
-"""All seven, the whole first."""
+"""All seven non-empty subsets of the modalities, starting with the complete one."""
 
 
 @dataclass(frozen=True)
 class Remaining:
-    """A model that has only some of the modalities.
+    """Scores of a model that is given only some of the modalities.
 
     Attributes:
-        modalities: Which.
-        psnr_db: Of colour, from the posterior states, [dB].
-        depth_mae_mm: Of depth, [mm].
-        contact_auroc: Of the frame's contact.
-        contact_f1: Likewise.
-        probe_r2: By target, of probes fitted on features of these modalities alone: what the feature still holds. (A
-            probe that was fitted with all of them says nothing sensible when one is gone.)
+        modalities: Names of the modalities that are given.
+        psnr_db: Peak signal-to-noise ratio of the colour decoded from the posterior states, [dB].
+        depth_mae_mm: Mean absolute error of the depth decoded from the posterior states, [mm]; None without any depth
+            measurement.
+        contact_auroc: Area under the receiver operating characteristic of the contact of the frame; None if all frames
+            have the same truth.
+        contact_f1: F1 of the contact of the frame; None if no frame is positive, neither predicted nor true.
+        probe_r2: R^2 by target of linear probes that were fitted on features of these modalities alone. It shows what
+            the features still hold; a probe that was fitted with all modalities gives no meaningful result when one is
+            missing.
     """
 
     modalities: tuple[str, ...]
@@ -44,14 +47,21 @@ class Remaining:
 
 @torch.no_grad()
 def mean_inputs(network: LatentNetwork, frames: Frames) -> Batch:
-    """Mean of what encoders read, one of each modality: what stands for a missing one where the model needs all."""
+    """Return the mean over frames of an encoder's inputs, one per modality, as a substitute for a missing modality."""
     return {name: values.mean(dim=0) for name, values in network.inputs(frames.observations).items()}
 
 
 def left(network: LatentNetwork, inputs: Batch, chosen: Sequence[str], mean: Batch) -> Batch:
-    """Inputs of which only some modalities are left.
+    """Return inputs in which only some modalities are left.
 
-    PoE does without the others; VTT and concat, which need all, get the mean training input in their place.
+    PoE gets only the chosen modalities. VTT and concat need all modalities and get the mean training input for the
+    others.
+
+    Args:
+        network: The latent model.
+        inputs: Inputs of all modalities, as `Inputs` returns them.
+        chosen: Names of the modalities that are left.
+        mean: Mean training inputs, as `mean_inputs` returns them.
     """
     if isinstance(network.encoder, PoEEncoder):
         return {name: inputs[name] for name in chosen}
@@ -69,15 +79,18 @@ def missing(
     learned: Frames,
     learned_targets: Sequence[Target],
 ) -> list[Remaining]:
-    """Evaluate every subset of the modalities.
+    """Evaluate a model with each subset of the modalities.
 
     Args:
-        network: In eval mode.
+        network: The latent model, in eval mode.
         followed: Episodes to evaluate.
-        frames: Their frames.
-        targets: Of probes, in these frames.
-        learned: Training frames, for mean inputs and to fit the probes on.
-        learned_targets: Of probes, in those.
+        frames: All frames of these episodes.
+        targets: Targets of the probes in these frames.
+        learned: Training frames, for the mean inputs and to fit the probes on.
+        learned_targets: Targets of the probes in the training frames.
+
+    Returns:
+        One result per subset, in the order of `SUBSETS`.
     """
     original, touched = frames.observations["image"], frames.contact.numpy()
     mean = mean_inputs(network, learned)
@@ -107,7 +120,7 @@ def missing(
 def _follow(
     network: LatentNetwork, batch: Mapping[str, Tensor], chosen: Sequence[str], mean: Batch
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Features, contact logits and states of an episode's frames."""
+    """Return the features, contact logits and latent states of the frames of an episode."""
     inputs = {name: values[0] for name, values in network.inputs(batch).items()}
     encoding = network.encoder(left(network, inputs, chosen, mean))
     states = network.dynamics(encoding.feature[None], network.inputs.action(batch["action"])).state

@@ -1,4 +1,4 @@
-"""How well pictures come back: from states that have seen them, and from states that had to imagine them."""
+"""Measures the quality of decoded images, from states that have seen the frames and from states that predict them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,15 +13,15 @@ from svfl_models.latent.networks.network import LatentNetwork
 
 HORIZON = 8
 EVERY = 3
-"""Imagination starts at every third frame."""
+"""Predictions start at every third frame of an episode."""
 
 
 @dataclass(frozen=True)
 class Fidelity:
-    """How near pictures are to originals, mean over pictures.
+    """Similarity of decoded images to the originals, averaged over images.
 
     Attributes:
-        psnr_db: Of colour, [dB].
+        psnr_db: Peak signal-to-noise ratio of colour, [dB].
         depth_mae_mm: Mean absolute error of depth where there is a measurement, [mm]; None if there is none anywhere.
     """
 
@@ -31,13 +31,15 @@ class Fidelity:
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """Fidelity of different pictures of the same frames.
+    """Fidelity of different images for the same frames.
 
     Attributes:
-        seen: From the posterior state of each frame.
-        mean_image: The mean training image, whatever there is to see.
-        imagined: From states 1, 2, ... steps after the last look, given the actions.
-        unmoved: The posterior picture of the last look instead of the imagined ones: nothing moves.
+        seen: Fidelity of the images decoded from the posterior state of each frame.
+        mean_image: Fidelity of the mean training image, used for all frames.
+        imagined: Fidelity of the images predicted 1, 2, ... steps after the last frame that the model has seen, given
+            the actions.
+        unmoved: Fidelity of the posterior image of the last frame seen, used for the same later frames, as if nothing
+            moved.
     """
 
     seen: Fidelity
@@ -47,7 +49,12 @@ class Reconstruction:
 
 
 def fidelity(picture: Tensor, original: Tensor) -> Fidelity:
-    """Compare pictures (F, 4, H, W), colour 0..1 (cut off there) and depth in [m], with originals."""
+    """Compare decoded images with originals.
+
+    Args:
+        picture: Decoded images, shape (F, 4, H, W): colour, which is clipped to 0..1, then depth in [m].
+        original: Original images with the same shape; depth 0 where there is no measurement.
+    """
     decibels = psnr(picture[:, :3].clamp(0, 1).numpy(), original[:, :3].numpy())
     measured = original[:, 3] > 0
     error = ((picture[:, 3] - original[:, 3]).abs() * measured).sum(dim=(1, 2))
@@ -57,7 +64,10 @@ def fidelity(picture: Tensor, original: Tensor) -> Fidelity:
 
 
 def mean_picture(frames: Frames) -> Tensor:
-    """Mean image of frames, shape (4, H, W): of the depth, over those that have a measurement there."""
+    """Return the mean image of frames, shape (4, H, W).
+
+    The depth of a pixel is averaged over the frames that have a measurement there, and is 0 if none has.
+    """
     image = frames.observations["image"]
     depth = image[:, 3]
     mean = depth.sum(dim=0) / (depth > 0).sum(dim=0).clamp(min=1)
@@ -66,18 +76,18 @@ def mean_picture(frames: Frames) -> Tensor:
 
 @torch.no_grad()
 def pictures(network: LatentNetwork, state: Tensor, chunk: int = 64) -> Tensor:
-    """States (F, Z) -> (F, 4, 64, 64), a chunk at a time."""
+    """Decode states (F, Z) to images (F, 4, 64, 64), `chunk` states at a time."""
     return torch.cat([network.picture(some) for some in state.split(chunk)])
 
 
 @torch.no_grad()
 def reconstruction(network: LatentNetwork, followed: Sequence[Followed], mean_image: Tensor) -> Reconstruction:
-    """Compare pictures of followed episodes.
+    """Compare decoded and predicted images of whole episodes with the originals.
 
     Args:
-        network: In eval mode.
-        followed: The episodes.
-        mean_image: Of the training episodes, shape (4, 64, 64).
+        network: The latent model, in eval mode.
+        followed: Episodes with the outputs of the model.
+        mean_image: Mean image of the training episodes, shape (4, 64, 64).
     """
     originals = [one.batch["image"][0] for one in followed]
     seen = [pictures(network, one.seen.states.state[0]) for one in followed]

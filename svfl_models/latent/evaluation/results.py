@@ -1,4 +1,4 @@
-"""What an evaluation found: numbers, and samples of one episode for its figures."""
+"""Results of an evaluation: numbers, and samples of one episode for its figures."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -18,28 +18,28 @@ from svfl_models.latent.evaluation.symmetry import Symmetry
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What a model is worth; what it was not trained for is None, and `left_out` says so.
+    """Numbers of the evaluation of a model; what it was not trained for is None and is named in `left_out`.
 
     Attributes:
-        checkpoint: File of the model.
-        model: ``vtt``, ``poe`` or ``concat``.
-        steps: Of its training.
-        of: What was evaluated, in words.
-        episodes: How many were evaluated.
-        frames: In them.
-        learned_frames: Training frames that linear maps were fitted on.
-        missing_episodes: Episodes that were evaluated again without some modalities.
-        reconstruction: Of pictures.
-        contact: Of the frame.
-        next_contact: Of the next one.
-        alignment: Of image and wrench.
-        next_gripper: Prediction of the next proprioception.
-        probes: Of features.
-        missing: Each subset of the modalities.
-        attention: Of VTT.
-        experts: Of PoE.
-        symmetry: Of features.
-        left_out: What was not evaluated, and why.
+        checkpoint: Path of the model's checkpoint.
+        model: Kind of model: ``vtt``, ``poe`` or ``concat``.
+        steps: Number of optimiser steps of the model's training.
+        of: Description of the evaluated episodes in words.
+        episodes: Number of evaluated episodes.
+        frames: Number of frames in the evaluated episodes.
+        learned_frames: Number of training frames that linear maps were fitted on.
+        missing_episodes: Number of episodes that were evaluated again without some modalities.
+        reconstruction: Fidelity of decoded and predicted images.
+        contact: Scores of the contact of the frame.
+        next_contact: Scores of the contact between a frame and the next.
+        alignment: Judgement on matched and mismatched pairs of image and wrench.
+        next_gripper: Errors of the predicted next proprioception.
+        probes: Scores of the linear probes of features.
+        missing: Scores for each subset of the modalities.
+        attention: Attention of VTT; None for other models.
+        experts: Weights of PoE's experts; None for other models.
+        symmetry: Symmetry of the features.
+        left_out: What was not evaluated and why, in words.
     """
 
     checkpoint: str
@@ -63,21 +63,21 @@ class Evaluation:
     left_out: list[str]
 
     def plain(self) -> dict[str, Any]:
-        """As a dictionary of plain values, for files."""
+        """Return the attributes as a dictionary of plain values for files."""
         return asdict(self)
 
 
 @dataclass(frozen=True, eq=False)
 class SampleFigures:
-    """One episode in pictures, at some of its frames.
+    """Samples of one episode at P of its frames, for figures.
 
     Attributes:
-        episode: Its index.
-        step: Shape (P,).
-        original: Shape (P, 4, 64, 64), colour 0..1 and depth in [m].
-        picture: From the posterior states, likewise.
-        contact: Whether a frame is in contact, shape (P,), bool.
-        looked: VTT's attention of the contact token over the image, shape (P, side, side); None for other models.
+        episode: Index of the episode.
+        step: Numbers of the frames in the episode, shape (P,).
+        original: Recorded images, shape (P, 4, 64, 64), colour 0..1 and depth in [m].
+        picture: Images decoded from the posterior states, with the same shape and units.
+        contact: Whether each frame is in contact, shape (P,), bool.
+        looked: Attention of VTT's contact token to the image patches, shape (P, side, side); None for other models.
     """
 
     episode: int

@@ -1,17 +1,20 @@
-"""Scores of yes-no answers and of pictures."""
+"""Scores of yes-no predictions, of images and of regressions."""
 
 import numpy as np
 from scipy.stats import rankdata
 
 
 def auroc(score: np.ndarray, truth: np.ndarray) -> float | None:
-    """Chance that a positive has a higher score than a negative, ties counting half; None without one of either.
+    """Return the probability that a positive has a higher score than a negative, where ties count half.
 
     Source: Hanley and McNeil, Radiology 143 (1982), from the sum of ranks (Mann and Whitney).
 
     Args:
-        score: Shape (N,).
-        truth: Shape (N,), bool.
+        score: Scores, shape (N,).
+        truth: Whether each sample is positive, shape (N,), bool.
+
+    Returns:
+        Area under the receiver operating characteristic, 0..1; None if all samples are positive or all are negative.
     """
     truth = np.asarray(truth, dtype=bool)
     positives, negatives = int(truth.sum()), int((~truth).sum())
@@ -22,11 +25,14 @@ def auroc(score: np.ndarray, truth: np.ndarray) -> float | None:
 
 
 def f1(said: np.ndarray, truth: np.ndarray) -> float | None:
-    """Harmonic mean of precision and recall; None if there is no yes, neither said nor true.
+    """Return the harmonic mean of precision and recall.
 
     Args:
-        said: Shape (N,), bool.
-        truth: Shape (N,), bool.
+        said: Whether each sample is predicted to be positive, shape (N,), bool.
+        truth: Whether each sample is positive, shape (N,), bool.
+
+    Returns:
+        F1, 0..1; None if no sample is positive, neither predicted nor true.
     """
     said, truth = np.asarray(said, dtype=bool), np.asarray(truth, dtype=bool)
     total = int(said.sum() + truth.sum())
@@ -34,14 +40,14 @@ def f1(said: np.ndarray, truth: np.ndarray) -> float | None:
 
 
 def psnr(picture: np.ndarray, original: np.ndarray) -> np.ndarray:
-    """Peak signal-to-noise ratio of pictures whose values are 0 to 1, [dB]; infinite for equal ones.
+    """Return the peak signal-to-noise ratio of images with values 0..1, [dB]; infinite for equal images.
 
     Args:
-        picture: Shape (N, ...).
-        original: The same shape.
+        picture: Images to score, shape (N, ...).
+        original: Original images, of the same shape.
 
     Returns:
-        Shape (N,).
+        Ratio of each image, shape (N,).
     """
     axes = tuple(range(1, np.ndim(original)))
     error = np.square(np.asarray(picture, np.float64) - original).mean(axis=axes)
@@ -50,11 +56,11 @@ def psnr(picture: np.ndarray, original: np.ndarray) -> np.ndarray:
 
 
 def r_squared(guess: np.ndarray, truth: np.ndarray) -> float | None:
-    """Share of the variance about the mean that is explained, all columns pooled; None if nothing varies.
+    """Return the share of the variance about the mean that is explained, all columns pooled; None if nothing varies.
 
     Args:
-        guess: Shape (N, K).
-        truth: The same shape and unit.
+        guess: Guessed values, shape (N, K).
+        truth: True values, of the same shape and unit.
     """
     about = float(np.square(truth - truth.mean(axis=0)).sum())
     scale = float(np.square(truth).sum())

@@ -1,18 +1,18 @@
-"""How far a latent is from symmetric.
+"""Measures how far a latent feature is from symmetric.
 
-Nothing says how a group element should act on a learned feature: any action would do, if there were one. So three
-things are measured that need none, for elements of D4, which move pixels exactly:
+Nothing defines how a group element should act on a learned feature, and any action would be allowed. Three quantities
+are therefore measured that need no such definition, for the elements of D4, which map pixels onto pixels exactly:
 
 - ``not_linear``: 1 - R^2 of the best linear map from features of frames to features of the transformed frames, fitted
-  on training episodes and evaluated on others. A feature on which the element acts as a matrix, as it does on the
-  hidden fields of symmetric networks, has 0; at 1, one feature says no more about the other than its mean does.
-- ``change``: distance between the two features, in units of the distance of two frames drawn at random. An invariant
-  feature has 0. It need not be 0: the feature has to tell where things are.
-- ``contact``, ``alignment``: mean absolute change of these probabilities, which the truth does not change by.
+  on training episodes and evaluated on others. It is 0 for a feature on which the element acts as a matrix, as on the
+  hidden fields of symmetric networks. At 1, one feature says no more about the other than the mean of the other does.
+- ``change``: distance between the two features, in units of the distance of two frames drawn at random. It is 0 for an
+  invariant feature. It need not be 0, because the feature has to tell where things are.
+- ``contact``, ``alignment``: mean absolute change of these probabilities, whose true values do not change.
 
-The whole world turns about the middle of the picture and of the workspace: image, wrench window and gripper together.
-The camera looks at the workspace from one side, so that the turned pictures are not exactly those of a turned scene;
-the same is taken for a symmetry everywhere in this package.
+The whole world is transformed about the middle of the image and of the workspace: image, wrench window and gripper
+together. The camera looks at the workspace from one side, so that the transformed images are not exactly those of a
+transformed scene; this package treats them as such everywhere.
 """
 
 from collections.abc import Callable
@@ -34,18 +34,20 @@ MOVES = dict(
         strict=True,
     )
 )
-"""All elements of D4 but the identity, those of C4 first, as `svfl_data.symmetry.dihedral` orders them."""
+"""Matrices of all elements of D4 but the identity, by name; those of C4 come first, as in
+`svfl_data.symmetry.dihedral`."""
 CYCLIC = 3
-"""So many of them are of C4."""
+"""Number of the elements in `MOVES` that belong to C4."""
 
 
 @dataclass(frozen=True)
 class Asymmetry:
-    """What a transformation of the world does to a model.
+    """Effect of one transformation of the world on the outputs of an encoder.
 
     Attributes:
-        not_linear: 1 - R^2 of the best linear map between the features; None if they do not vary.
-        change: Root mean square distance of the features, over that of two frames at random.
+        not_linear: 1 - R^2 of the best linear map between the features; None if the features do not vary.
+        change: Root mean square distance between the features of a frame and of the transformed frame, divided by that
+            of two frames drawn at random.
         contact: Mean absolute change of the probability of contact.
         alignment: Mean absolute change of the probability of alignment.
     """
@@ -58,11 +60,11 @@ class Asymmetry:
 
 @dataclass(frozen=True)
 class Symmetry:
-    """`Asymmetry` of each element, and the mean over groups without their identity.
+    """`Asymmetry` of each element, and its mean over the elements of a group without the identity.
 
     Attributes:
-        elements: By name in `MOVES`.
-        groups: ``C4`` and ``D4``.
+        elements: Asymmetry of each element, by the names of `MOVES`.
+        groups: Mean asymmetry of the groups ``C4`` and ``D4``.
     """
 
     elements: dict[str, Asymmetry]
@@ -70,12 +72,12 @@ class Symmetry:
 
 
 def symmetry(encode: Callable[[Batch], Encoded], learned: Frames, evaluated: Frames) -> Symmetry:
-    """Measure all elements of D4.
+    """Measure the asymmetry of an encoder under all elements of D4.
 
     Args:
-        encode: The encoder, of physical observations.
-        learned: Training frames.
-        evaluated: Frames of other episodes.
+        encode: Function that encodes a batch of physical observations.
+        learned: Training frames, which the linear maps are fitted on.
+        evaluated: Frames of other episodes, which the asymmetry is measured on.
     """
     source, still = encode(learned.observations), encode(evaluated.observations)
     x, held = (numbers(one.feature) for one in (source, still))

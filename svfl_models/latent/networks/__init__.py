@@ -1,1 +1,1 @@
-"""The networks of latent models: product of experts, VTT and concatenation, with decoder and dynamics."""
+"""Networks of latent models: the encoders PoE, VTT and concatenation, the decoder and the dynamics."""

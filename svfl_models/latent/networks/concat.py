@@ -1,4 +1,4 @@
-"""Concatenation: one vector per modality, side by side, and a linear layer."""
+"""Concatenation: an encoder that joins one vector per modality and applies a linear layer."""
 
 from collections.abc import Mapping
 
@@ -12,10 +12,10 @@ from svfl_models.latent.networks.trunks import ImageTrunk, WrenchTrunk, perceptr
 
 
 class ConcatEncoder(Encoder):
-    """The plainest fusion (VTT's published baseline of this name).
+    """Encoder that fuses the modalities by concatenation, the simplest way (VTT's published baseline of this name).
 
     Args:
-        sizes: Of the networks.
+        sizes: Layer sizes of the networks.
     """
 
     def __init__(self, sizes: Sizes) -> None:
@@ -34,11 +34,11 @@ class ConcatEncoder(Encoder):
         self.alignment = nn.Linear(sizes.feature, 1)
 
     def parts(self, inputs: Mapping[str, Tensor]) -> Parts:
-        """A vector of each modality."""
+        """Return the vector of each modality, shape (B, C) with C from `Sizes.concat`."""
         all_of(inputs)
         return {name: self.trunks[name](inputs[name]) for name in MODALITIES}
 
     def join(self, parts: Parts) -> Encoding:
-        """The linear layer over all."""
+        """Apply the layer norm and the linear layers to the joined vectors."""
         feature = self.bottleneck(self.norm(torch.cat(all_of(parts), dim=-1)))
         return Encoding(feature, contact=self.contact(feature)[:, 0], alignment=self.alignment(feature)[:, 0])

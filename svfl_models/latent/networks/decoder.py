@@ -1,4 +1,4 @@
-"""From a latent state back to the picture."""
+"""Decoder from a latent state to an image."""
 
 from itertools import pairwise
 
@@ -10,16 +10,17 @@ from svfl_models.latent.config import Sizes
 from svfl_models.latent.networks.encoder import SLOPE
 
 DEPTH_UNIT = 0.4
-"""Metres of depth per unit of the decoder's output: a workspace's width."""
+"""Metres of depth per unit of the decoder's output; 0.4 m is the width of a workspace."""
 
 
 class Decoder(nn.Module):
-    """Colour and depth of 64 x 64 pixels; sides 1, 4, 8, 16, 32, 64.
+    """Decoder to colour and depth of 64 x 64 pixels; the sides of its layers are 1, 4, 8, 16, 32 and 64.
 
-    Its output has no activation and counts from the mean of the training images, so the last layer need not learn it.
+    The output has no activation and is relative to the mean of the training images, so that the last layer need not
+    learn the mean.
 
     Args:
-        sizes: Of the networks.
+        sizes: Layer sizes of the networks.
     """
 
     def __init__(self, sizes: Sizes) -> None:
@@ -32,7 +33,7 @@ class Decoder(nn.Module):
         )
 
     def forward(self, state: Tensor) -> Tensor:
-        """(B, Z) -> (B, 4, 64, 64): colour and depth minus their training means, depth in units of `DEPTH_UNIT`."""
+        """Map states (B, Z) to images (B, 4, 64, 64), relative to the mean training image, depth in `DEPTH_UNIT`."""
         x = functional.leaky_relu(self.first(state), SLOPE).unflatten(1, (-1, 4, 4))
         x = x.contiguous(memory_format=torch.channels_last)
         for number, layer in enumerate(self.layers):

@@ -1,4 +1,4 @@
-"""How latent states follow each other: a state in two parts, a prior of what comes, a posterior of what was seen.
+"""Latent dynamics: states in two parts, with a prior from the state before and a posterior that also sees the frame.
 
 Source: Lee, Nagabandi, Abbeel, Levine, "Stochastic Latent Actor-Critic", NeurIPS 2020, section 5.
 """
@@ -17,13 +17,14 @@ ACTION = 5
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """Latent states of sequences.
+    """Latent states of B sequences of T frames.
 
     Attributes:
-        z1: Shape (B, T, Z1).
-        z2: Shape (B, T, Z2).
-        posterior: Of z1, given what was seen.
-        prior: Of z1, given the posterior state before and the action.
+        z1: First part of the states, shape (B, T, Z1).
+        z2: Second part of the states, shape (B, T, Z2).
+        posterior: Distribution of z1 given the frames up to and including its own and the actions before it.
+        prior: Distribution of z1 given the posterior state of the step before and the action; N(0, I) for the first
+            frame.
     """
 
     z1: Tensor
@@ -33,19 +34,20 @@ class States:
 
     @property
     def state(self) -> Tensor:
-        """Both parts, shape (B, T, Z1 + Z2)."""
+        """Both parts of the states joined, shape (B, T, Z1 + Z2)."""
         return torch.cat([self.z1, self.z2], dim=-1)
 
 
 class LatentDynamics(nn.Module):
-    """Distributions of the first state and of each next one.
+    """Distributions of the first latent state and of each following one.
 
-    p(z1_0) = N(0, I), p(z2_0 | z1_0), p(z1_t | z2_t-1, a_t-1), p(z2_t | z1_t, z2_t-1, a_t-1); the posterior of z1 also
-    sees the feature of its frame, that of z2 is its prior. The prior of a step starts from the posterior state of the
-    step before, as the variational bound wants it. In evaluation all states are means.
+    The distributions are p(z1_0) = N(0, I), p(z2_0 | z1_0), p(z1_t | z2_t-1, a_t-1) and p(z2_t | z1_t, z2_t-1, a_t-1).
+    The posterior of z1 also depends on the feature of its frame; the posterior of z2 is its prior. The prior of a step
+    starts from the posterior state of the step before, as the variational bound requires. States are random draws in
+    training and means in evaluation.
 
     Args:
-        sizes: Of the networks.
+        sizes: Layer sizes of the networks.
     """
 
     def __init__(self, sizes: Sizes) -> None:
@@ -59,11 +61,11 @@ class LatentDynamics(nn.Module):
         self.next_z2 = perceptron(sizes.z1 + before, hidden, 2 * sizes.z2)
 
     def forward(self, feature: Tensor, action: Tensor) -> States:
-        """Follow sequences.
+        """Compute the latent states of sequences.
 
         Args:
-            feature: Of each frame, shape (B, T, F).
-            action: Between the frames, each component -1..1, shape (B, T - 1, 5).
+            feature: Feature of each frame, shape (B, T, F).
+            action: Actions between the frames, each component -1..1, shape (B, T - 1, 5).
         """
         posterior = Gaussian.of(self.first_z1(feature[:, 0]))
         posteriors, priors = [posterior], [Gaussian.standard_like(posterior.mean)]
@@ -78,11 +80,11 @@ class LatentDynamics(nn.Module):
         return States(torch.stack(z1s, 1), torch.stack(z2s, 1), _stacked(posteriors), _stacked(priors))
 
     def imagine(self, z2: Tensor, action: Tensor) -> Tensor:
-        """Follow the prior, without looking.
+        """Predict states from the prior and the actions alone, without frames.
 
         Args:
-            z2: Of the state to start from, shape (B, Z2).
-            action: Shape (B, S, 5).
+            z2: Second part of the state to start from, shape (B, Z2).
+            action: Actions, each component -1..1, shape (B, S, 5).
 
         Returns:
             The states after each action, shape (B, S, Z1 + Z2).

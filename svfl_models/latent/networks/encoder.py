@@ -1,4 +1,4 @@
-"""What the three encoders have in common: the same call, the same answer."""
+"""Common interface of the three encoders."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,20 +10,20 @@ from svfl_models.latent.config import MODALITIES
 from svfl_models.latent.networks.gaussian import Gaussian
 
 SLOPE = 0.2
-"""Of LeakyReLU below zero (VTT's published code)."""
+"""Slope of LeakyReLU below zero (VTT's published code)."""
 Parts = dict[str, Tensor]
-"""What was made of each modality alone, batch first."""
+"""What an encoder computes from each modality alone, by the name of the modality, with the batch as first dimension."""
 
 
 @dataclass(frozen=True, eq=False)
 class Encoding:
-    """What an encoder says about observations.
+    """Output of an encoder for B observations.
 
     Attributes:
-        feature: Shape (B, F).
+        feature: Feature of each observation, shape (B, F).
         contact: Logit that the gripper is in contact, shape (B,).
         alignment: Logit that image and wrench belong together, shape (B,).
-        posterior: Distribution that `feature` stems from, where the encoder has one.
+        posterior: Distribution whose random draw or mean `feature` is computed from; None for encoders other than PoE.
     """
 
     feature: Tensor
@@ -33,30 +33,30 @@ class Encoding:
 
 
 class Encoder(nn.Module):
-    """Makes something of each modality alone, then of all together.
+    """Encoder in two stages: each modality is processed alone, then all are joined.
 
-    The two stages are apart so that the wrench of one observation can be joined with the image of another without
-    looking at either again.
+    The stages are separate so that the wrench of one observation can be joined with the image of another without
+    processing either again.
     """
 
     def parts(self, inputs: Mapping[str, Tensor]) -> Parts:
-        """What each modality says: from `Inputs`, with one leading dimension."""
+        """Process each modality of `inputs` alone; they come from `Inputs` and have one leading dimension."""
         raise NotImplementedError
 
     def join(self, parts: Parts) -> Encoding:
-        """What they say together."""
+        """Join the processed modalities."""
         raise NotImplementedError
 
     def forward(self, inputs: Mapping[str, Tensor]) -> Encoding:
-        """``image`` (B, 4, 64, 64), ``wrench`` (B, 64, 6), ``proprio`` (B, 6), as `Inputs` makes them."""
+        """Encode ``image`` (B, 4, 64, 64), ``wrench`` (B, 64, 6) and ``proprio`` (B, 6), as `Inputs` returns them."""
         return self.join(self.parts(inputs))
 
 
 def all_of(parts: Mapping[str, Tensor]) -> list[Tensor]:
-    """The three modalities in their order.
+    """Return the values of the three modalities in the order of `config.MODALITIES`.
 
     Raises:
-        TrainingError: If one is missing.
+        TrainingError: If a modality is missing.
     """
     missing = [name for name in MODALITIES if name not in parts]
     if missing:

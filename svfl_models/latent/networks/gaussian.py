@@ -1,4 +1,4 @@
-"""Diagonal Gaussians: drawing from them, their products, and how far one is from another."""
+"""Diagonal Gaussians: samples, products and Kullback-Leibler divergences."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,16 +8,17 @@ from torch import Tensor
 from torch.nn import functional
 
 SMALLEST = 1e-4
-"""Least variance that a network can claim: the precision of an expert stays finite, and the others are heard."""
+"""Smallest variance that a network can output. It keeps the precision of an expert finite, so that the other experts of
+a product always have an influence."""
 
 
 @dataclass(frozen=True, eq=False)
 class Gaussian:
-    """Independent normal distributions.
+    """Independent normal distributions of Z components.
 
     Attributes:
-        mean: Shape (..., Z).
-        variance: The same shape, positive.
+        mean: Means, shape (..., Z).
+        variance: Variances, positive, of the same shape.
     """
 
     mean: Tensor
@@ -25,27 +26,30 @@ class Gaussian:
 
     @classmethod
     def of(cls, numbers: Tensor) -> "Gaussian":
-        """Read a layer's output, (..., 2 Z): means, then what softplus makes variances of."""
+        """Build Gaussians from a layer's output (..., 2 Z): the means, then the raw variances before softplus."""
         mean, raw = numbers.chunk(2, dim=-1)
         return cls(mean, functional.softplus(raw) + SMALLEST)
 
     @classmethod
     def standard_like(cls, numbers: Tensor) -> "Gaussian":
-        """Mean 0 and variance 1, of a shape, type and device."""
+        """Return Gaussians of mean 0 and variance 1 with the shape, type and device of `numbers`."""
         return cls(torch.zeros_like(numbers), torch.ones_like(numbers))
 
     def sample(self) -> Tensor:
-        """Draw one value each, differentiable in mean and variance."""
+        """Draw one value of each component, differentiable with respect to mean and variance."""
         return self.mean + self.variance.sqrt() * torch.randn_like(self.mean)
 
     def kl(self, other: "Gaussian") -> Tensor:
-        """Kullback-Leibler divergence KL(self || other) of each component, shape (..., Z), [nat]."""
+        """Return the Kullback-Leibler divergence KL(self || other) of each component, shape (..., Z), [nat]."""
         ratio = self.variance / other.variance
         return 0.5 * (ratio + (self.mean - other.mean).square() / other.variance - 1 - ratio.log())
 
 
 def product(experts: Sequence[Gaussian]) -> Gaussian:
-    """The normalised product of Gaussian densities: precisions add, means are averaged with them as weights.
+    """Return the normalised product of Gaussian densities.
+
+    The precision of the product is the sum of the experts' precisions; its mean is the mean of the experts' means,
+    weighted with their precisions.
 
     Source: Hinton, "Training Products of Experts by Minimizing Contrastive Divergence", 2002.
     """

@@ -1,4 +1,4 @@
-"""All parts of a latent model together."""
+"""Complete latent model: encoder, dynamics, decoder and prediction heads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,15 +25,15 @@ ENCODERS: dict[str, type[VTTEncoder] | type[PoEEncoder] | type[ConcatEncoder]] =
 
 @dataclass(frozen=True, eq=False)
 class LatentOutput:
-    """What a model makes of sequences of T frames and S = T - 1 actions.
+    """Output of a latent model for B sequences of T frames and S = T - 1 actions.
 
     Attributes:
-        parts: What each modality of each frame says alone, batch B T.
-        encoding: Of each frame, batch B T.
-        states: Latent states.
+        parts: What the encoder computes from each modality of each frame alone, with batch dimension B T.
+        encoding: Output of the encoder for each frame, with batch dimension B T.
+        states: Latent states of the frames.
         reward: Logit of a reward for each action, shape (B, S).
-        next_contact: Logit of contact at the next frame, shape (B, S).
-        next_proprio: The next frame's proprioception as `Inputs` scales it, shape (B, S, 6).
+        next_contact: Logit of contact between each frame and the next, shape (B, S).
+        next_proprio: Predicted proprioception of the next frame, scaled as by `Inputs`, shape (B, S, 6).
     """
 
     parts: Parts
@@ -45,14 +45,14 @@ class LatentOutput:
 
 
 class LatentNetwork(nn.Module):
-    """Encoder, dynamics, decoder and the heads that predict the next step.
+    """Encoder, dynamics, decoder and the heads that predict the reward and the next step.
 
     Args:
-        model: One of `config.MODELS`.
-        sizes: Of the networks, as `config.plain` writes them.
+        model: Kind of encoder, one of `config.MODELS`.
+        sizes: Layer sizes of the networks, as `config.plain` returns them; None for the defaults of `config.Sizes`.
 
     Raises:
-        TrainingError: If there is no such model.
+        TrainingError: If `model` is not one of `config.MODELS`.
     """
 
     def __init__(self, model: str, sizes: dict[str, Any] | None = None) -> None:
@@ -69,15 +69,15 @@ class LatentNetwork(nn.Module):
         self.next_step = perceptron(state + ACTION, (hidden, hidden), 1 + PROPRIO)
 
     def encode(self, batch: Mapping[str, Tensor]) -> Encoding:
-        """Physical observations, one leading dimension -> what the encoder says; PoE takes any of the modalities."""
+        """Encode physical observations with one leading dimension; PoE accepts any subset of the modalities."""
         return self.encoder(self.inputs(batch, [name for name in ("image", "wrench", "proprio") if name in batch]))
 
     def forward(self, batch: Batch) -> LatentOutput:
-        """Understand sequences.
+        """Compute the encodings, latent states and predictions of sequences.
 
         Args:
-            batch: Physical values: ``image`` (B, T, 4, 64, 64), ``wrench`` (B, T, 64, 6), ``proprio`` (B, T, 5),
-                ``action`` (B, S, 5).
+            batch: Physical values: ``image`` (B, T, 4, 64, 64), ``wrench`` (B, T, 64, 6), ``proprio`` (B, T, 5) and
+                ``action`` (B, S, 5), see `data.Sequences`.
         """
         inputs, action = self.inputs(batch), self.inputs.action(batch["action"])
         parts = self.encoder.parts({name: values.flatten(0, 1) for name, values in inputs.items()})
@@ -89,7 +89,7 @@ class LatentNetwork(nn.Module):
         return LatentOutput(parts, encoding, states, reward[..., 0], following[..., 0], following[..., 1:])
 
     def picture(self, state: Tensor) -> Tensor:
-        """States (..., Z) -> images (..., 4, 64, 64): colour 0..1 (about), depth in [m]."""
+        """Decode states (..., Z) to images (..., 4, 64, 64): colour 0..1 (approximately) and depth in [m]."""
         mean = self.inputs.normalization.image_mean[:, None, None]
         unit = mean.new_tensor([1.0, 1.0, 1.0, DEPTH_UNIT])[:, None, None]
         return (mean + unit * self.decoder(state.flatten(0, -2))).unflatten(0, state.shape[:-1])

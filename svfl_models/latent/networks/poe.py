@@ -1,4 +1,4 @@
-"""A product of experts: each modality claims a Gaussian, and what they claim together is the product of all."""
+"""Product of experts: each modality gives a Gaussian of the feature, and their product is the joint distribution."""
 
 from collections.abc import Mapping
 
@@ -13,13 +13,13 @@ from svfl_models.latent.networks.trunks import ImageTrunk, WrenchTrunk, perceptr
 
 
 class PoEEncoder(Encoder):
-    """One expert per modality, times the prior N(0, I) (Lee et al., T-RO 2020; VTT's published PoE).
+    """Encoder with one expert per modality, times the prior N(0, I) (Lee et al., T-RO 2020; VTT's published PoE).
 
-    Any of the modalities may be missing: their experts say nothing then, which is the product over the others. In
-    training the latent is drawn, in evaluation it is the mean.
+    Any of the modalities may be missing; the product is then over the experts of the others. The feature is a random
+    draw in training and the mean in evaluation, both followed by a layer norm.
 
     Args:
-        sizes: Of the networks.
+        sizes: Layer sizes of the networks.
     """
 
     def __init__(self, sizes: Sizes) -> None:
@@ -37,11 +37,11 @@ class PoEEncoder(Encoder):
         self.alignment = nn.Linear(sizes.feature, 1)
 
     def parts(self, inputs: Mapping[str, Tensor]) -> Parts:
-        """Each expert's claim, shape (B, 2 F), of the modalities that there are."""
+        """Return the raw mean and variance of each expert, shape (B, 2 F), for the modalities that are given."""
         return {name: self.trunks[name](inputs[name]) for name in MODALITIES if name in inputs}
 
     def experts(self, parts: Parts) -> dict[str, Gaussian]:
-        """The claims as distributions, and the prior's under ``prior``.
+        """Return the distribution of each expert by modality, and that of the prior as ``prior``.
 
         Raises:
             TrainingError: If there is no modality at all.
@@ -52,7 +52,7 @@ class PoEEncoder(Encoder):
         return {**claimed, "prior": Gaussian.standard_like(next(iter(claimed.values())).mean)}
 
     def join(self, parts: Parts) -> Encoding:
-        """The product."""
+        """Multiply the distributions of the experts and compute the outputs from the product."""
         posterior = product(list(self.experts(parts).values()))
         feature = self.norm(posterior.sample() if self.training else posterior.mean)
         contact, alignment = self.contact(feature)[:, 0], self.alignment(feature)[:, 0]

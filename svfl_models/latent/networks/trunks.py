@@ -1,4 +1,4 @@
-"""One network per modality, for the encoders that look at each alone: PoE and concat."""
+"""Networks for single modalities, for the encoders PoE and concat."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,13 +13,13 @@ from svfl_models.latent.networks.encoder import SLOPE
 
 
 class ImageTrunk(nn.Module):
-    """Five convolutions; sides 64, 31, 14, 6, 2, 1.
+    """Five convolutions over an image; the sides of their layers are 64, 31, 14, 6, 2 and 1.
 
-    VTT's published one has a last kernel of 3 and was made for 84 pixels, sides 41, 19, 8, 3, 1.
+    VTT's published network has a last kernel of 3 and is made for 84 pixels, with sides 41, 19, 8, 3 and 1.
 
     Args:
-        widths: Channels after the first four.
-        out: Numbers of the output.
+        widths: Channels after each of the first four convolutions.
+        out: Length of the output vector.
     """
 
     def __init__(self, widths: Sequence[int], out: int) -> None:
@@ -30,7 +30,7 @@ class ImageTrunk(nn.Module):
         self.last = nn.Conv2d(widths[-1], out, kernel_size=2)
 
     def forward(self, image: Tensor) -> Tensor:
-        """(B, 4, 64, 64) -> (B, out)."""
+        """Map images (B, 4, 64, 64) to vectors (B, out)."""
         x = image.contiguous(memory_format=torch.channels_last)
         for convolution in self.convolutions:
             x = functional.leaky_relu(convolution(x), SLOPE)
@@ -38,14 +38,14 @@ class ImageTrunk(nn.Module):
 
 
 class WrenchTrunk(nn.Module):
-    """A tree over the window: each layer joins two neighbours, until one vector is left that has seen every reading.
+    """Tree over a wrench window: each layer joins pairs of neighbours, until one vector of all readings is left.
 
     Args:
-        widths: Units of each layer; so many that the readings of a window become one.
-        out: Numbers of the output.
+        widths: Units of each layer. The number of layers must reduce the readings of a window to one.
+        out: Length of the output vector.
 
     Raises:
-        TrainingError: If the layers do not fit the window.
+        TrainingError: If the number of layers does not fit the window.
     """
 
     def __init__(self, widths: Sequence[int], out: int) -> None:
@@ -56,7 +56,7 @@ class WrenchTrunk(nn.Module):
         self.last = nn.Linear(widths[-1], out)
 
     def forward(self, wrench: Tensor) -> Tensor:
-        """(B, 64, 6) -> (B, out)."""
+        """Map wrench windows (B, 64, 6) to vectors (B, out)."""
         x = wrench
         for layer in self.layers:
             x = functional.leaky_relu(layer(x.reshape(len(x), x.shape[1] // 2, -1)), SLOPE)  # joins neighbours
@@ -64,6 +64,12 @@ class WrenchTrunk(nn.Module):
 
 
 def perceptron(inputs: int, widths: Sequence[int], out: int) -> nn.Sequential:
-    """Linear layers with LeakyReLU between them: (..., inputs) -> (..., out)."""
+    """Build linear layers with LeakyReLU between them, which map (..., inputs) to (..., out).
+
+    Args:
+        inputs: Length of the input vectors.
+        widths: Units of each hidden layer.
+        out: Length of the output vectors.
+    """
     hidden = [(nn.Linear(source, target), nn.LeakyReLU(SLOPE)) for source, target in pairwise((inputs, *widths))]
     return nn.Sequential(*(layer for pair in hidden for layer in pair), nn.Linear((inputs, *widths)[-1], out))

@@ -1,4 +1,4 @@
-"""The visuo-tactile transformer: patches of the image and pieces of the wrench window attend to each other."""
+"""Visuo-tactile transformer: self-attention between patches of the image and pieces of the wrench window."""
 
 from collections.abc import Mapping
 
@@ -15,15 +15,15 @@ from svfl_models.latent.networks.encoder import SLOPE, Encoder, Encoding, Parts,
 class VTTEncoder(Encoder):
     """Self-attention over the tokens of one frame (Chen et al., CoRL 2022, with the sizes of the published code).
 
-    Tokens: alignment, contact, the image's patches row by row, the wrench window's pieces oldest first, the gripper.
-        Each
-    has a learned position of its own, which also says of which modality it is. Frames are independent of each other.
+    The tokens are, in this order: alignment, contact, the image's patches row by row, the wrench window's pieces with
+    the oldest first, and proprioception. Each has its own learned position, which also encodes the modality. Frames are
+    independent of each other.
 
     Args:
-        sizes: Of the networks.
+        sizes: Layer sizes of the networks.
 
     Raises:
-        TrainingError: If the image does not fall into patches, or the window into pieces.
+        TrainingError: If the image cannot be divided into patches, or the window into pieces.
     """
 
     def __init__(self, sizes: Sizes) -> None:
@@ -56,7 +56,7 @@ class VTTEncoder(Encoder):
         self.contact = nn.Linear(sizes.dim, 1)
 
     def parts(self, inputs: Mapping[str, Tensor]) -> Parts:
-        """Tokens of each modality, shape (B, n, D)."""
+        """Return the n tokens of each modality, shape (B, n, D)."""
         image, wrench, proprio = all_of(inputs)
         return {
             "image": self.image(image).flatten(2).transpose(1, 2),  # (B, D, h, w) -> (B, h w, D)
@@ -65,7 +65,7 @@ class VTTEncoder(Encoder):
         }
 
     def join(self, parts: Parts) -> Encoding:
-        """Attention over all tokens."""
+        """Apply self-attention to all tokens and compute the outputs from them."""
         tokens = self.norm(self.blocks(self.tokens(parts)))
         return Encoding(
             self.feature(self.reduce(tokens).flatten(1)),
@@ -74,18 +74,18 @@ class VTTEncoder(Encoder):
         )
 
     def tokens(self, parts: Parts) -> Tensor:
-        """What enters the first block, shape (B, N, D)."""
+        """Return all N tokens with their positions, the input of the first block, shape (B, N, D)."""
         of_modalities = all_of(parts)
         asked = self.asked.expand(len(of_modalities[0]), -1, -1)
         return torch.cat([asked, *of_modalities], dim=1) + self.position
 
 
 class Block(nn.Module):
-    """Attention and a perceptron, each after a layer norm and around a residual connection.
+    """Self-attention and a perceptron, each after a layer norm and inside a residual connection.
 
     Args:
-        dim: Numbers per token.
-        heads: Of the attention; divides `dim`.
+        dim: Length of each token.
+        heads: Number of attention heads; it divides `dim`.
     """
 
     def __init__(self, dim: int, heads: int) -> None:
@@ -97,14 +97,14 @@ class Block(nn.Module):
         self.perceptron = nn.Sequential(nn.Linear(dim, 4 * dim), nn.GELU(), nn.Linear(4 * dim, dim))
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, N, D) -> (B, N, D)."""
+        """Map tokens (B, N, D) to tokens of the same shape."""
         query, key, value = self._heads(x)
         mixed = functional.scaled_dot_product_attention(query, key, value)  # Vaswani et al., NeurIPS 2017, equation 1
         x = x + self.out(mixed.transpose(1, 2).flatten(2))  # (B, heads, N, D / heads) -> (B, N, D)
         return x + self.perceptron(self.second(x))
 
     def attention(self, x: Tensor) -> Tensor:
-        """How much each token looks at each other one, shape (B, heads, N, N); rows sum to 1."""
+        """Return the attention of each token to each other one, shape (B, heads, N, N); rows sum to 1."""
         query, key, _ = self._heads(x)
         return (query @ key.transpose(-2, -1) / query.shape[-1] ** 0.5).softmax(dim=-1)
 

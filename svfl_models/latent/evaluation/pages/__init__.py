@@ -1,1 +1,1 @@
-"""The report of an evaluation: figures, tables and its page."""
+"""Report of an evaluation: figures, tables and a Markdown page."""

@@ -1,4 +1,4 @@
-"""Pictures of an evaluation."""
+"""Figures of an evaluation."""
 
 from pathlib import Path
 
@@ -21,7 +21,16 @@ LETTERS = {"image": "I", "wrench": "W", "proprio": "P"}
 
 
 def draw(out: Path, found: Evaluation, samples: SampleFigures) -> list[Path]:
-    """Draw all pictures that the model has; returns the files."""
+    """Draw all figures that exist for the model.
+
+    Args:
+        out: Folder to write the figures into.
+        found: Numbers of the evaluation.
+        samples: Samples of one episode.
+
+    Returns:
+        The files that were written.
+    """
     files = [reconstructions(samples, out / "reconstructions.png")]
     if samples.looked is not None:
         files.append(where_contact_looks(samples, out / "attention_over_image.png"))
@@ -35,7 +44,7 @@ def draw(out: Path, found: Evaluation, samples: SampleFigures) -> list[Path]:
 
 
 def curves(found: Evaluation, path: Path) -> Path:
-    """Fidelity of imagined pictures by steps ahead, and alignment by time gap."""
+    """Draw the fidelity of imagined images by steps ahead, and the alignment by time gap; return the file."""
     near = found.reconstruction
     figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained")
     axes = figure.subplots(1, 3 if found.alignment else 2)
@@ -74,7 +83,7 @@ def _alignment(axes: Axes, found: Alignment) -> None:
 
 
 def probes(found: Evaluation, path: Path) -> Path:
-    """R^2 of the probes beside those of raw inputs; what is worse than the mean is drawn as 0."""
+    """Draw R^2 of the probes of features beside those of raw inputs, with negative values as 0; return the file."""
     figure = Figure(figsize=(WIDTH_IN, 3.2), layout="constrained")
     axes = figure.subplots()
     places = np.arange(len(found.probes))
@@ -88,7 +97,7 @@ def probes(found: Evaluation, path: Path) -> Path:
 
 
 def missing(found: list[Remaining], path: Path) -> Path:
-    """Bars for every subset of the modalities."""
+    """Draw bars of the scores for every subset of the modalities; return the file."""
     names = ["".join(LETTERS[name] for name in one.modalities) for one in found]
     targets = [name for name in ("force", "gripper x, y", "object x, y") if name in found[0].probe_r2]
     kinds: dict[str, list[float | None]] = {
@@ -114,7 +123,7 @@ def missing(found: list[Remaining], path: Path) -> Path:
 
 
 def attention(found: Attention, path: Path) -> Path:
-    """Share of attention on each modality, layer by layer, one panel for each token that looks."""
+    """Draw the share of attention on each modality by layer, one panel per attending token; return the file."""
     figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained")
     axes = figure.subplots(1, len(found.mass), sharey=True)
     for one, (looker, mass) in zip(axes, found.mass.items(), strict=True):
@@ -137,7 +146,7 @@ def attention(found: Attention, path: Path) -> Path:
 
 
 def experts(found: Experts, path: Path) -> Path:
-    """Share of the precision of each expert."""
+    """Draw each expert's share of the precision; return the file."""
     columns = {"all frames": found.every, "in contact": found.contact, "free": found.free}
     figure = Figure(figsize=(WIDTH_IN / 2, 3.2), layout="constrained")
     axes = figure.subplots()

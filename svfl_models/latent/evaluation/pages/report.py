@@ -1,4 +1,4 @@
-"""What an evaluation leaves: a page, the numbers, and pictures."""
+"""Writes the results of an evaluation: a Markdown page, the numbers as JSON, and figures."""
 
 import math
 from pathlib import Path
@@ -15,10 +15,13 @@ NUMBERS, PAGE = "evaluation.json", "report.md"
 
 
 def prepare(out: Path) -> None:
-    """Make a folder, before minutes are spent on what is to be written there.
+    """Create the output folder, so that a folder that cannot be created is reported before a long evaluation.
+
+    Args:
+        out: The folder.
 
     Raises:
-        StorageError: If it cannot be made.
+        StorageError: If the folder cannot be created.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -27,10 +30,15 @@ def prepare(out: Path) -> None:
 
 
 def write(out: Path, found: Evaluation, samples: SampleFigures) -> list[Path]:
-    """Write numbers, page and pictures into a folder that exists; what an earlier evaluation left there is replaced.
+    """Write the numbers, the page and the figures into an existing folder, over the files of an earlier evaluation.
+
+    Args:
+        out: The folder.
+        found: Numbers of the evaluation.
+        samples: Samples of one episode for its figures.
 
     Returns:
-        The files, the page first.
+        The files that were written, the page first.
 
     Raises:
         StorageError: If the folder cannot be written.
@@ -42,7 +50,7 @@ def write(out: Path, found: Evaluation, samples: SampleFigures) -> list[Path]:
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
-    """Values as JSON knows them: it has no infinity (the PSNR of equal pictures), which becomes null."""
+    """Convert values to what JSON can hold; infinite values (the PSNR of equal images) and NaN become null."""
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -51,7 +59,12 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
 
 
 def page(found: Evaluation, pictures: list[Path]) -> str:
-    """The evaluation in Markdown."""
+    """Return the report of an evaluation in Markdown.
+
+    Args:
+        found: Numbers of the evaluation.
+        pictures: Files of the figures, which lie in the folder of the page.
+    """
     left_out = "".join(f"- Not evaluated: {markdown(line)}.\n" for line in found.left_out)
     shown = "\n".join(f"![{path.stem}]({path.name})" for path in pictures)
     return f"""# What {found.model} is worth after {found.steps:,} steps

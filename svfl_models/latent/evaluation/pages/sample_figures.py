@@ -1,4 +1,4 @@
-"""One episode in pictures."""
+"""Figures of the samples of one episode."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from svfl_models.training.writing import write_figure
 
 
 def reconstructions(samples: SampleFigures, path: Path) -> Path:
-    """Originals above what the model makes of them, colour and depth."""
+    """Draw original colour and depth images above the model's reconstructions of them; return the file."""
     original, picture = samples.original.numpy(), samples.picture.numpy()
     measured = original[:, 3][original[:, 3] > 0]
     low, high = (measured.min(), measured.max()) if measured.size else (0.0, 1.0)
@@ -38,7 +38,7 @@ def reconstructions(samples: SampleFigures, path: Path) -> Path:
 
 
 def where_contact_looks(samples: SampleFigures, path: Path) -> Path:
-    """The image under the attention of the contact token in the last layer."""
+    """Draw the attention of the contact token in the last layer over the images; return the file."""
     assert samples.looked is not None
     looked = 100 * samples.looked.numpy()
     count, size = len(samples.step), samples.original.shape[-1]

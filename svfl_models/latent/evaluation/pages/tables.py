@@ -1,4 +1,4 @@
-"""The numbers of an evaluation as rows of words, for the page and the terminal."""
+"""Tables of the numbers of an evaluation, for the page and the terminal."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ NONE = "-"
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under a heading.
+    """Table with a heading.
 
     Attributes:
-        title: Heading.
-        columns: Of all rows.
-        rows: Words.
-        note: What a reader has to know.
+        title: Heading of the table.
+        columns: Names of the columns.
+        rows: Rows of the table, with one text per column.
+        note: Explanation below the table; empty for none.
     """
 
     title: str
@@ -27,24 +27,24 @@ class Table:
     note: str = ""
 
     def markdown(self) -> str:
-        """As part of a page."""
+        """Return the table in Markdown, with its heading and note."""
         lines = [self.columns, ("---",) * len(self.columns), *self.rows]
         body = "\n".join(f"| {' | '.join(row)} |" for row in lines)
         return f"## {self.title}\n\n{body}\n" + (f"\n{self.note}\n" if self.note else "")
 
 
 def number(value: float | None, digits: int = 2) -> str:
-    """A number, or that there is none."""
+    """Return a number with `digits` decimal places, or `NONE` for None."""
     return NONE if value is None else f"{value:.{digits}f}"
 
 
 def percent(value: float | None) -> str:
-    """A share."""
+    """Return a share as a percentage, or `NONE` for None."""
     return NONE if value is None else f"{value:.1%}"
 
 
 def tables(found: Evaluation) -> list[Table]:
-    """All that was evaluated."""
+    """Return the tables of everything that was evaluated."""
     made = [
         _reconstruction(found),
         _contact(found),
@@ -196,7 +196,7 @@ def _symmetry(found: Evaluation) -> Table:
 
 
 def compact(found: Evaluation) -> Sequence[tuple[str, str]]:
-    """The few numbers for a terminal."""
+    """Return the most important numbers for a terminal, as pairs of name and text."""
     near, r2 = found.reconstruction, {one.name: one for one in found.probes}
     last = near.imagined[-1]
     rows = [

@@ -1,1 +1,1 @@
-"""What a simple regression can read off a latent."""
+"""Linear probes: what a linear regression can read from a feature."""

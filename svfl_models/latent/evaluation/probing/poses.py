@@ -1,4 +1,4 @@
-"""Where the task's object is, as a target for probes."""
+"""Pose of the task's object, as a target of probes."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,11 +12,15 @@ POSE_PARTS = (Part("vector", (0, 1)), Part("invariant", (2,)), Part("angle", (3,
 
 
 def object_poses(dataset: Dataset, frames: Frames) -> np.ndarray | None:
-    """Pose of the object in frames of a dataset, image-aligned axes.
+    """Return the pose of the object in each frame of a dataset, in image-aligned axes.
+
+    Args:
+        dataset: Dataset that the frames are from.
+        frames: The frames.
 
     Returns:
-        x, y relative to the workspace centre and z, [m], and yaw, [rad], shape (F, 4); None if an episode was
-        recorded without it.
+        x, y relative to the workspace centre and z, [m], and yaw, [rad], shape (F, 4). None if an episode was recorded
+        without the object's pose.
 
     Raises:
         FormatError: If an episode is damaged.
@@ -41,10 +45,13 @@ def object_poses(dataset: Dataset, frames: Frames) -> np.ndarray | None:
 
 
 def repeats_per_turn(dataset: Dataset) -> int:
-    """How often an object looks the same in a full turn: its yaw can be known no better than up to that.
+    """Return how often the object of a dataset looks the same in a full turn.
 
-    A cube repeats at every quarter turn, any other box at every half turn. Where the size is not recorded, the blocks
-    of the tasks called ``block_...`` are taken for square ones; anything else (a mug, a drawer) does not repeat.
+    The yaw of the object is only defined up to this period.
+
+    A box with a square base repeats at every quarter turn, any other box at every half turn. If the size is not
+    recorded, the blocks of the ``centering`` task and of tasks called ``block_...`` count as square; any other object
+    (a mug, a drawer) does not repeat.
     """
     if dataset.indices:
         first = dataset.episode(dataset.indices[0])

@@ -1,4 +1,4 @@
-"""What can be read off a feature by a linear map: wrench, gripper, and the pose of the object."""
+"""Linear probes, which read wrench, gripper and object pose from a feature."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,20 +14,21 @@ from svfl_models.latent.evaluation.scores import r_squared
 from svfl_models.latent.networks.network import LatentNetwork
 
 POOL = 4
-"""Raw pictures are averaged over squares of 4 x 4 pixels."""
+"""Side of the squares over which raw images are averaged, [px]."""
 TOGETHER = 8
-"""Raw readings are averaged over 8 at a time."""
+"""Number of consecutive raw readings that are averaged."""
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What a probe is to read.
+    """Quantity that a probe reads.
 
     Attributes:
-        name: In words.
-        unit: Of the error.
-        values: Shape (F, K): in `unit`; of an angle the cosine and sine of `repeats` times it.
-        repeats: How often an angle comes back in a full turn; 0 for what is no angle.
+        name: Name of the quantity in words.
+        unit: Unit of the error.
+        values: True values in F frames, shape (F, K): in `unit`, or, of an angle, cosine and sine of `repeats` times
+            the angle.
+        repeats: How often an angle repeats in a full turn; 0 for a quantity that is not an angle.
     """
 
     name: str
@@ -36,11 +37,11 @@ class Target:
     repeats: int = 0
 
     def of(self, rows: np.ndarray) -> "Target":
-        """The same of some frames."""
+        """Return the same target for the frames with the given row numbers."""
         return replace(self, values=self.values[rows])
 
     def error(self, guess: np.ndarray) -> float:
-        """Mean distance of guesses (F, K) from the values, in `unit`; of angles, up to their period."""
+        """Return the mean distance of guesses (F, K) from the true values, in `unit`; of angles up to their period."""
         if not self.repeats:
             return float(np.linalg.norm(guess - self.values, axis=1).mean())
         off = np.arctan2(guess[:, 1], guess[:, 0]) - np.arctan2(self.values[:, 1], self.values[:, 0])
@@ -49,16 +50,17 @@ class Target:
 
 @dataclass(frozen=True)
 class Reading:
-    """How well a probe reads its target on held-out frames.
+    """Scores of a probe on held-out frames.
 
     Attributes:
-        name: Of the target.
-        unit: Of the errors.
-        r2: Share of the variance that is explained; None if the target does not vary.
-        error: Mean distance from the truth.
-        raw_r2: Likewise of the same probe on raw, shrunken inputs.
-        raw_error: Likewise.
-        mean_error: Of always guessing the training mean.
+        name: Name of the target.
+        unit: Unit of the errors.
+        r2: Share of the variance that the probe explains; None if the target does not vary.
+        error: Mean distance of the probe's guess from the truth.
+        raw_r2: Share of the variance that the same kind of probe on reduced raw inputs explains; None if the target
+            does not vary.
+        raw_error: Mean distance from the truth of the guess from raw inputs.
+        mean_error: Mean distance from the truth of always guessing the mean of the training frames.
     """
 
     name: str
@@ -72,11 +74,11 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Probe:
-    """One linear map that reads all targets at once.
+    """Linear map that reads all targets at once.
 
     Attributes:
-        ridge: The map.
-        training_mean: Of all targets' values.
+        ridge: The linear map.
+        training_mean: Mean values of all targets in the training frames, joined.
     """
 
     ridge: Ridge
@@ -84,23 +86,29 @@ class Probe:
 
     @classmethod
     def fit(cls, inputs: np.ndarray, targets: Sequence[Target], episode: Tensor) -> "Probe":
-        """Fit on training frames: inputs (F, D), and which episode each frame is of."""
+        """Fit a probe on training frames.
+
+        Args:
+            inputs: Features or raw inputs of F frames, shape (F, D).
+            targets: Targets in the same frames.
+            episode: Index of each frame's episode, shape (F,).
+        """
         values = np.concatenate([target.values for target in targets], axis=1)
         return cls(fit_ridge(inputs, values, episode.numpy()), values.mean(axis=0))
 
     def guesses(self, inputs: np.ndarray, targets: Sequence[Target]) -> list[np.ndarray]:
-        """Guess each target, shape (F, K)."""
+        """Return a guess of each target from inputs (F, D), shape (F, K) each."""
         return _split(self.ridge(inputs), targets)
 
 
 def targets_of(frames: Frames, poses: np.ndarray | None, repeats: int) -> list[Target]:
-    """What probes read: last wrench reading, gripper, and the object's pose where it is known.
+    """Return the targets of probes: last wrench reading, gripper, and the object's pose where it is known.
 
-    The yaw of the gripper is that of two fingers, which look the same after half a turn.
+    The yaw of the gripper repeats after half a turn, because a gripper with two fingers looks the same then.
 
     Args:
-        frames: Where from.
-        poses: Of the object, as `poses.object_poses` has them.
+        frames: Frames to take the values from.
+        poses: Poses of the object in these frames, as `poses.object_poses` returns them; None if unknown.
         repeats: How often the object looks the same in a full turn.
     """
     wrench = frames.observations["wrench"][:, -1].double().numpy()
@@ -126,7 +134,15 @@ def targets_of(frames: Frames, poses: np.ndarray | None, repeats: int) -> list[T
 def readings(
     probe: Probe, feature: np.ndarray, raw_probe: Probe, raw: np.ndarray, targets: Sequence[Target]
 ) -> list[Reading]:
-    """Evaluate probes of features and of raw inputs on held-out frames."""
+    """Evaluate the probes of features and of raw inputs on held-out frames.
+
+    Args:
+        probe: Probe that was fitted on features.
+        feature: Features of the held-out frames, shape (F, D).
+        raw_probe: Probe that was fitted on raw inputs.
+        raw: Raw inputs of the held-out frames, see `raw_inputs`.
+        targets: Targets in the held-out frames.
+    """
     seen, plain = probe.guesses(feature, targets), raw_probe.guesses(raw, targets)
     means = _split(np.broadcast_to(probe.training_mean, (len(feature), len(probe.training_mean))), targets)
     return [
@@ -145,7 +161,7 @@ def readings(
 
 @torch.no_grad()
 def raw_inputs(network: LatentNetwork, frames: Frames) -> np.ndarray:
-    """The networks' own inputs, shrunken and flattened, shape (F, 1084): 4 x 16 x 16 pixels, 9 wrenches, the gripper.
+    """Return the networks' inputs, reduced and flattened: 4 x 16 x 16 pixels, 9 wrenches, the gripper, shape (F, 1084).
 
     The wrenches are the means of eight readings each, and the last reading.
     """

@@ -1,4 +1,4 @@
-"""Probes of one model: fitted on its training episodes, read on others, with all modalities or with some."""
+"""Fits probes on training episodes of a model and evaluates them on others, with all modalities or with some."""
 
 from collections.abc import Sequence
 
@@ -12,17 +12,17 @@ from svfl_models.latent.evaluation.probing.probes import Probe, Reading, raw_inp
 from svfl_models.latent.networks.network import LatentNetwork
 
 MISSING_FRAMES = 300
-"""Training frames that a probe is fitted on for each subset of the modalities, evenly over all."""
+"""Largest number of training frames, spread evenly, that a probe is fitted on for each subset of the modalities."""
 
 
 class Probing:
-    """Knows the targets of all frames.
+    """Probes of one model, with the targets of all frames.
 
     Args:
-        network: In eval mode.
-        given: Where episodes are from.
-        learned: Training frames to fit on.
-        evaluated: Frames of whole episodes to read on.
+        network: The latent model, in eval mode.
+        given: Episodes of the evaluation and their datasets.
+        learned: Training frames to fit the probes on.
+        evaluated: Frames of whole episodes to evaluate the probes on.
     """
 
     def __init__(self, network: LatentNetwork, given: Material, learned: Frames, evaluated: Frames) -> None:
@@ -33,21 +33,29 @@ class Probing:
             for part, frames in ((given.learned, learned), (given.evaluated, evaluated))
         ]
         self.posed = all(one is not None for one in poses)
-        """Whether the object's pose is known in all episodes, and so is a target."""
+        """Whether the object's pose is known in all episodes and is therefore a target."""
         self.learned_targets, self.targets = (
             targets_of(frames, one if self.posed else None, repeats)
             for frames, one in zip((learned, evaluated), poses, strict=True)
         )
 
     def readings(self, seen: Encoded) -> list[Reading]:
-        """How well targets are read off the features of the evaluated frames, and off raw inputs."""
+        """Evaluate probes of the evaluated frames' features and of their raw inputs.
+
+        Args:
+            seen: Output of the encoder for the evaluated frames.
+        """
         feature = numbers(encode(self.network, self.learned.observations).feature)
         raw = [raw_inputs(self.network, frames) for frames in (self.learned, self.evaluated)]
         probe, raw_probe = (Probe.fit(x, self.learned_targets, self.learned.episode) for x in (feature, raw[0]))
         return readings(probe, numbers(seen.feature), raw_probe, raw[1], self.targets)
 
     def missing(self, followed: Sequence[Followed]) -> list[Remaining]:
-        """How well the model does with each subset of the modalities, in some of the evaluated episodes."""
+        """Evaluate the model with each subset of the modalities on some of the evaluated episodes.
+
+        Args:
+            followed: The episodes with the outputs of the model.
+        """
         frames = frames_of([one.batch for one in followed])
         rows = torch.isin(self.evaluated.episode, frames.episode).numpy()
         few = spread(len(self.learned), MISSING_FRAMES)

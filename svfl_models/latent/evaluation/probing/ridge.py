@@ -1,23 +1,24 @@
-"""Linear maps with a penalty that is chosen on episodes left out of the fit."""
+"""Ridge regression whose penalty is chosen on episodes left out of the fit."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 PENALTIES = 10.0 ** np.arange(-8, 5)
-"""Per sample, of inputs whose mean variance is 1."""
+"""Candidate penalties, per sample and for inputs whose mean variance is 1."""
 FOLDS = 5
 
 
 @dataclass(frozen=True, eq=False)
 class Ridge:
-    """An affine map.
+    """Affine map from D inputs to K targets.
 
     Attributes:
         centre: Mean of the inputs, shape (D,).
-        scale: Their root mean square deviation; 1 if all are constant. One for all: a pixel that hardly ever changes
-            must not be blown up, or the one episode in which it does change spoils everything.
-        weights: Shape (D, K).
+        scale: Root mean square deviation over all inputs, or 1 if all inputs are constant. All inputs share one scale,
+            because a scale per input would enlarge a pixel that hardly ever changes, and the one episode in which it
+            changes would dominate the result.
+        weights: Matrix of the map, shape (D, K).
         offset: Mean of the targets, shape (K,).
     """
 
@@ -27,20 +28,22 @@ class Ridge:
     offset: np.ndarray
 
     def __call__(self, inputs: np.ndarray) -> np.ndarray:
-        """(N, D) -> (N, K)."""
+        """Map inputs (N, D) to targets (N, K)."""
         return np.asarray((inputs - self.centre) / self.scale @ self.weights + self.offset)
 
 
 def fit_ridge(inputs: np.ndarray, targets: np.ndarray, episode: np.ndarray) -> Ridge:
-    """Fit by least squares, with a penalty of its own for each target.
+    """Fit an affine map by least squares, with a separate penalty for each target.
 
-    The penalty is the one of `PENALTIES` that predicts best when a fifth of the episodes is left out: frames of one
-    episode resemble each other, so leaving out single frames would call too small a penalty good.
+    The penalty is the one of `PENALTIES` that predicts best in cross-validation with a fifth of the episodes left out
+    (one episode, if there are fewer than five). With a single episode the smallest penalty is taken. Whole episodes are
+    left out because the frames of one episode resemble each other: leaving out single frames would favour too small a
+    penalty.
 
     Args:
-        inputs: Shape (N, D).
-        targets: Shape (N, K).
-        episode: Which episode a row is of, shape (N,).
+        inputs: Inputs, shape (N, D).
+        targets: Targets, shape (N, K).
+        episode: Index of each row's episode, shape (N,).
     """
     x, y = np.asarray(inputs, np.float64), np.asarray(targets, np.float64)
     folds = min(FOLDS, len(np.unique(episode)))
@@ -56,7 +59,7 @@ def fit_ridge(inputs: np.ndarray, targets: np.ndarray, episode: np.ndarray) -> R
 
 
 def _fits(x: np.ndarray, y: np.ndarray) -> list[Ridge]:
-    """The maps of all penalties, from one decomposition."""
+    """Return the maps of all penalties, from one eigendecomposition."""
     centre, offset = x.mean(axis=0), y.mean(axis=0)
     scale = float(np.sqrt(x.var(axis=0).mean())) or 1.0
     scaled = (x - centre) / scale
