@@ -47,8 +47,8 @@ Numbers of parameters (`training.trainer.parameter_count`):
 | encoder | published code | Kohler et al. say | here | why not equal |
 | --- | --- | --- | --- | --- |
 | VTT | 11,933,602 | 1.19e6 | 11,780,898 | 23 tokens instead of 40, larger patches; 1.19e6 may be a slip |
-| PoE | 1,061,810 | 2.9e5 | 1,121,986 | a window's tree and a gripper's expert are more than one reading's layer |
-| concat | 769,458 | - | 770,722 | likewise, and a smaller last kernel |
+| PoE | 1,061,810 | 2.9e5 | 1,121,986 | tree over a window and expert for proprioception, not one layer for a reading |
+| concat | 769,458 | - | 770,722 | the same as for PoE, and a smaller last kernel |
 
 With dynamics, decoder and heads the numbers are 14,808,270, 4,149,358 and 3,798,094 (published: 15,442,855, 4,571,063
 and 4,278,711). How the published encoders would shrink to 2.9e5 is not recorded anywhere.

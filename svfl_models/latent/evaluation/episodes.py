@@ -91,7 +91,13 @@ def material(module: LatentModule, data: Path | None, episodes: int, seed: int) 
 
 
 def some(recordings: Sequence[Recording], most: int, seed: int) -> list[Recording]:
-    """Draw at most `most` of the episodes at random, and return them in their order."""
+    """Draw episodes at random, and return them in their order.
+
+    Args:
+        recordings: Episodes to draw from.
+        most: Largest number of episodes to return.
+        seed: Seed of the draw.
+    """
     drawn = np.random.default_rng(seed).permutation(len(recordings))[:most]
     return [recordings[place] for place in sorted(drawn)]
 

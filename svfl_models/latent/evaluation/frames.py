@@ -91,7 +91,12 @@ def spread(count: int, most: int) -> Tensor:
 
 @torch.no_grad()
 def follow(network: LatentNetwork, recordings: Sequence[Recording]) -> list[Followed]:
-    """Compute the outputs of a model, in eval mode, for whole episodes."""
+    """Compute the outputs of a model for whole episodes.
+
+    Args:
+        network: The latent model, in eval mode.
+        recordings: The episodes.
+    """
     batches = [whole(one) for one in recordings]
     return [Followed(batch, network(batch)) for batch in progress(batches, "following episodes")]
 
