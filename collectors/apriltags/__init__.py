@@ -1,7 +1,8 @@
-"""Fiducial tags that tell where an object or a camera is (docs/apriltags.md).
+"""Fiducial tags that give the pose of an object or a camera (docs/apriltags.md).
 
-Tags serve reward, reset and calibration. What they tell never becomes part of an `Observation`: no policy sees it.
+Tags serve reward, reset and calibration. Poses from tags never become part of an `Observation`: no policy sees them.
 
-Axes of a tag and of a board as one reads them: x right, y up, z out of the paper. A tag's size is the edge of the
-square between its four detected corners, which for most families is the outer edge of the black border.
+The axes of a tag and of a board are: x to the right, y up and z out of the paper, when the paper is read upright. The
+size of a tag is the edge of the square between its four detected corners, which for most families is the outer edge of
+the black border.
 """

@@ -1,4 +1,4 @@
-"""The calibration file: what collectors know about real cameras, JSON that people can read."""
+"""Calibration file: a JSON file, readable by people, with what collectors know about real cameras."""
 
 import json
 from pathlib import Path
@@ -13,11 +13,17 @@ from svfl_data.system.side_files import read_json
 
 
 def read_calibrations(path: Path) -> dict[str, Calibration]:
-    """The cameras of a calibration file, by name.
+    """Read the cameras of a calibration file.
+
+    Args:
+        path: Calibration file.
+
+    Returns:
+        The calibration of each camera, by the camera's name.
 
     Raises:
-        StorageError: If there is no such file.
-        FormatError: If it holds something else.
+        StorageError: If the file does not exist or cannot be read.
+        FormatError: If the file is not a calibration file, or a camera in it is incomplete.
     """
     shapes = {"intrinsics": (3, 3), "T_base_camera": (4, 4), "image_axes": (2, 2)}
     cameras = {}
@@ -32,17 +38,17 @@ def read_calibrations(path: Path) -> dict[str, Calibration]:
 
 
 def write_calibration(path: Path, name: str, calibration: Calibration, residuals: dict[str, Any]) -> None:
-    """Put a camera into a calibration file; others that are in it stay.
+    """Write a camera into a calibration file; other cameras that the file holds are kept.
 
     Args:
-        path: The file; made if missing.
-        name: Of the camera.
-        calibration: What is known.
-        residuals: How well, JSON values.
+        path: Calibration file, which is created if it does not exist.
+        name: Name of the camera. A camera of this name in the file is replaced.
+        calibration: Calibration of the camera.
+        residuals: Residuals that say how well the calibration fits the pictures, JSON values.
 
     Raises:
-        StorageError: If it cannot be written.
-        FormatError: If there is such a file and it is no calibration file.
+        StorageError: If the file cannot be written.
+        FormatError: If the file exists and is not a calibration file.
     """
     cameras = _cameras(path) if path.exists() else {}
     cameras[name] = {

@@ -1,4 +1,4 @@
-"""What a calibration is made of: pictures in a folder or an episode, and poses in a table."""
+"""Input of a calibration: pictures from a folder or an episode, and poses from a table."""
 
 import argparse
 import csv
@@ -15,19 +15,19 @@ from numpy.typing import NDArray
 from svfl_data.errors import FormatError, StorageError, UsageError
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-FRAMES = 50  # of an episode that are looked at: more of the same tell no more
-FOCAL = (0.2, 20.0)  # of a picture's width that a focal length may be: fields of view of 137 to 3 degrees
+FRAMES = 50  # largest number of frames of an episode that are used, since more similar frames add no information
+FOCAL = (0.2, 20.0)  # bounds of a focal length relative to the picture's width: fields of view of 137 to 3 degrees
 COLUMNS = ("picture", "x", "y", "z", "qx", "qy", "qz", "qw")
-DEPTH_SCALE = 0.001  # [m], of most depth cameras
+DEPTH_SCALE = 0.001  # [m] per unit of depth, as most depth cameras have it
 
 
 @dataclass(frozen=True)
 class Pictures:
-    """Pictures of one camera, all of one size.
+    """Pictures of one camera, which all have the same size.
 
     Attributes:
-        pictures: Name of each, and how to get it, (H, W) or (H, W, 3) uint8.
-        intrinsics: Pinhole matrix, (3, 3), [px].
+        pictures: Name of each picture, and a function that reads the picture, (H, W) or (H, W, 3) uint8.
+        intrinsics: Pinhole matrix of the camera, (3, 3), [px].
         depth_scale: Metres per unit of depth, [m].
     """
 
@@ -36,10 +36,14 @@ class Pictures:
     depth_scale: float
 
     def checked(self) -> Iterator[tuple[str, NDArray[np.uint8]]]:
-        """Name of each picture and the picture, one at a time.
+        """Read the pictures one at a time and check that their size matches the intrinsics.
+
+        Yields:
+            The name of each picture, and the picture, (H, W) or (H, W, 3) uint8.
 
         Raises:
-            UsageError: If the intrinsics cannot be those of pictures of this size, or sizes differ.
+            UsageError: If the intrinsics cannot be those of pictures of this size, or the sizes of the pictures differ.
+            FormatError: If a file cannot be read as a picture.
         """
         (fx, _, cx), (_, fy, cy), _ = self.intrinsics
         first = None
@@ -62,10 +66,13 @@ class Pictures:
 
 
 def of_folder(arguments: argparse.Namespace) -> Pictures:
-    """Every picture in the folder ``path``, by file name.
+    """Return all pictures in the folder ``path``, sorted by file name.
+
+    Args:
+        arguments: Command-line arguments with ``path``, ``intrinsics`` and ``depth_scale``.
 
     Raises:
-        UsageError: If there is none, or no ``--intrinsics``.
+        UsageError: If the folder has no pictures, or ``--intrinsics`` is missing.
     """
     files = sorted(file for file in arguments.path.iterdir() if file.suffix.lower() in SUFFIXES)
     if not files:
@@ -77,10 +84,14 @@ def of_folder(arguments: argparse.Namespace) -> Pictures:
 
 
 def of_episode(arguments: argparse.Namespace) -> Pictures:
-    """At most `FRAMES` frames of the camera ``--camera`` of an episode, named by their number.
+    """Return at most `FRAMES` frames of the camera ``--camera`` of an episode, each named by its number in the episode.
+
+    Args:
+        arguments: Command-line arguments with ``path``, ``episode``, ``camera``, ``intrinsics`` and ``depth_scale``.
+            The last two default to those of the episode.
 
     Raises:
-        UsageError: If it has no such camera.
+        UsageError: If the episode has no such camera.
     """
     from svfl_data.commands.source import read
 
@@ -98,17 +109,30 @@ def of_episode(arguments: argparse.Namespace) -> Pictures:
 
 
 def board_pose(x: float, y: float, z: float, yaw_deg: float) -> NDArray[np.float64]:
-    """Pose of a board that lies face up, (4, 4), [m]."""
+    """Return the pose in base of a board that lies face up, (4, 4), [m].
+
+    Args:
+        x: Position of the board's origin along base x, [m].
+        y: Position of the board's origin along base y, [m].
+        z: Position of the board's origin along base z, [m].
+        yaw_deg: Rotation of the board about base z, [deg].
+    """
     c, s = math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))
     return np.array([[c, -s, 0.0, x], [s, c, 0.0, y], [0.0, 0.0, 1.0, z], [0.0, 0.0, 0.0, 1.0]])
 
 
 def read_poses(path: Path) -> dict[str, NDArray[np.float64]]:
-    """A table of poses in base, by picture, (4, 4) each, [m].
+    """Read a CSV table of poses in base, with the columns `COLUMNS`.
+
+    Args:
+        path: CSV file to read.
+
+    Returns:
+        The pose for each picture, by the picture's name, (4, 4), [m].
 
     Raises:
-        StorageError: If there is no such file.
-        FormatError: If it is no such table.
+        StorageError: If the file does not exist or cannot be read.
+        FormatError: If the file is not such a table.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:  # spreadsheets begin with a byte order mark

@@ -1,4 +1,4 @@
-"""Tags in a colour picture: which, where their corners are, and how sure that is."""
+"""Detector of tags in a picture, which gives their ids, their corners and how certain each detection is."""
 
 from dataclasses import dataclass, replace
 
@@ -10,23 +10,26 @@ from collectors.apriltags.native import native
 from svfl_data.errors import UsageError
 
 FIND, MEASURE = (2.0, 0.0), (1.0, 0.6)
-"""Decimation, and blur [px], of the two looks: at half size where tags are, then at full size around each of them where
-exactly its corners are. Hardly slower than the first alone, and as accurate as the second (docs/apriltags.md)."""
-AROUND = 0.35  # of a tag's width that the second look sees beside it
-HALF_PIXEL = 0.5  # the library counts from the corner of the first pixel, episode files from its centre
+"""Decimation and blur [px] of the two looks at a picture.
+
+The first look finds tags at half size; the second measures the corners of each tag at full size, in the region around
+it. Both together are hardly slower than the first look alone, and as accurate as the second (docs/apriltags.md)."""
+AROUND = 0.35  # width that the second look sees beside a tag, relative to the tag's width
+HALF_PIXEL = 0.5  # the library counts pixels from the corner of the first pixel, episode files from its centre
 
 
 @dataclass(frozen=True)
 class Detection:
-    """One tag in a picture.
+    """Tag found in a picture.
 
     Attributes:
-        family: Its family.
-        id: Its number in the family.
-        corners: Lower left, lower right, upper right, upper left of the tag as one reads it, (4, 2), [px]; the centre
-            of the first pixel is at (0, 0).
-        margin: How far its bits are from undecided, in grey levels; below 20 to 30, false ones appear.
-        hamming: Bits that were wrong and have been corrected.
+        family: Family of the tag.
+        id: Id of the tag in its family.
+        corners: Lower left, lower right, upper right and upper left corner of the tag when it is read upright, (4, 2),
+            [px]; the centre of the first pixel is at (0, 0).
+        margin: Difference of the tag's bits from the threshold between black and white, in grey levels; below 20 to 30,
+            false detections appear.
+        hamming: Number of bits that were wrong and have been corrected.
     """
 
     family: str
@@ -37,28 +40,28 @@ class Detection:
 
     @property
     def facing(self) -> float:
-        """1 for a tag that faces the camera, towards 0 for one seen edge-on."""
+        """Measure of how squarely the tag faces the camera: 1 for a tag that faces it, 0 for one seen edge-on."""
         edges = np.roll(self.corners, -1, axis=0) - self.corners
         (ax, ay), (bx, by) = self.corners[2] - self.corners[0], self.corners[3] - self.corners[1]
         return float(0.5 * abs(ax * by - ay * bx) / (edges**2).sum(axis=1).max())
 
 
 class TagDetector:
-    """Finds the tags of one family; as many as one likes, from any thread, before and after a fork.
+    """Detector of the tags of one family, which any number of threads may use, also after a fork.
 
     All detectors with the same settings share one native detector (`collectors.apriltags.native`).
     """
 
     def __init__(self, family: str = "tag36h11", find: tuple[float, float] = FIND) -> None:
-        """Choose what to look for.
+        """Choose the tags to look for.
 
         Args:
             family: Family of the tags.
-            find: Decimation (>= 1) and blur [px] of the first look. At 2, tags need about 20 pixels; at 1 half of that,
-                and five times as long.
+            find: Decimation (>= 1) and blur [px] of the first look. With a decimation of 2, tags must be about 20
+                pixels wide; with 1 half of that, and the search takes five times as long.
 
         Raises:
-            UsageError: If there is no such family, or a number is out of bounds.
+            UsageError: If there is no such family, or a value of `find` is out of bounds.
         """
         decimate, blur = map(float, find)
         if decimate < 1 or blur < 0:
@@ -67,19 +70,22 @@ class TagDetector:
         native(*self._find)
 
     def __call__(self, picture: NDArray[np.uint8]) -> list[Detection]:
-        """Find the tags, sorted by id.
+        """Find the tags in a picture.
 
         Args:
-            picture: (H, W, 3) RGB or (H, W) grey, uint8.
+            picture: Picture, (H, W, 3) RGB or (H, W) grey, uint8.
+
+        Returns:
+            The tags that were found, sorted by id.
 
         Raises:
-            UsageError: If it is something else.
+            UsageError: If the picture has another shape or type.
         """
         gray = grayscale(picture)
         return sorted((self._again(gray, one) for one in self._look(gray, self._find)), key=lambda one: one.id)
 
     def _again(self, gray: NDArray[np.uint8], found: Detection) -> Detection:
-        """Measure a tag at full size; if it is not found there, the first measurement stays."""
+        """Measure a tag again at full size; if it is not found there, the first measurement is kept."""
         low, high = found.corners.min(axis=0), found.corners.max(axis=0)
         beside = 4 + AROUND * (high - low).max()
         left, top = np.maximum(low - beside, 0).astype(int)
@@ -97,13 +103,13 @@ class TagDetector:
 
 
 def grayscale(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A picture in grey levels, (H, W), contiguous.
+    """Return a picture in grey levels, (H, W) uint8, contiguous in memory.
 
     Args:
-        picture: (H, W, 3) RGB or (H, W) grey, uint8.
+        picture: Picture, (H, W, 3) RGB or (H, W) grey, uint8.
 
     Raises:
-        UsageError: If it is something else.
+        UsageError: If the picture has another shape or type.
     """
     if picture.dtype != np.uint8 or not (picture.ndim == 2 or (picture.ndim == 3 and picture.shape[2] == 3)):
         raise UsageError(

@@ -1,10 +1,10 @@
-"""The pose of a body from the edges between black and white of all its tags, wherever they are not covered.
+"""Pose of a body from the edges between black and white on all its tags that are not covered.
 
-A detection is the four corners of a tag that is seen whole. A body that is partly hidden may show one such tag only,
-slanted and small, whose corners tell its distance badly; but each edge on each tag that is not covered tells where it
-is, to a fraction of a pixel. Edges are looked for where a first pose puts them, and the pose is moved until it meets
-them; what is covered is not met, and does not count (after Drummond and Cipolla, "Real-time visual tracking of complex
-structures", PAMI 2002).
+A detection consists of the four corners of a tag that is wholly visible. A body that is partly hidden may show only one
+such tag, slanted and small, whose corners determine its distance badly; but each edge that is not covered, on any tag,
+can be located to a fraction of a pixel. Edges are searched where a first pose predicts them, and the pose is moved
+until it agrees with the edges that are found; covered edges are not found and do not count (after Drummond and Cipolla,
+"Real-time visual tracking of complex structures", PAMI 2002).
 """
 
 from dataclasses import dataclass
@@ -17,26 +17,26 @@ from collectors.apriltags.layout import Layout, Tag
 from collectors.apriltags.picture import modules, shape
 from collectors.apriltags.pose import jacobian, project, turned_by
 
-REACHES = (6.0, 4.0, 2.0, 2.0, 2.0)  # [px] on both sides of where an edge is looked for, round by round
-NEIGHBOUR = 1.5  # [modules] that it is looked for at most; another edge that is white and black in this order is 2 away
-SAMPLE = 0.5  # [px] between samples across an edge; its slope is taken over two of them
-DOUBTED = 3.0  # an edge that is off by the reach over this has half its weight (Cauchy)
-CONTRAST = 0.25  # of the strongest edges', which an edge must have
-LEAST = 15.0  # grey levels over two samples that an edge must have; tags that the detector is sure of have 30 and more
-FACING = 0.15  # cosine between a tag's normal and the line of sight from which on its edges are looked for
-SMALLEST = 1.0  # [px] of a module across an edge
-MET = 1.0  # [px] from where it should be at which an edge is met
-FEWEST = 12  # edges that are enough for a pose
+REACHES = (6.0, 4.0, 2.0, 2.0, 2.0)  # [px] search distance to both sides of an edge's predicted place, by round
+NEIGHBOUR = 1.5  # [modules] largest search distance; the next edge with white and black in the same order is 2 away
+SAMPLE = 0.5  # [px] between samples across an edge; the slope of the edge is taken over two of these distances
+DOUBTED = 3.0  # an edge whose error is the search distance divided by this number has half its weight (Cauchy)
+CONTRAST = 0.25  # least contrast of an edge, relative to the 75th percentile of all edges
+LEAST = 15.0  # least contrast of an edge in grey levels over two samples; surely detected tags have 30 and more
+FACING = 0.15  # cosine between a tag's normal and the line of sight, above which the tag's edges are searched
+SMALLEST = 1.0  # [px] least size of a module across an edge
+MET = 1.0  # [px] distance from its predicted place below which an edge counts as met
+FEWEST = 12  # least number of edges for a pose
 
 
 @dataclass(frozen=True)
 class Meeting:
-    """How a pose meets the edges of a picture.
+    """Agreement of a pose with the edges of a picture.
 
     Attributes:
-        T_camera_body: The pose, (4, 4), [m].
-        share: How many of the edges that face the camera are met within `MET`, 0 to 1.
-        error: Root mean square distance of these, across the edge, [px].
+        T_camera_body: Pose of the body in the camera's axes, (4, 4), [m].
+        share: Share of the edges facing the camera that are found within `MET` of their predicted place, 0 to 1.
+        error: Root mean square distance of these edges from their predicted places, measured across the edge, [px].
     """
 
     T_camera_body: NDArray[np.float64]
@@ -46,18 +46,22 @@ class Meeting:
 
 @dataclass(frozen=True)
 class _Crossing:
-    """Edges that face the camera, crossed in a picture: points of the body, how the picture changes, what is found."""
+    """Search results for the edges that face the camera in a picture, one row for each edge point of the body."""
 
-    moves: NDArray[np.float64]  # (M, 6) of the edge, across it, with the body's turn and shift, [px/rad], [px/m]
-    off: NDArray[np.float64]  # (M,) from where it should be to where it is, [px]
-    found: NDArray[np.bool_]  # (M,)
+    moves: NDArray[np.float64]  # (M, 6) motion of the edge, across it, per turn and shift of the body, [px/rad], [px/m]
+    off: NDArray[np.float64]  # (M,) distance from the predicted to the found place of the edge, [px]
+    found: NDArray[np.bool_]  # (M,) whether the edge was found
 
 
 class Edges:
-    """The edges of all tags of a body, in its axes."""
+    """Edges between black and white on all tags of a body, in the body's axes."""
 
     def __init__(self, layout: Layout) -> None:
-        """Find them in the patterns of the tags."""
+        """Derive the edges from the patterns of the tags.
+
+        Args:
+            layout: Tags of the body.
+        """
         parts = [_edges(tag, layout.family) for tag in layout.tags.values()]
         self._points, self._inward, self._normals = (np.concatenate(some) for some in zip(*parts, strict=True))
 
@@ -68,13 +72,18 @@ class Edges:
         intrinsics: NDArray[np.float64],
         up: NDArray[np.float64] | None = None,
     ) -> Meeting:
-        """Move a pose until its edges meet those of a picture.
+        """Move a pose until the edges that it predicts agree with those of a picture.
 
         Args:
-            start: T_camera_body to begin with, which puts edges within about a module of where they are, (4, 4), [m].
-            gray: The picture, (H, W).
-            intrinsics: Pinhole matrix, (3, 3), [px].
-            up: Direction in camera axes along which the body's z is, (3,), or None if it may be tilted.
+            start: T_camera_body that the fit starts from, which must predict edges within about a module of where they
+                are, (4, 4), [m].
+            gray: Grey picture, (H, W) uint8.
+            intrinsics: Pinhole matrix of the camera, (3, 3), [px].
+            up: Direction of the body's z axis in camera axes, (3,), or None if the body may be tilted.
+
+        Returns:
+            The pose that was found and its agreement with the picture. If fewer than `FEWEST` edges are found, it is
+            the start pose with a share of 0 and an infinite error.
         """
         T = start
         for reach in REACHES:
@@ -93,7 +102,7 @@ class Edges:
     def _cross(
         self, T: NDArray[np.float64], gray: NDArray[np.uint8], intrinsics: NDArray[np.float64], reach: float
     ) -> _Crossing:
-        """Look across each edge for the steepest step from white to black."""
+        """Search across each edge for the steepest step from white to black."""
         R, seen = T[:3, :3], self._points @ T[:3, :3].T + T[:3, 3]
         faces = -((self._normals @ R.T) * seen).sum(axis=1) > FACING * np.linalg.norm(seen, axis=1)
         points, inward = self._points[faces], self._inward[faces] @ R.T
@@ -117,7 +126,7 @@ class Edges:
 def _steepest(
     steps: NDArray[np.floating], places: NDArray[np.floating], within: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where each row of steps is largest (a parabola through three samples), NaN at the ends, and how large it is."""
+    """Return the place of each row's peak (a parabola through three samples; NaN if there is none) and its height."""
     allowed = np.abs(places) <= np.minimum(within, places[-2])[:, None]
     best = np.where(allowed, steps, -np.inf).argmax(axis=1)
     rows, best = np.arange(len(steps)), np.clip(best, 1, len(places) - 2)
@@ -129,7 +138,7 @@ def _steepest(
 
 
 def _edges(tag: Tag, family: str) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Middles of the edges between neighbouring modules, a module towards black, the tag's normal, (M, 3) each, [m]."""
+    """Return edge midpoints, the vectors of one module towards black, and the tag's normals, (M, 3) each, [m]."""
     black, measures = modules(family, tag.id), shape(family)
     middle, found = measures.total / 2, []
     for turn in range(2):  # edges between left and right, then those between above and below

@@ -1,4 +1,4 @@
-"""Where a camera is, from pictures of a board whose place is known, or which the gripper holds."""
+"""Pose of a camera from pictures of a board of tags whose pose is known, or which the gripper holds."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,20 +12,20 @@ from collectors.apriltags.layout import Layout
 from collectors.apriltags.pose import fit, project, readings, reprojection_error
 from svfl_data.errors import CollectError
 
-TRIED = 5  # beginnings of a fit: one tag, or one picture, may be read the wrong way
-LEAST_VIEWS = 3  # of a board in the gripper
-LEAST_TURN = 0.1  # [rad] of the gripper about a second axis; below it the camera's place is badly determined
+TRIED = 5  # start poses that a fit is tried from, since a single tag or picture may give the wrong one of two poses
+LEAST_VIEWS = 3  # pictures that a board in the gripper must be seen in
+LEAST_TURN = 0.1  # [rad] least rotation of the gripper about a second axis that determines the camera's position well
 
 
 @dataclass(frozen=True)
 class View:
-    """The board in one picture.
+    """View of the board in one picture.
 
     Attributes:
-        name: Of the picture.
+        name: Name of the picture.
         points: Corners of the tags in the board's axes, (M, 3), [m].
-        pixels: Where they are seen, (M, 2), [px].
-        T_camera_board: As this picture alone tells, (4, 4), [m].
+        pixels: Positions of these corners in the picture, (M, 2), [px].
+        T_camera_board: Pose of the board in the camera's axes, as this picture alone gives it, (4, 4), [m].
     """
 
     name: str
@@ -36,14 +36,16 @@ class View:
 
 @dataclass(frozen=True)
 class Extrinsics:
-    """Where the camera is, and how well that is known.
+    """Pose of a camera in base, and its uncertainty.
 
     Attributes:
-        T_base_camera: Its pose, (4, 4), [m].
+        T_base_camera: Pose of the camera in base, (4, 4), [m].
         errors: Root mean square reprojection error of each picture, [px].
-        position_deviation: Standard deviation of its place that these errors mean, along base x, y, z, (3,), [m].
-        rotation_deviation: That of its rotation about its own x, y, z, (3,), [rad].
-        T_gripper_board: Where the board is on the gripper, if it holds it, (4, 4), [m].
+        position_deviation: Standard deviation of the camera's position that follows from these errors, along base x, y,
+            z, (3,), [m].
+        rotation_deviation: Standard deviation of the camera's rotation about its own x, y, z axes, (3,), [rad].
+        T_gripper_board: Pose of the board in the gripper's axes if the gripper holds the board, (4, 4), [m]; otherwise
+            None.
     """
 
     T_base_camera: NDArray[np.float64]
@@ -54,21 +56,24 @@ class Extrinsics:
 
     @property
     def error(self) -> float:
-        """Root mean square over the pictures, [px]."""
+        """Root mean square of the pictures' reprojection errors, [px]."""
         return float(np.sqrt(np.mean(np.square(list(self.errors.values())))))
 
 
 def view(
     name: str, picture: NDArray[np.uint8], board: Layout, intrinsics: NDArray[np.float64], detector: TagDetector
 ) -> View | None:
-    """Look for the board in a picture; None if it is not there.
+    """Find the board in a picture.
 
     Args:
-        name: Of the picture.
-        picture: (H, W, 3) RGB or (H, W) grey, uint8, without lens distortion.
-        board: Its tags.
-        intrinsics: Pinhole matrix, (3, 3), [px].
-        detector: For its family.
+        name: Name of the picture.
+        picture: Picture without lens distortion, (H, W, 3) RGB or (H, W) grey, uint8.
+        board: Layout of the board's tags.
+        intrinsics: Pinhole matrix of the camera, (3, 3), [px].
+        detector: Detector for the tag family of the board.
+
+    Returns:
+        The view of the board, or None if none of its tags is found in the picture.
     """
     found = [one for one in detector(picture) if one.id in board.tags]
     if not found:
@@ -79,7 +84,7 @@ def view(
     def error(T: NDArray[np.float64]) -> float:
         return reprojection_error(T, points, pixels, intrinsics)
 
-    # Each tag is read in two ways, one of which is wrong; which ones agree best with all others is tried.
+    # Each tag has two possible poses, one of which is wrong; the fits that agree best with all tags are tried.
     tags = [(one, board.tags[one.id]) for one in found]
     starts = [T @ np.linalg.inv(tag.T_body_tag) for one, tag in tags for T in readings(one, tag.size, intrinsics)]
     fits = [fit(start, points, pixels, intrinsics) for start in sorted(starts, key=error)[:TRIED]]
@@ -89,12 +94,17 @@ def view(
 def from_known_board(
     views: list[View], T_base_board: list[NDArray[np.float64]], intrinsics: NDArray[np.float64]
 ) -> Extrinsics:
-    """The camera's pose from a board whose pose is known in each picture (the same one in all, or not).
+    """Return the camera's pose from a board whose pose in base is known for each picture.
+
+    The board may lie still or be moved between the pictures.
 
     Args:
-        views: The board in the pictures.
-        T_base_board: Its pose in each, (4, 4), [m].
-        intrinsics: Pinhole matrix, (3, 3), [px].
+        views: Views of the board, one for each picture.
+        T_base_board: Pose of the board in base for each view, (4, 4), [m].
+        intrinsics: Pinhole matrix of the camera, (3, 3), [px].
+
+    Raises:
+        CollectError: If the pictures do not determine the camera's pose.
     """
     points = [one.points @ T[:3, :3].T + T[:3, 3] for one, T in zip(views, T_base_board, strict=True)]
     pixels = np.concatenate([one.pixels for one in views])
@@ -118,19 +128,21 @@ def from_known_board(
 def from_gripper_held_board(
     views: list[View], T_base_gripper: list[NDArray[np.float64]], intrinsics: NDArray[np.float64]
 ) -> Extrinsics:
-    """The camera's pose from a board that the gripper holds anyhow, but the same way in all pictures (eye-to-hand).
+    """Return the camera's pose from a board that the gripper holds (eye-to-hand calibration).
 
-    Two poses are unknown, T_base_camera and T_gripper_board. Begun with the closed form for A Y = X B of Shah ("Solving
-    the robot-world/hand-eye calibration problem using the Kronecker product", J. Mechanisms Robotics 2013), then least
-    squares on all corners in all pictures.
+    The pose of the board in the gripper need not be known, but must be the same in all pictures. Two poses are unknown,
+    T_base_camera and T_gripper_board. The fit starts from the closed form for A Y = X B of Shah ("Solving the
+    robot-world/hand-eye calibration problem using the Kronecker product", J. Mechanisms Robotics 2013), then minimizes
+    the squared errors of all corners in all pictures.
 
     Args:
-        views: The board in the pictures.
-        T_base_gripper: Pose of the gripper in each, (4, 4), [m].
-        intrinsics: Pinhole matrix, (3, 3), [px].
+        views: Views of the board, one for each picture.
+        T_base_gripper: Pose of the gripper in base for each view, (4, 4), [m].
+        intrinsics: Pinhole matrix of the camera, (3, 3), [px].
 
     Raises:
-        CollectError: If there are fewer than `LEAST_VIEWS`, or the gripper has turned about less than two axes.
+        CollectError: If there are fewer than `LEAST_VIEWS` views, the gripper has turned about less than two axes, or
+            the pictures do not determine the camera's pose.
     """
     from scipy.optimize import least_squares
 
@@ -170,7 +182,7 @@ def from_gripper_held_board(
 def _closed_form(
     A: list[NDArray[np.float64]], B: list[NDArray[np.float64]]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """X and Y of A Y = X B: rotations from the null space, then places from linear equations."""
+    """Solve A Y = X B for X and Y: rotations from the null space, then positions from linear equations."""
     rows = [
         np.hstack([np.kron(np.eye(3), a[:3, :3]), -np.kron(b[:3, :3].T, np.eye(3))]) for a, b in zip(A, B, strict=True)
     ]
@@ -186,13 +198,13 @@ def _closed_form(
 
 
 def _rotation(M: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The rotation nearest to a matrix."""
+    """Return the rotation that is nearest to a matrix, (3, 3)."""
     u, _, v = np.linalg.svd(M)
     return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v)
 
 
 def _moved(T: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A pose moved by x, y, z [m] in its parent's axes and turned by a rotation vector [rad] in its own."""
+    """Return a pose moved by x, y, z [m] in its parent's axes and turned by a rotation vector [rad] in its own axes."""
     moved = T.copy()
     moved[:3, 3] += change[:3]
     moved[:3, :3] = T[:3, :3] @ cv2.Rodrigues(change[3:])[0]
@@ -202,7 +214,7 @@ def _moved(T: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[np.fl
 def _deviation(
     off: Callable[[NDArray[np.float64]], NDArray[np.float64]], size: int, names: list[str]
 ) -> NDArray[np.float64]:
-    """Standard deviation of each unknown at 0 that residuals mean, if corners are independent of each other.
+    """Return the standard deviation of each unknown at 0, from residuals whose corners are taken as independent.
 
     Raises:
         CollectError: If the pictures do not determine the unknowns.

@@ -1,4 +1,4 @@
-"""Where tags are on a rigid body: a block with a tag on each face, a sheet with a grid of them."""
+"""Layouts of the tags on a rigid body, such as a block with a tag on each face or a sheet with a grid of tags."""
 
 import json
 from dataclasses import dataclass
@@ -14,8 +14,9 @@ from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.side_files import read_json
 
 CORNERS = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
-"""Corners of a tag of size 1 in its own axes, in the order in which a detection has them: from lower left, against
-the clock."""
+"""Corners of a tag of size 1 in the tag's own axes, (4, 3).
+
+Their order is that of a detection: counterclockwise from the lower left."""
 FACES = {
     "+z": ((1, 0, 0), (0, 1, 0)),
     "+x": ((0, 1, 0), (0, 0, 1)),
@@ -24,17 +25,17 @@ FACES = {
     "-y": ((1, 0, 0), (0, 0, 1)),
     "-z": ((1, 0, 0), (0, -1, 0)),
 }
-"""Axes x and y of the tag on each face of a block, in the block's axes; those at the sides stand upright."""
+"""Axes x and y of the tag on each face of a block, in the block's axes; the tags on the side faces stand upright."""
 
 
 @dataclass(frozen=True)
 class Tag:
-    """One tag on a body.
+    """Tag on a body.
 
     Attributes:
-        id: Its number in the family.
-        size: Edge of the square between its corners, [m].
-        T_body_tag: Its pose, (4, 4), [m].
+        id: Id of the tag in its family.
+        size: Edge of the square between the tag's corners, [m].
+        T_body_tag: Pose of the tag in the body's axes, (4, 4), [m].
     """
 
     id: int
@@ -43,18 +44,18 @@ class Tag:
 
     @property
     def corners(self) -> NDArray[np.float64]:
-        """Its corners in the body's axes, (4, 3), [m]."""
+        """Corners of the tag in the body's axes, (4, 3), [m]."""
         scaled: NDArray[np.float64] = self.size * CORNERS @ self.T_body_tag[:3, :3].T + self.T_body_tag[:3, 3]
         return scaled
 
 
 @dataclass(frozen=True)
 class Layout:
-    """The tags of one rigid body.
+    """Layout of the tags on one rigid body.
 
     Attributes:
-        family: Family of all of them.
-        tags: The tags by id.
+        family: Family of all tags.
+        tags: Tags by id.
     """
 
     family: str
@@ -62,10 +63,15 @@ class Layout:
 
     @classmethod
     def of(cls, family: str, tags: list[Tag]) -> "Layout":
-        """Tags of one family, whose ids must differ.
+        """Return the layout of tags of one family, whose ids must differ.
+
+        Args:
+            family: Family of all tags.
+            tags: Tags on the body.
 
         Raises:
-            UsageError: If there is no such family, two tags have one id, or a size is not a positive number.
+            UsageError: If there is no such family, there are no tags, two tags have one id, or a size is not a positive
+                number.
         """
         if family not in CORRECTED:
             raise UsageError(f"no tag family {family!r}; the families are {', '.join(CORRECTED)}")
@@ -80,13 +86,13 @@ class Layout:
 
     @classmethod
     def cube(cls, half: float, size: float, first: int = 0, family: str = "tag36h11") -> "Layout":
-        """A cube with a tag in the middle of each face, ids from `first` in the order of `FACES`.
+        """Return the layout of a cube with a tag in the middle of each face, with ids in the order of `FACES`.
 
         Args:
-            half: Half the cube's edge, [m].
-            size: Of the tags, [m].
-            first: Id of the tag on top.
-            family: Their family.
+            half: Half of the cube's edge, [m].
+            size: Size of the tags, [m].
+            first: Id of the tag on top; the others follow it.
+            family: Family of the tags.
         """
         tags = []
         for number, (x, y) in enumerate(FACES.values()):
@@ -100,17 +106,17 @@ class Layout:
     def grid(
         cls, columns: int, rows: int, size: float, pitch: float, first: int = 0, family: str = "tag36h11"
     ) -> "Layout":
-        """A flat board of square cells, each with a tag in its middle; ids run along rows from the upper left.
+        """Return the layout of a flat board of square cells with a tag in the middle of each.
 
-        The origin is the lower left corner of the lower left cell.
+        The ids run along rows from the upper left. The origin is the lower left corner of the lower left cell.
 
         Args:
-            columns: Tags beside each other.
-            rows: Tags above each other.
-            size: Of the tags, [m].
+            columns: Number of tags beside each other.
+            rows: Number of tags above each other.
+            size: Size of the tags, [m].
             pitch: Edge of a cell, [m].
             first: Id of the upper left tag.
-            family: Their family.
+            family: Family of the tags.
         """
         tags = []
         for number in range(columns * rows):
@@ -121,7 +127,7 @@ class Layout:
         return cls.of(family, tags)
 
     def scaled(self, factor: float) -> "Layout":
-        """The same body printed larger or smaller."""
+        """Return the layout of the same body, enlarged by `factor`; the tags and their positions scale alike."""
         tags = [
             Tag(tag.id, factor * tag.size, _moved(tag.T_body_tag, factor * tag.T_body_tag[:3, 3]))
             for tag in self.tags.values()
@@ -129,7 +135,10 @@ class Layout:
         return Layout.of(self.family, tags)
 
     def write(self, path: Path) -> None:
-        """Write it as JSON.
+        """Write the layout to a JSON file.
+
+        Args:
+            path: File to write.
 
         Raises:
             StorageError: If the file cannot be written.
@@ -139,11 +148,14 @@ class Layout:
 
     @classmethod
     def read(cls, path: Path) -> "Layout":
-        """Read it from JSON.
+        """Read a layout from a JSON file.
+
+        Args:
+            path: File to read.
 
         Raises:
-            StorageError: If there is no such file.
-            FormatError: If it holds no layout.
+            StorageError: If the file does not exist or cannot be read.
+            FormatError: If the file does not hold a layout.
         """
         try:
             found: dict[str, Any] = read_json(path)

@@ -1,9 +1,9 @@
-"""The native detectors of pupil-apriltags: few, shared, never freed, one caller at a time, new ones after a fork.
+"""Native detectors of pupil-apriltags: shared, never freed, used by one caller at a time, made anew after a fork.
 
-What is worked around (pupil-apriltags 1.0.4): ``Detector.__del__`` frees the families before the detector that still
-uses them and sooner or later corrupts the heap (pupil-labs/apriltags issues 46 and 52); a detector used by two threads
-at once does too; detector threads do not survive a fork; of several families only the first is added; its sharpening is
-rounded to 0; and large families get tables of several gigabytes.
+This module works around the following faults of pupil-apriltags 1.0.4: ``Detector.__del__`` frees the families before
+the detector that still uses them, which sooner or later corrupts the heap (pupil-labs/apriltags issues 46 and 52); a
+detector that two threads use at once corrupts it too; detector threads do not survive a fork; of several families only
+the first is added; the sharpening is rounded to 0; and large families get tables of several gigabytes.
 """
 
 import ctypes
@@ -28,28 +28,36 @@ CORRECTED = {
     "tagCircle49h12": 1,
     "tagCustom48h12": 1,
 }
-"""The families, and how many wrong bits of a tag are corrected: fewer where codes are close to each other, or so many
-that the table would not fit (2 for tagCircle49h12 would take 3.9 GB, 1 takes 0.16 GB)."""
-SHARPENING = 0.25  # of the picture before its bits are read; the library's default
+"""Tag families, and the number of wrong bits of a tag that are corrected.
+
+The number is smaller for families whose codes are close to each other, or whose table would otherwise need too much
+memory (2 for tagCircle49h12 would take 3.9 GB, 1 takes 0.16 GB)."""
+SHARPENING = 0.25  # strength of the sharpening of the picture before its bits are read; the library's default
 
 
 class _Immortal(pupil_apriltags.Detector):
-    """A detector that is never freed."""
+    """Detector of the library that is never freed."""
 
     def __del__(self) -> None:
-        """Leave the memory alone."""
+        """Leave the detector's memory allocated."""
 
 
 @dataclass
 class Native:
-    """A native detector of one family, and the lock that its callers take turns with."""
+    """Native detector of one family, and the lock that lets one caller at a time use it.
+
+    Attributes:
+        library: Detector of pupil-apriltags.
+        family: C structure of the tag family.
+        lock: Lock that a caller holds while the detector works.
+    """
 
     library: _Immortal
     family: ctypes.Structure
     lock: threading.Lock = field(default_factory=threading.Lock)
 
     def detect(self, gray: NDArray[np.uint8]) -> list[pupil_apriltags.Detection]:
-        """Find the tags in a grey picture, (H, W) uint8."""
+        """Find the tags in a grey picture, (H, W) uint8, waiting until no other thread uses the detector."""
         with self.lock:
             found: list[pupil_apriltags.Detection] = self.library.detect(gray)
         return found
@@ -60,15 +68,15 @@ _making = threading.Lock()
 
 
 def native(family: str, decimate: float = 1.0, blur: float = 0.0) -> Native:
-    """The detector of this process for a family and setting; made at the first call, which may take a second.
+    """Return this process's detector for a family and settings, which the first call creates within about a second.
 
     Args:
         family: One of `CORRECTED`.
         decimate: Factor by which the picture is made smaller to look for squares.
-        blur: Standard deviation of the blur before that, [px].
+        blur: Standard deviation of the blur of the picture before that search, [px].
 
     Raises:
-        UsageError: If there is no such family.
+        UsageError: If `family` is not one of `CORRECTED`.
     """
     if family not in CORRECTED:
         raise UsageError(f"no tag family {family!r}; the families are {', '.join(CORRECTED)}")
@@ -92,7 +100,7 @@ def _make(family: str, decimate: float, blur: float) -> Native:
 
 
 def _after_fork() -> None:
-    """Begin anew in a child: another thread may have held a lock, or been inside a detector, when it was forked."""
+    """Drop all detectors in a forked child, since another thread may have held a lock or been inside a detector."""
     global _making
     _natives.clear()
     _making = threading.Lock()

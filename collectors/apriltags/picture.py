@@ -1,4 +1,4 @@
-"""What a tag looks like, in modules: the squares that are its bits, its border and its margin."""
+"""Pictures of tags in modules, the squares that are the bits, the border and the margin of a tag."""
 
 from dataclasses import dataclass
 
@@ -11,13 +11,13 @@ from svfl_data.errors import UsageError
 
 @dataclass(frozen=True)
 class Shape:
-    """Measures of a family.
+    """Measures of a tag family.
 
     Attributes:
-        count: Number of tags; ids run from 0.
-        border: Modules along the edge that the size of a tag refers to.
-        total: Modules along the whole picture. A white margin of one module is part of it for families with a black
-            border; the others carry bits outside.
+        count: Number of tags in the family; ids run from 0.
+        border: Number of modules along the edge that the size of a tag refers to.
+        total: Number of modules along the edge of the whole picture. For families with a black border this includes a
+            white margin of one module; the other families have bits outside their border.
     """
 
     count: int
@@ -26,7 +26,7 @@ class Shape:
 
 
 def shape(family: str) -> Shape:
-    """Measures of a family.
+    """Return the measures of a tag family.
 
     Raises:
         UsageError: If there is no such family.
@@ -36,10 +36,10 @@ def shape(family: str) -> Shape:
 
 
 def modules(family: str, tag: int) -> NDArray[np.bool_]:
-    """The picture of a tag, one module a pixel, upright, (total, total), True for black.
+    """Return the picture of a tag, upright and with one pixel for each module, (total, total), True for black.
 
-    The library's own ``apriltag_to_image`` draws the white margin in the wrong place, and OpenCV's pictures are turned
-    by 180 degrees against what the library means by upright.
+    The picture is drawn here because the library's own ``apriltag_to_image`` draws the white margin in the wrong place,
+    and OpenCV's pictures are turned by 180 degrees against what the library means by upright.
 
     Raises:
         UsageError: If there is no such family or tag.
@@ -54,7 +54,7 @@ def modules(family: str, tag: int) -> NDArray[np.bool_]:
     black[[ring, last], ring : last + 1] = False
     black[ring : last + 1, [ring, last]] = False
     bits = np.array([int(c.codes[tag]) >> bit & 1 for bit in reversed(range(c.nbits))])
-    # Signed, whatever the binding says: families with bits outside their border count those below 0.
+    # The places are signed, whatever the binding says: families with bits outside their border count those below 0.
     x, y = (np.ctypeslib.as_array(place, (c.nbits,)).astype(np.int32) for place in (c.bit_x, c.bit_y))
     black[y + start, x + start] = bits == 0
     return black

@@ -1,4 +1,4 @@
-"""The pose of a body from the corners of its tags: both readings of each tag, a joint fit to all corners, a choice."""
+"""Pose of a body from the corners of its tags, by a joint fit to all corners that starts from each tag's two poses."""
 
 from dataclasses import dataclass
 
@@ -9,24 +9,24 @@ from numpy.typing import NDArray
 from collectors.apriltags.detector import Detection
 from collectors.apriltags.layout import CORNERS, Layout
 
-FACING = 0.6  # below this a tag is too slanted for its corners to help; they are used if no tag is less slanted
-ROUNDS = 15  # of the fit; it ends before, when nothing moves any more
-STILL = 1e-8  # [m] and [rad] of a round after which it has ended
-OUTLIER_PX = 1.0  # from here on a corner pulls with constant force only (Huber), as one at the edge of an occlusion
-ALIKE = 2.0  # readings whose error is up to so many times the smallest one's are alike
-DOUBT = 1.0  # [px] of error from which a smaller set of tags is tried
-CORNER_PX = 0.2  # standard deviation of a corner, against which a known tilt is weighed
+FACING = 0.6  # least `Detection.facing` of a tag that is used, unless all tags are more slanted
+ROUNDS = 15  # largest number of rounds of the fit, which ends earlier when the pose no longer changes
+STILL = 1e-8  # [m] and [rad] change of the pose in one round, below which the fit ends
+OUTLIER_PX = 1.0  # error from which a corner's influence is constant (Huber), as for one at the edge of an occlusion
+ALIKE = 2.0  # poses whose error is at most this many times the smallest error count as equally good
+DOUBT = 1.0  # [px] reprojection error above which a smaller set of tags is tried
+CORNER_PX = 0.2  # [px] standard deviation of a corner, against which a known tilt is weighed
 TILT = 0.005  # [rad] standard deviation of the tilt of an upright body
 
 
 @dataclass(frozen=True)
 class BodyPose:
-    """Where a body is, as one picture tells.
+    """Pose of a body, as found in one picture.
 
     Attributes:
-        T_camera_body: Its pose, (4, 4), [m].
-        error: Root mean square distance of its corners in the picture from where this pose puts them, [px].
-        margin: Smallest decision margin of its tags, in grey levels.
+        T_camera_body: Pose of the body in the camera's axes, (4, 4), [m].
+        error: Root mean square distance of the tags' corners in the picture from where this pose predicts them, [px].
+        margin: Smallest decision margin of the tags that were used, in grey levels.
         tags: Ids of the tags that were used.
     """
 
@@ -37,20 +37,20 @@ class BodyPose:
 
 
 def readings(detection: Detection, size: float, intrinsics: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Both poses that explain the corners of a tag: a small square tilted one way or the other looks nearly the same.
+    """Return both poses that explain the corners of a tag, since a small square looks nearly the same for two tilts.
 
-    The first follows from the homography of the corners. Turning the tag half about the line of sight, and back about
-    its own normal, mirrors its tilt: the second reading (Schweighofer and Pinz, "Robust pose estimation from a planar
-    target", PAMI 2006). Neither is refined yet. OpenCV's IPPE_SQUARE would be NaN or wrong for a tag that squarely
-    faces the camera.
+    The first pose follows from the homography of the corners. The second pose is the first one turned by half a turn
+    about the line of sight, and back about the tag's own normal, which mirrors the tilt (Schweighofer and Pinz, "Robust
+    pose estimation from a planar target", PAMI 2006). Neither pose is refined yet. OpenCV's IPPE_SQUARE is not used
+    because it would be NaN or wrong for a tag that squarely faces the camera.
 
     Args:
-        detection: The tag.
-        size: Its edge, [m].
-        intrinsics: Pinhole matrix, (3, 3), [px].
+        detection: Detection of the tag.
+        size: Size of the tag, [m].
+        intrinsics: Pinhole matrix of the camera, (3, 3), [px].
 
     Returns:
-        T_camera_tag, (4, 4) each, [m].
+        The two poses T_camera_tag, (4, 4) each, [m].
     """
     flat = (size * CORNERS[:, :2]).astype(np.float32)
     H = np.linalg.inv(intrinsics) @ cv2.getPerspectiveTransform(flat, detection.corners.astype(np.float32))
@@ -70,17 +70,18 @@ def body_pose(
     intrinsics: NDArray[np.float64],
     up: NDArray[np.float64] | None = None,
 ) -> BodyPose | None:
-    """The pose that explains all corners of a body's tags best.
+    """Return the pose that explains all corners of a body's tags best.
 
     Args:
-        detections: Tags in the picture; those of other bodies are left aside.
-        layout: Where the tags are on the body.
-        intrinsics: Pinhole matrix, (3, 3), [px].
-        up: For a body that is known to stand upright, such as one that lies on a table: what is up, in camera axes,
-            (3,). It then decides between readings that are alike, and the tilt that corners tell badly is not free.
+        detections: Tags found in the picture; tags of other bodies are ignored.
+        layout: Layout of the tags on the body.
+        intrinsics: Pinhole matrix of the camera, (3, 3), [px].
+        up: Upward direction in camera axes, (3,), for a body that is known to stand upright, such as one that lies on a
+            table. It then decides between poses that explain the corners equally well, and the tilt, which corners
+            determine badly, is held near upright. None if the body may be tilted.
 
     Returns:
-        The pose, or None if none of the body's tags are there.
+        The pose, or None if none of the body's tags were found.
     """
     own = [one for one in detections if one.family == layout.family and one.id in layout.tags]
     if not own:
@@ -99,7 +100,7 @@ def body_pose(
 def _joint(
     own: list[Detection], layout: Layout, intrinsics: NDArray[np.float64], up: NDArray[np.float64] | None
 ) -> BodyPose:
-    """The pose that explains all corners of these tags best, beginning with every reading of each."""
+    """Return the pose that explains all corners of these tags best, starting from both poses of each tag."""
     points = np.concatenate([layout.tags[one.id].corners for one in own])
     pixels = np.concatenate([one.corners for one in own])
     fits = []
@@ -121,17 +122,17 @@ def fit(
     intrinsics: NDArray[np.float64],
     up: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Move a pose until its corners are where they are seen (Gauss-Newton on Huber's loss).
+    """Move a pose until the body's points lie where they are seen in the picture (Gauss-Newton on Huber's loss).
 
     Args:
-        start: T_camera_body to begin with, (4, 4), [m].
-        points: In the body's axes, (M, 3), [m].
-        pixels: Where they are seen, (M, 2), [px].
-        intrinsics: Pinhole matrix, (3, 3), [px].
-        up: Direction in camera axes along which the body's z is, (3,), or None if it may be tilted.
+        start: T_camera_body that the fit starts from, (4, 4), [m].
+        points: Points in the body's axes, (M, 3), [m].
+        pixels: Positions of these points in the picture, (M, 2), [px].
+        intrinsics: Pinhole matrix of the camera, (3, 3), [px].
+        up: Direction of the body's z axis in camera axes, (3,), or None if the body may be tilted.
 
     Returns:
-        T_camera_body, (4, 4), [m].
+        The fitted T_camera_body, (4, 4), [m].
     """
     T = start.copy()
     for _ in range(ROUNDS):
@@ -147,10 +148,17 @@ def fit(
 def jacobian(
     T: NDArray[np.float64], points: NDArray[np.float64], intrinsics: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """How pixels of a body's points move when it turns [rad] about the camera's axes at its origin, and shifts [m].
+    """Return the derivative of a body's projected points by the body's turn and shift.
+
+    The turn is about the camera's axes through the body's origin; the shift is along the camera's axes.
+
+    Args:
+        T: T_camera_body, (4, 4), [m].
+        points: Points in the body's axes, (M, 3), [m].
+        intrinsics: Pinhole matrix of the camera, (3, 3), [px].
 
     Returns:
-        d(x, y)/d(turn, shift), (M, 2, 6).
+        The derivative d(x, y)/d(turn, shift), (M, 2, 6), [px/rad] and [px/m].
     """
     turned = points @ T[:3, :3].T
     x, y, z = (turned + T[:3, 3]).T
@@ -163,14 +171,14 @@ def jacobian(
 def turned_by(
     T: NDArray[np.float64], A: NDArray[np.float64], b: NDArray[np.float64], up: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """The pose after the step (turn, shift) that solves A step = b in the sense of least squares.
+    """Return the pose after the step (turn, shift) that solves A step = b in the sense of least squares.
 
     Args:
-        T: T_camera_body before, (4, 4), [m].
-        A: In pixels per rad and m, (M, 6).
-        b: In pixels, (M,).
-        up: Direction in camera axes along which the body's z is, (3,), or None if it may be tilted. Its tilt is weighed
-            like a measurement of `TILT` beside pixels of `CORNER_PX`.
+        T: T_camera_body before the step, (4, 4), [m].
+        A: Derivative of the residuals by the step, (M, 6), [px/rad] and [px/m].
+        b: Change of the residuals that the step shall cause, (M,), [px].
+        up: Direction of the body's z axis in camera axes, (3,), or None if the body may be tilted. The tilt is weighed
+            like a measurement with standard deviation `TILT` beside pixels of standard deviation `CORNER_PX`.
     """
     if up is not None:
         across = _across(up)
@@ -187,7 +195,13 @@ def turned_by(
 def project(
     T: NDArray[np.float64], points: NDArray[np.float64], intrinsics: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Where points of a body at T_camera_body are in the picture, (M, 2), [px]."""
+    """Return the positions in the picture of points of a body, (M, 2), [px].
+
+    Args:
+        T: T_camera_body, (4, 4), [m].
+        points: Points in the body's axes, (M, 3), [m].
+        intrinsics: Pinhole matrix of the camera, (3, 3), [px].
+    """
     seen = (points @ T[:3, :3].T + T[:3, 3]) @ intrinsics.T
     pixels: NDArray[np.float64] = seen[:, :2] / seen[:, 2:]
     return pixels
@@ -196,18 +210,25 @@ def project(
 def reprojection_error(
     T: NDArray[np.float64], points: NDArray[np.float64], pixels: NDArray[np.float64], intrinsics: NDArray[np.float64]
 ) -> float:
-    """Root mean square distance of points in the picture from where a pose puts them, [px]."""
+    """Return the root mean square distance of points in the picture from where a pose predicts them, [px].
+
+    Args:
+        T: T_camera_body, (4, 4), [m].
+        points: Points in the body's axes, (M, 3), [m].
+        pixels: Positions of these points in the picture, (M, 2), [px].
+        intrinsics: Pinhole matrix of the camera, (3, 3), [px].
+    """
     off = project(T, points, intrinsics) - pixels
     return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 
 def _cross(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The matrix of the cross product with each vector, (M, 3) to (M, 3, 3)."""
+    """Return the matrix of the cross product with each vector, (M, 3) to (M, 3, 3)."""
     x, y, z = vectors.T
     o = np.zeros_like(x)
     return np.stack([np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], axis=1)
 
 
 def _across(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Two unit vectors at right angles to a direction and each other, (2, 3)."""
+    """Return two unit vectors at right angles to a direction and to each other, (2, 3)."""
     return np.asarray(np.linalg.svd(direction[None])[2][1:])

@@ -1,4 +1,4 @@
-"""Sheets as files of true size: PDF in vectors, PNG with its resolution."""
+"""Files that print sheets of tags in true size: PDF files with vectors, and PNG files with their resolution."""
 
 import struct
 import zlib
@@ -12,11 +12,11 @@ from collectors.apriltags.print_layout import Block, Page
 from svfl_data.system.atomic_io import write_atomically
 
 POINT = 72 / 25.4  # points in a millimetre
-DPI = 300
+DPI = 300  # pixels per inch of a sheet that is drawn as a picture
 
 
 def pdf(pages: list[Page]) -> bytes:
-    """A PDF (1.4, Helvetica, no compression) with a page for each sheet."""
+    """Return the bytes of a PDF file (version 1.4, Helvetica, no compression) with one page for each sheet."""
     objects = [b"<< /Type /Catalog /Pages 2 0 R >>", b"", b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>"]
     kids = []
     for page in pages:
@@ -40,10 +40,10 @@ def pdf(pages: list[Page]) -> bytes:
 
 
 def _content(page: Page) -> str:
-    """The drawing of a page in PDF's language: lengths in points, y upwards."""
+    """Return the content of a page in PDF's language, with lengths in points and y upwards."""
 
     def filled(blocks: list[Block]) -> str:
-        # One path for all, so that no viewer draws seams between neighbours.
+        # All rectangles are one path, so that no viewer draws seams between neighbours.
         return " ".join(
             f"{b.x * POINT:.4f} {(page.height - b.y - b.height) * POINT:.4f} {b.width * POINT:.4f} "
             f"{b.height * POINT:.4f} re"
@@ -63,7 +63,12 @@ def _escaped(words: str) -> str:
 
 
 def picture(page: Page, dpi: int = DPI) -> NDArray[np.uint8]:
-    """A sheet as grey picture, (H, W) uint8; edges of modules are rounded to pixels."""
+    """Draw a sheet as a grey picture, (H, W) uint8, with the edges of modules rounded to pixels.
+
+    Args:
+        page: Sheet to draw.
+        dpi: Resolution of the picture in pixels per inch.
+    """
     scale = dpi / 25.4
     image = np.full((round(page.height * scale), round(page.width * scale)), 255, np.uint8)
     for block in [*(block for tag in page.tags for block in tag), *page.lines]:
@@ -80,7 +85,12 @@ def picture(page: Page, dpi: int = DPI) -> NDArray[np.uint8]:
 
 
 def png(page: Page, dpi: int = DPI) -> bytes:
-    """A sheet as PNG that says its resolution, so that it prints in true size."""
+    """Return the bytes of a PNG file of a sheet that states its resolution, so that it prints in true size.
+
+    Args:
+        page: Sheet to draw.
+        dpi: Resolution of the picture in pixels per inch.
+    """
     _, encoded = cv2.imencode(".png", picture(page, dpi))
     data = encoded.tobytes()
     per_metre = round(dpi / 0.0254)
@@ -90,17 +100,18 @@ def png(page: Page, dpi: int = DPI) -> bytes:
 
 
 def write(pages: list[Page], path: Path) -> list[Path]:
-    """Write sheets as PDF, or as PNG: one file for each page then.
+    """Write sheets as one PDF file, or as PNG files with one file for each sheet.
 
     Args:
-        pages: The sheets.
-        path: ``.pdf`` or ``.png``; further PNGs get a number.
+        pages: Sheets to write.
+        path: File to write. With the suffix ``.pdf`` it is a PDF file, otherwise a PNG file; the names of further PNG
+            files get a number.
 
     Returns:
-        What was written.
+        The paths of the files that were written.
 
     Raises:
-        StorageError: If it cannot be written.
+        StorageError: If a file cannot be written.
     """
     if path.suffix == ".pdf":
         files = {path: pdf(pages)}

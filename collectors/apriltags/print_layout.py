@@ -1,4 +1,4 @@
-"""Sheets of tags to print: what is where on the paper, in millimetres from its upper left corner."""
+"""Sheets of tags to print, as positions on the paper in millimetres from its upper left corner."""
 
 import math
 from collections.abc import Sequence
@@ -8,19 +8,19 @@ from collectors.apriltags.picture import modules, shape
 from svfl_data.errors import UsageError
 
 PAPERS = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}  # [mm] width and height
-MARGIN = 12.0  # [mm] that printers may leave white
-FOOT = 16.0  # [mm] at the lower end for the ruler
-HEAD = 8.0  # [mm] at the upper end for the title
-GAP = 7.0  # [mm] between tags that are to be cut out, for marks and numbers
-LETTER = 1.6  # [mm] width of one in the words below a tag, at most
+MARGIN = 12.0  # [mm] width of the edge of the paper that printers may leave white
+FOOT = 16.0  # [mm] height at the lower end of the page that is kept for the ruler
+HEAD = 8.0  # [mm] height at the upper end of the page that is kept for the title
+GAP = 7.0  # [mm] distance between tags that are to be cut out, which leaves room for cut marks and numbers
+LETTER = 1.6  # [mm] largest width of a letter in the words below a tag
 MARK = 2.5  # [mm] length of a cut mark
-RULER = 100.0  # [mm]
-THIN = 0.15  # [mm]
+RULER = 100.0  # [mm] length of the ruler
+THIN = 0.15  # [mm] width of the lines of the ruler and the cut marks
 
 
 @dataclass(frozen=True)
 class Block:
-    """A filled rectangle, [mm]."""
+    """Filled rectangle with its upper left corner at x, y, [mm]."""
 
     x: float
     y: float
@@ -30,7 +30,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Text:
-    """A line of text whose lower left corner is at x, y, [mm]; its size is the height of a line, [mm]."""
+    """Line of text whose lower left corner is at x, y, [mm]; `size` is the height of the line, [mm]."""
 
     x: float
     y: float
@@ -40,14 +40,14 @@ class Text:
 
 @dataclass(frozen=True)
 class Page:
-    """One sheet of paper.
+    """Content of one sheet of paper.
 
     Attributes:
-        width: [mm].
-        height: [mm].
-        tags: The black modules of each tag.
-        lines: Thin rectangles: cut marks, ruler.
-        texts: Ids, title, measures.
+        width: Width of the paper, [mm].
+        height: Height of the paper, [mm].
+        tags: Black modules of each tag.
+        lines: Thin rectangles that make up cut marks, ruler and axes.
+        texts: Texts such as ids, title and measures.
     """
 
     width: float
@@ -58,7 +58,15 @@ class Page:
 
 
 def cell_mm(family: str, size_mm: float) -> float:
-    """Edge of the whole picture of a tag with the white margin that it needs, [mm]."""
+    """Return the edge length of a tag's whole picture, including the white margin that the tag needs, [mm].
+
+    Args:
+        family: Family of the tag.
+        size_mm: Edge of the square between the tag's corners, [mm].
+
+    Raises:
+        UsageError: If there is no such family.
+    """
     measures = shape(family)
     return size_mm * measures.total / measures.border
 
@@ -66,18 +74,20 @@ def cell_mm(family: str, size_mm: float) -> float:
 def tag_pages(
     family: str, ids: list[int], size_mm: float, paper: str, places: Sequence[str] = (), piece: float = 0.0
 ) -> list[Page]:
-    """Single tags to cut out, as many pages as they need.
+    """Arrange single tags for cutting out on as many pages as they need.
 
     Args:
-        family: Of the tags.
-        ids: Their numbers.
+        family: Family of the tags.
+        ids: Ids of the tags in the family.
         size_mm: Edge of the square between a tag's corners, [mm].
-        paper: One of `PAPERS`.
-        places: Where each belongs, such as the faces of a cube; they stand beside the numbers.
-        piece: Edge of what the marks cut out, the tag in its middle, [mm]; at least `cell_mm`.
+        paper: Paper size, one of `PAPERS`.
+        places: Name of the place where each tag belongs, such as the faces of a cube, which is printed beside its id.
+            No names by default.
+        piece: Edge of the square that the cut marks cut out, with the tag in its middle, [mm]. Values below `cell_mm`
+            have the same effect as `cell_mm`.
 
     Raises:
-        UsageError: If a tag does not fit on the paper, or there is no such tag.
+        UsageError: If a tag does not fit on the paper, or there is no such family or tag.
     """
     width, height = PAPERS[paper]
     whole = cell_mm(family, size_mm)
@@ -107,18 +117,20 @@ def tag_pages(
 
 
 def board_page(family: str, columns: int, rows: int, size_mm: float, first: int, paper: str) -> Page:
-    """A board for calibration: tags side by side on one piece, as `Layout.grid` with a pitch of `cell_mm`.
+    """Arrange a calibration board, whose tags lie side by side on one piece.
+
+    The board is that of `Layout.grid` with a pitch of `cell_mm`.
 
     Args:
-        family: Of the tags.
-        columns: Tags beside each other.
-        rows: Tags above each other.
-        size_mm: Of a tag, [mm].
+        family: Family of the tags.
+        columns: Number of tags beside each other.
+        rows: Number of tags above each other.
+        size_mm: Edge of the square between a tag's corners, [mm].
         first: Id of the upper left tag.
-        paper: One of `PAPERS`.
+        paper: Paper size, one of `PAPERS`.
 
     Raises:
-        UsageError: If it does not fit on the paper.
+        UsageError: If the board does not fit on the paper, or there is no such family or tag.
     """
     width, height = PAPERS[paper]
     cell, (across, down) = cell_mm(family, size_mm), _room(paper)
@@ -145,13 +157,13 @@ def board_page(family: str, columns: int, rows: int, size_mm: float, first: int,
 
 
 def _room(paper: str) -> tuple[float, float]:
-    """Width and height that tags may take, [mm]."""
+    """Return the width and height that tags may take on a paper, [mm]."""
     width, height = PAPERS[paper]
     return width - 2 * MARGIN, height - 2 * MARGIN - HEAD - FOOT
 
 
 def _blocks(family: str, tag: int, x: float, y: float, cell: float) -> list[Block]:
-    """The black modules of a tag, runs in one piece."""
+    """Return the black modules of a tag, with each horizontal run of modules as one block."""
     black = modules(family, tag)
     module = cell / len(black)
     blocks = []
@@ -167,7 +179,7 @@ def _blocks(family: str, tag: int, x: float, y: float, cell: float) -> list[Bloc
 
 
 def _cut_marks(x: float, y: float, width: float, height: float) -> list[Block]:
-    """Two strokes outside each corner of a rectangle."""
+    """Return two strokes outside each corner of a rectangle."""
     marks = []
     for right in (x, x + width):
         for end in (y - MARK, y + height):
@@ -179,7 +191,7 @@ def _cut_marks(x: float, y: float, width: float, height: float) -> list[Block]:
 
 
 def _ruler(width: float, height: float) -> list[Block]:
-    """A line of `RULER` with a stroke every 10 mm."""
+    """Return a line of length `RULER` with a stroke every 10 mm."""
     left, y = (width - RULER) / 2, height - MARGIN - 6.0
     strokes = [
         Block(left + at - THIN / 2, y - (3.0 if at % 50 == 0 else 1.5), THIN, 3.0 if at % 50 == 0 else 1.5)
@@ -189,7 +201,7 @@ def _ruler(width: float, height: float) -> list[Block]:
 
 
 def _label(family: str, tag: int, place: str, room: float) -> str:
-    """What stands below a tag, as much of it as there is room for, [mm]."""
+    """Return the longest label of a tag that fits into a width of `room`, [mm], or else the shortest label."""
     choices = [f"{family}  id {tag}  {place}", f"id {tag}  {place}", f"{tag} {place}"]
     return next((words.rstrip() for words in choices if len(words) * LETTER < room), choices[-1].rstrip())
 

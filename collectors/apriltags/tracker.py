@@ -1,4 +1,4 @@
-"""Where a tagged object is: what is believed of a picture, and for how long."""
+"""Tracker of a tagged object, which decides whether a pose found in a picture is believed and how old it is."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from svfl_data.schema.robot import Calibration
 
 @dataclass(frozen=True)
 class Limits:
-    """What a sighting must be to be believed.
+    """Limits that a sighting of the object must keep to be believed.
 
     Attributes:
-        margin: Least decision margin, in grey levels; tags below are left aside.
-        hamming: Most corrected bits; tags above are left aside.
-        error: Largest root mean square reprojection error of edges that are met, [px]. Usual are 0.1 to 0.3; where
-            there are no tags, chance makes it 0.5.
-        share: Least share of the edges on tags that face the camera which are met, 0 to 1. A cube of which a third is
-            hidden has 0.6; one that is believed to be a few modules beside its place has 0.2 to 0.4.
+        margin: Least decision margin of a tag, in grey levels; tags with a smaller margin are ignored.
+        hamming: Largest number of corrected bits of a tag; tags with more are ignored.
+        error: Largest root mean square reprojection error of the edges that are met, [px]. Usual values are 0.1 to 0.3;
+            where there are no tags, chance gives about 0.5.
+        share: Least share of the edges on tags facing the camera that are met, 0 to 1. A cube of which a third is
+            hidden has 0.6; a pose that is a few modules beside the true one has 0.2 to 0.4.
     """
 
     margin: float = 30.0
@@ -35,14 +35,14 @@ class Limits:
 
 @dataclass(frozen=True)
 class Track:
-    """The last believed pose of an object, never without its age.
+    """Last believed pose of an object, together with its age.
 
     Attributes:
         pose: Position [m], quat_xyzw, base axes, (7,).
-        age: Time since it was seen there, [s]; 0 in the picture itself.
-        error: Root mean square reprojection error of its tags' edges then, [px].
-        margin: Smallest decision margin then, in grey levels.
-        tags: How many tags gave it.
+        age: Time since the object was seen at this pose, [s]; 0 in the picture itself.
+        error: Root mean square reprojection error of the tags' edges when the object was seen, [px].
+        margin: Smallest decision margin of the tags when the object was seen, in grey levels.
+        tags: Number of tags that the pose was found from.
     """
 
     pose: NDArray[np.float64]
@@ -52,24 +52,26 @@ class Track:
     tags: int
 
     def fresh(self, age: float) -> bool:
-        """Whether it is at most `age` seconds old."""
+        """Return whether the pose is at most `age` seconds old."""
         return self.age <= age
 
 
 class Tracker:
-    """Follows one object through the pictures of one or several calibrated cameras.
+    """Tracker of one object through the pictures of one or several calibrated cameras.
 
     Attributes:
-        refused: Why sightings were not believed, and how often.
+        refused: Reasons for which sightings were not believed (``no tag``, ``unclear``, ``edges``), and how often each
+            occurred.
     """
 
     def __init__(self, layout: Layout, upright: bool = False, limits: Limits | None = None) -> None:
-        """Choose the object.
+        """Choose the object to follow.
 
         Args:
-            layout: Where its tags are.
-            upright: Whether it is known to stand upright (z up), as a block that is pushed; not one that is lifted.
-            limits: What is believed.
+            layout: Layout of the tags on the object.
+            upright: Whether the object is known to stand upright (z up), such as a block that is pushed, but not one
+                that is lifted.
+            limits: Limits that a sighting must keep to be believed. None takes the defaults of `Limits`.
         """
         self.layout, self.upright, self.limits = layout, upright, limits or Limits()
         self.refused: Counter[str] = Counter()
@@ -78,15 +80,17 @@ class Tracker:
         self._rows: list[tuple[int, Track]] = []
 
     def see(self, picture: NDArray[np.uint8], t_ns: int, camera: Calibration) -> Track | None:
-        """Look at a picture.
+        """Look for the object in a picture.
 
         Args:
-            picture: (H, W, 3) RGB or (H, W) grey, uint8, without lens distortion.
-            t_ns: When it was taken, [ns]. One from before the last sighting, such as a slower camera's, tells nothing.
-            camera: Of the camera that took it.
+            picture: Picture without lens distortion, (H, W, 3) RGB or (H, W) grey, uint8.
+            t_ns: Time at which the picture was taken, [ns]. A picture from before the last sighting, such as one from a
+                slower camera, is ignored.
+            camera: Calibration of the camera that took the picture.
 
         Returns:
-            What is known at the time of the latest picture, as `at`.
+            The last believed pose with its age at the time of the latest picture, as from `at`. It is None before the
+            object has been seen.
         """
         if (self._seen is None or t_ns >= self._seen[0]) and (found := self._believed(picture, camera)):
             self._seen = (t_ns, found)
@@ -98,14 +102,17 @@ class Tracker:
         return track
 
     def at(self, t_ns: int) -> Track | None:
-        """The last believed pose with its age at a time; None before the object has been seen."""
+        """Return the last believed pose with its age at the time `t_ns` [ns]; None before the object has been seen."""
         if self._seen is None:
             return None
         seen_ns, track = self._seen
         return Track(track.pose, (t_ns - seen_ns) / 1e9, track.error, track.margin, track.tags)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The stream ``streams/tags/`` of an episode: a row for each look from the first sighting on, or nothing."""
+        """Return the arrays of the stream ``streams/tags/`` of an episode, by dataset path.
+
+        The stream has one row for each look from the first sighting on; without a sighting the result is empty.
+        """
         if not self._rows:
             return {}
         tracks = [track for _, track in self._rows]
@@ -136,7 +143,7 @@ class Tracker:
         return Track(self._pose(T), 0.0, met.error, found.margin, len(found.tags))
 
     def _pose(self, T: NDArray[np.float64]) -> NDArray[np.float64]:
-        """As position and quat_xyzw, with the sign of the last one's."""
+        """Return a pose as position and quat_xyzw, with the sign of the quaternion chosen to be near the last one."""
         pose = np.array([*T[:3, 3], *quat_from_matrix(T[:3, :3])])
         near = self._seen[1].pose[3:] if self._seen else np.array([0.0, 0.0, 0.0, 1.0])
         pose[3:] *= -1.0 if pose[3:] @ near < 0 else 1.0
@@ -144,7 +151,7 @@ class Tracker:
 
 
 def quat_from_matrix(R: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A rotation matrix as quat_xyzw, (4,)."""
+    """Return the rotation of a matrix, (3, 3), as quat_xyzw, (4,)."""
     vector = cv2.Rodrigues(R)[0][:, 0]
     angle = float(np.linalg.norm(vector))
     return np.array([*(0.5 * np.sinc(0.5 * angle / np.pi) * vector), np.cos(0.5 * angle)])

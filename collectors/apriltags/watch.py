@@ -1,4 +1,7 @@
-"""Tags at work: they say when a task is done and where the object is for a reset. No observation comes from them."""
+"""Use of tags during a task: they tell when the task is achieved, and where the object is for a reset.
+
+No observation comes from tags.
+"""
 
 import math
 from collections.abc import Callable, Mapping
@@ -12,29 +15,29 @@ from collectors.apriltags.tracker import Track, Tracker
 from svfl_data.errors import CollectError
 from svfl_data.schema.robot import Calibration
 
-MAX_AGE = 0.15  # [s] of a pose that success may rest on: three steps in which the gripper hid the object
-LOOKS = 20  # of a reset, before a person is asked
+MAX_AGE = 0.15  # [s] largest age of a pose that success may rest on: three steps in which the gripper hid the object
+LOOKS = 20  # number of looks for the object at a reset, before a person is asked to help
 
 
 class TagCamera(Protocol):
-    """A camera that looks at tags; it may be another one than the policy's."""
+    """Camera that looks at tags, which may be another camera than the policy's."""
 
     @property
     def calibration(self) -> Calibration:
-        """Its calibration."""
+        """Calibration of the camera."""
 
     def __call__(self) -> tuple[int, NDArray[np.uint8]]:
-        """Time of its latest picture on the episode clock [ns], and the picture, (H, W, 3) uint8 RGB."""
+        """Return the time of the latest picture on the episode clock [ns], and the picture, (H, W, 3) uint8 RGB."""
 
 
 @dataclass(frozen=True)
 class Reached:
-    """The object lies within a distance of its goal.
+    """Success condition that the object lies within a distance of its goal.
 
     Attributes:
-        goal: x, y in base, [m].
-        within: Distance that is not reached, [m].
-        below: Height of its origin in base that it must be below, [m]: it lies on the table.
+        goal: Position x, y of the goal in base, [m].
+        within: Distance of the object's origin from the goal below which the goal is reached, [m].
+        below: Height of the object's origin in base below which the object counts as lying on the table, [m].
     """
 
     goal: tuple[float, float]
@@ -42,27 +45,35 @@ class Reached:
     below: float
 
     def __call__(self, pose: NDArray[np.float64]) -> bool:
-        """Whether a pose, (7,), is one of success."""
+        """Return whether a pose of the object is one of success.
+
+        Args:
+            pose: Position [m], quat_xyzw, base axes, (7,).
+        """
         return math.dist(pose[:2], self.goal) < self.within and bool(pose[2] < self.below)
 
 
 @dataclass(frozen=True)
 class Lifted:
-    """The object is off the table.
+    """Success condition that the object is lifted off the table.
 
     Attributes:
-        above: Height of its origin in base that it must be above, [m].
+        above: Height of the object's origin in base above which the object counts as lifted, [m].
     """
 
     above: float
 
     def __call__(self, pose: NDArray[np.float64]) -> bool:
-        """Whether a pose, (7,), is one of success."""
+        """Return whether a pose of the object is one of success.
+
+        Args:
+            pose: Position [m], quat_xyzw, base axes, (7,).
+        """
         return bool(pose[2] > self.above)
 
 
 class Watch:
-    """Watches an object while a policy acts.
+    """Observer of an object's pose while a policy acts, which tells when the task is achieved.
 
     ```python
     watch = Watch(Tracker(layout, upright=True), {"tags": camera}, Reached(goal, 0.05, 0.03))
@@ -70,7 +81,7 @@ class Watch:
     ```
 
     Attributes:
-        track: What was known at the last look.
+        track: Last believed pose of the object with its age at the last look, or None if it has never been seen.
     """
 
     def __init__(
@@ -81,15 +92,15 @@ class Watch:
         max_age: float = MAX_AGE,
         now: Callable[[], int] | None = None,
     ) -> None:
-        """Begin to watch, with a first look.
+        """Start with a first look at the object.
 
         Args:
-            tracker: Of the object.
-            cameras: By name; the next one is only asked when the one before does not see the object now.
-            success: Whether a pose, (7,), is one of success: `Reached`, `Lifted`, or one's own.
-            max_age: Of a pose that success may rest on, [s].
-            now: Time on the episode clock, [ns]; without it, that of the picture that was looked at. Needed where a
-                camera may hang: the pose in a picture that stays the same then grows old.
+            tracker: Tracker of the object.
+            cameras: Cameras by name. The next camera is only asked when the one before does not see the object now.
+            success: Function that returns whether a pose, (7,), is one of success: `Reached`, `Lifted`, or one's own.
+            max_age: Largest age of a pose that success may rest on, [s].
+            now: Function that returns the time on the episode clock, [ns]. None takes the time of the latest picture.
+                It is needed where a camera may hang, so that the pose in a picture that stays the same grows old.
         """
         self.tracker, self.cameras, self.success, self.max_age, self.now = tracker, cameras, success, max_age, now
         self.track: Track | None = None
@@ -97,7 +108,11 @@ class Watch:
         self.look()
 
     def look(self) -> Track | None:
-        """Look through the cameras until one sees the object; None if it has never been seen."""
+        """Look through the cameras until one sees the object.
+
+        Returns:
+            The last believed pose of the object with its age, or None if the object has never been seen.
+        """
         for camera in self.cameras.values():
             t_ns, picture = camera()
             self.track = self.tracker.see(picture, t_ns, camera.calibration)
@@ -109,21 +124,24 @@ class Watch:
         return self.track
 
     def done(self) -> bool:
-        """Look, and say whether the task is achieved; to be asked once after each action, as `record` does."""
+        """Look at the object and return whether the task is achieved; `record` calls this once after each action."""
         self.look()
         return self.achieved
 
     @property
     def achieved(self) -> bool:
-        """Whether the task was achieved at the last look: never because of a pose that was too old then."""
+        """Whether the task was achieved at the last look; a pose that was too old at that time never counts."""
         track = self.track
         return track is not None and track.fresh(self.max_age) and self.success(track.pose)
 
     def reset_pose(self) -> NDArray[np.float64]:
-        """Where the object is now, for a reset to fetch it, (7,); looks a few times.
+        """Look for the object up to `LOOKS` times, so that a reset can fetch it.
+
+        Returns:
+            The pose of the object now: position [m], quat_xyzw, base axes, (7,).
 
         Raises:
-            CollectError: If it is not seen.
+            CollectError: If the object is not seen.
         """
         for _ in range(LOOKS):
             track = self.look()
