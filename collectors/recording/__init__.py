@@ -1,1 +1,1 @@
-"""The one recording loop, its workers and its display."""
+"""Recording loop that all collectors share, with its workers and its display of progress."""

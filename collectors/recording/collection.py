@@ -1,4 +1,4 @@
-"""From an index to a dataset: what is missing is collected, whichever executor runs the workers."""
+"""Collection of the missing episodes of a dataset by workers, whichever executor runs them."""
 
 from contextlib import ExitStack
 from functools import cache
@@ -12,11 +12,11 @@ from svfl_data.errors import SvflError
 
 
 def software_versions(*packages: str) -> dict[str, str]:
-    """Installed versions of packages, by name, to be stored with what they recorded."""
+    """Return the installed versions of packages by name, to be stored with the episodes that the packages recorded."""
     return {package: _version(package) for package in packages}
 
 
-_version = cache(version)  # looking one up takes 2 ms
+_version = cache(version)  # the cache saves 2 ms for each look-up
 
 
 def collect_dataset(
@@ -28,24 +28,26 @@ def collect_dataset(
     keep_failures: bool = False,
     progress: CollectionProgress | None = None,
 ) -> list[Collected]:
-    """Collect the episodes 0 .. episodes-1 that a dataset does not have yet.
+    """Collect the episodes 0 to ``episodes - 1`` that a dataset does not have yet.
 
     Args:
-        dataset: Where to write; held for the duration.
-        episodes: How many episodes it shall have.
-        workers: How many work at a time; what is collected does not depend on it.
-        collector: Makes the episodes; sent to each worker.
-        executor: Runs the workers.
-        keep_failures: Whether to write failed attempts into a dataset of their own, in the folder `FAILURES` inside.
-        progress: Where to show how it goes; by itself if not given.
+        dataset: Dataset to write the episodes to, which no other process can collect into until this function returns.
+        episodes: Number of episodes that the dataset shall have.
+        workers: Number of workers that run at a time, which does not change what is collected.
+        collector: Collector that makes the episodes, which is sent to each worker.
+        executor: Function that runs the workers; processes of this machine by default.
+        keep_failures: Whether to write failed attempts into a dataset of their own, in the folder `FAILURES` inside the
+            dataset's folder.
+        progress: Display of the progress. None creates a display for this call.
 
     Returns:
-        What was collected now, by completion.
+        The reports of the episodes collected by this call, in order of completion.
 
     Raises:
         CollectError: If workers keep dying.
-        StorageError: If the dataset's folder is removed or renamed meanwhile; it is never made again.
-        SvflError: Whatever a collector raises; episodes finished before are on disk.
+        StorageError: If the dataset's folder is removed or renamed during the collection; the folder is never created
+            again.
+        SvflError: If a collector raises one, which is passed on; episodes that were finished before are on disk.
     """
     info = dataset.info
     with ExitStack() as stack:
@@ -66,6 +68,6 @@ def collect_dataset(
                 done.append(finished)
                 shown.advance(finished)
         except SvflError:
-            held.check()  # a folder that is gone explains what a worker ran into, and this process knows more of it
+            held.check()  # a missing folder explains a worker's error, and this process knows more of it
             raise
         return done

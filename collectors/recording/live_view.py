@@ -1,4 +1,4 @@
-"""Episodes on a running viewer while they are collected, in whichever process that is."""
+"""Display of episodes on a running viewer while any process collects them."""
 
 from __future__ import annotations
 
@@ -23,18 +23,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Watched:
-    """A collector whose episodes are shown as they are recorded.
+    """Collector whose episodes are shown on a viewer while they are recorded.
 
     Attributes:
-        collector: Makes the episodes.
-        address: HOST:PORT of the viewer.
+        collector: Collector that makes the episodes.
+        address: Address of the viewer, HOST:PORT.
     """
 
     collector: Collector
     address: str
 
     def __call__(self, index: int, *, keep: Callable[[Episode], None] = forget, watch: Watcher = unwatched) -> Episode:
-        """Collect the episode of an index; attempts that fail are shown as well."""
+        """Collect the episode of an index, and show it, including attempts that fail.
+
+        Args:
+            index: Index of the episode in the dataset.
+            keep: Function that the collector calls with every failed attempt.
+            watch: Further function that is called with every observation and action.
+
+        Raises:
+            UsageError: If nothing listens at the viewer's address.
+        """
         with shown(self.address, index) as live:
 
             def both(robot: Robot, observation: Observation, action: NDArray[np.float32] | None) -> None:
@@ -46,10 +55,14 @@ class Watched:
 
 @contextmanager
 def shown(address: str, index: int) -> Iterator[Watcher]:
-    """Give what shows the episode of an index on a viewer while it is recorded, whether or not it is kept.
+    """Open a viewer for the episode of an index: what is yielded shows the episode while it is recorded.
+
+    Args:
+        address: Address of the viewer, HOST:PORT.
+        index: Index of the episode in the dataset.
 
     Raises:
-        UsageError: If nothing listens there.
+        UsageError: If nothing listens at the address.
     """
     live = viewer(address)
     live.name = f"episode {index}"
@@ -61,10 +74,13 @@ def shown(address: str, index: int) -> Iterator[Watcher]:
 
 @cache
 def viewer(address: str) -> Live:
-    """This process's connection to a viewer.
+    """Return this process's connection to a viewer, which the first call for an address opens.
+
+    Args:
+        address: Address of the viewer, HOST:PORT.
 
     Raises:
-        UsageError: If nothing listens there.
+        UsageError: If nothing listens at the address.
     """
     from svfl_data.viewer.live import Live
 
@@ -72,12 +88,16 @@ def viewer(address: str) -> Live:
 
 
 def watched(arguments: argparse.Namespace, collector: Collector) -> Collector:
-    """The collector, shown live if that is asked for.
+    """Return a collector whose episodes are shown live if that was asked for, and the same collector otherwise.
+
+    Args:
+        arguments: Command-line arguments, of which ``rerun`` is the address of a viewer, HOST:PORT, or None.
+        collector: Collector that makes the episodes.
 
     Raises:
         UsageError: If nothing listens at the address.
     """
     if arguments.rerun is None:
         return collector
-    viewer(arguments.rerun)  # what is wrong with it is said before anything is collected
+    viewer(arguments.rerun)  # an error in the address is reported before anything is collected
     return Watched(collector, arguments.rerun)

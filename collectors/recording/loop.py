@@ -1,4 +1,4 @@
-"""The one recording loop: whoever acts, whatever the robot, an episode is recorded here."""
+"""Recording loop that records every episode, for any policy and any robot."""
 
 from collections.abc import Callable, Mapping
 
@@ -12,11 +12,13 @@ State = Mapping[str, np.ndarray]
 OBJECT = "object"
 """Name of the state that is the pose of the task's object, (7,): position [m], quat_xyzw, base axes."""
 Watcher = Callable[[Robot, Observation, NDArray[np.float32] | None], None]
-"""Is called with every observation and the action that led to it, None at the first, while an episode is recorded."""
+"""Function that is called with every observation and the action that led to it, None at the first observation.
+
+What the function does is not recorded."""
 
 
 def unwatched(robot: Robot, observation: Observation, action: NDArray[np.float32] | None) -> None:
-    """Show an episode to nobody."""
+    """Do nothing with an observation, which is the default watcher."""
 
 
 def record(
@@ -27,15 +29,16 @@ def record(
     state: Callable[[], State] = dict,
     watch: Watcher = unwatched,
 ) -> dict[str, np.ndarray]:
-    """Run a policy on a robot, which has been homed and tared, and keep everything.
+    """Run a policy on a robot, which has been homed and tared, and record the episode.
 
     Args:
-        robot: The robot.
-        policy: Who acts.
-        max_steps: Actions after which the episode ends, if neither policy nor `done` have ended it.
-        done: Whether the task is achieved; asked after each action.
-        state: True values of the moment. Those named `OBJECT` become ``streams/object/pose``, others ``extra/state/``.
-        watch: Is told of every observation and action; what it does is not recorded.
+        robot: Robot to run the policy on.
+        policy: Policy that returns an action for each observation, or None to end the episode.
+        max_steps: Number of actions after which the episode ends, if neither the policy nor `done` has ended it.
+        done: Function that returns whether the task is achieved, and is called after each action. Never by default.
+        state: Function that returns the current true values. The value named `OBJECT` becomes ``streams/object/pose``,
+            others become ``extra/state/``. No values by default.
+        watch: Function that is called with every observation and action.
 
     Returns:
         The arrays of the episode without labels, by dataset path.
@@ -51,7 +54,7 @@ def record(
     states = [state()]
     actions: list[NDArray[np.float32]] = []
     while len(actions) < max_steps and (chosen := policy(observations[-1])) is not None:
-        actions.append(np.asarray(chosen, dtype=np.float32))  # what is stored is what is commanded
+        actions.append(np.asarray(chosen, dtype=np.float32))  # the stored action equals the commanded action
         robot.step(actions[-1])
         observations.append(robot.observe())
         states.append(state())

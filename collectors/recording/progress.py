@@ -1,4 +1,4 @@
-"""How a collection goes: a bar for each dataset where a person is looking, a line now and then elsewhere."""
+"""Display of a collection's progress: a bar for each dataset on a terminal, and an occasional line elsewhere."""
 
 import time
 from types import TracebackType
@@ -18,11 +18,11 @@ from collectors.recording.worker import Collected
 from svfl_data.system.printable import printable, say
 
 QUIET_SECONDS = 10.0
-"""Time between two lines where the output is not a terminal."""
+"""Least time between two lines of progress where the output is not a terminal, [s]."""
 
 
 class CollectionProgress:
-    """Shows rate, success so far and time left; a context manager."""
+    """Display of rate, share of successful attempts and time left, which is used as a context manager."""
 
     def __init__(self) -> None:
         console = Console(stderr=True)
@@ -43,12 +43,12 @@ class CollectionProgress:
         self._bars.stop()
 
     def begin(self, task: str, episodes: int, missing: int) -> None:
-        """Begin with a dataset.
+        """Start the display of a dataset.
 
         Args:
-            task: Its name.
-            episodes: How many it shall have.
-            missing: How many it does not have yet.
+            task: Name of the dataset's task.
+            episodes: Number of episodes that the dataset shall have.
+            missing: Number of episodes that the dataset does not have yet.
         """
         self._bar: TaskID = self._bars.add_task(printable(task), total=episodes, completed=episodes - missing, words="")
         self._task, self._episodes, self._left = task, episodes, missing
@@ -56,7 +56,7 @@ class CollectionProgress:
         self._start = self._said = time.monotonic()
 
     def advance(self, finished: Collected) -> None:
-        """Count an episode."""
+        """Count a finished episode and update the display."""
         self._done += 1
         self._left -= 1
         self._steps += finished.steps

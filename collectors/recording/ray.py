@@ -1,7 +1,7 @@
-"""Workers on a Ray cluster, one CPU each.
+"""Executor that runs workers on a Ray cluster, with one CPU each.
 
-Every worker writes its files into the dataset's folder on its own machine. Where that is not the folder of whoever
-started the collection, for want of a shared file system, the files are fetched.
+Every worker writes its files into the dataset's folder on its own machine. Where there is no shared file system, that
+is not the folder of the process that started the collection, and the process fetches the files.
 """
 
 import logging
@@ -29,19 +29,32 @@ LOOPBACK = "127.0.0.1"
 
 @dataclass(frozen=True)
 class Ray:
-    """The executor; see `collectors.recording.worker.Executor`.
+    """Executor on a Ray cluster; see `collectors.recording.worker.Executor`.
 
     Attributes:
-        address: Of the cluster; without one, that of ``RAY_ADDRESS``, or a new one of this machine that listens on the
-            loopback interface only.
-        folder: Where workers write on their machines, if not where the dataset is.
+        address: Address of the cluster. None takes the address in ``RAY_ADDRESS``, or else starts a new cluster on this
+            machine that listens on the loopback interface only.
+        folder: Folder that workers write to on their machines. None takes the path of the dataset's folder.
     """
 
     address: str | None = None
     folder: Path | None = None
 
     def __call__(self, indices: Sequence[int], workers: int, worker: Worker) -> Iterator[Collected]:
-        """Collect with actors."""
+        """Collect episodes with Ray actors.
+
+        Args:
+            indices: Indices of the episodes to collect.
+            workers: Number of actors that run at a time.
+            worker: Worker that each actor runs.
+
+        Yields:
+            The report of each episode that is finished and on disk here, in order of completion.
+
+        Raises:
+            CollectError: If Ray is not installed, there is no such cluster, or workers keep dying.
+            SvflError: If a collector raises one, which is passed on.
+        """
         with _signals_as_before():
             yield from self._collect(_connected(self.address), indices, workers, worker)
 
@@ -53,7 +66,8 @@ class Ray:
         worker: Worker,
     ) -> Iterator[Collected]:
         here, there = worker.folder.resolve(), (self.folder or worker.folder).resolve()
-        # One CPU also means OMP_NUM_THREADS=1, which Ray sets. A lost actor is replaced here, not by Ray, to say so.
+        # One CPU also means OMP_NUM_THREADS=1, which Ray sets. A lost actor is replaced here, not by Ray, so that it is
+        # reported.
         start = ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(Actor).remote
         waiting, deaths = deque(indices), Deaths()
         actors = [start(replace(worker, folder=there, identity=None)) for _ in range(min(workers, len(waiting)))]
@@ -64,7 +78,7 @@ class Ray:
                 while waiting and idle:
                     actor, index = idle.pop(), waiting.popleft()
                     running[actor.collect.remote(index)] = actor, index
-                while idle:  # frees its CPU, for which a replacement may be waiting
+                while idle:  # an idle actor is ended to free its CPU, for which a replacement may be waiting
                     ray.kill(idle.pop())
                 (reference, *_), _ = ray.wait(list(running))
                 actor, index = running.pop(reference)
@@ -91,24 +105,28 @@ class Ray:
 
 
 class Actor:
-    """A worker that also hands out what it has written."""
+    """Ray actor that runs a worker and returns the content of the files that the worker has written."""
 
     def __init__(self, worker: Worker) -> None:
-        """Take over a worker, which will open its world in this process, and begin the folder on this machine."""
+        """Take over a worker, which will open its world in this process, and create the dataset on this machine.
+
+        Args:
+            worker: Worker to run.
+        """
         worker.dataset()
         self._worker = replace(worker, identity=identity(worker.folder))
 
     def collect(self, index: int) -> Collected:
-        """Make and write the episode of an index."""
+        """Make and write the episode of an index, and return the report of it."""
         return self._worker.collect(index)
 
     def content(self, file: str) -> bytes:
-        """The bytes of a file that was written here."""
+        """Return the bytes of a file that the worker has written; `file` is relative to the dataset's folder."""
         return (self._worker.folder / file).read_bytes()
 
 
 def _connected(address: str | None) -> Any:  # noqa: ANN401 - Ray's module
-    """Ray, connected to a cluster.
+    """Return the module Ray, connected to a cluster.
 
     Raises:
         CollectError: If Ray is not installed, or there is no such cluster.
@@ -125,7 +143,7 @@ def _connected(address: str | None) -> Any:  # noqa: ANN401 - Ray's module
     except ModuleNotFoundError as error:
         raise CollectError("Ray is not installed here; run: pip install 'svfl[ray]'") from error
     if not address:
-        ray._private.ray_constants.ENABLE_RAY_CLUSTER = False  # where Ray was imported before it could read of it
+        ray._private.ray_constants.ENABLE_RAY_CLUSTER = False  # if Ray was imported before it could read this
     options: dict[str, Any] = {"address": address} if address else {"address": "local", "_node_ip_address": LOOPBACK}
     try:
         if address and "://" not in address and ":" in address:
@@ -134,7 +152,7 @@ def _connected(address: str | None) -> Any:  # noqa: ANN401 - Ray's module
         handler = signal.getsignal(signal.SIGTERM)
         ray.init(include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR, **options)
         if threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGTERM, handler)  # Ray has put its own in its place
+            signal.signal(signal.SIGTERM, handler)  # restores the handler that Ray has replaced
     except (OSError, ValueError, RuntimeError, ray.exceptions.RayError) as error:
         where = f"at {address}" if address else "on this machine"
         raise CollectError(f"no Ray cluster {where} ({str(error).splitlines()[0]})") from error
@@ -142,22 +160,22 @@ def _connected(address: str | None) -> Any:  # noqa: ANN401 - Ray's module
 
 
 def _keep_to_this_machine() -> None:
-    """Have a cluster that is started here listen on the loopback interface alone, and obey only who knows its token.
+    """Make a cluster that is started here listen on the loopback interface alone, and require its token.
 
-    By itself Ray listens on every interface and obeys everybody. Its processes read these settings from their
-    environment, the one that starts them when it imports Ray.
+    By default Ray listens on every interface and obeys everybody. Ray's processes read these settings from their
+    environment, and the process that starts them reads the settings when it imports Ray.
     """
-    os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # the name is history: a cluster of one machine
+    os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # despite the name, 0 means a cluster of one machine
     os.environ["RAY_AUTH_MODE"] = "token"
     os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))
 
 
 @contextmanager
 def _signals_as_before() -> Iterator[None]:
-    """Have signals end a collection as they would end it without Ray.
+    """Make signals end a collection as they would end it without Ray.
 
-    Ray has SIGTERM end the process with the wrong exit code and a dump of its stack. What a handler raises while Ray
-    waits becomes a bare KeyboardInterrupt.
+    With Ray alone, SIGTERM ends the process with the wrong exit code and a dump of its stack, and what a handler raises
+    while Ray waits becomes a bare KeyboardInterrupt.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -192,10 +210,10 @@ def _signals_as_before() -> Iterator[None]:
 
 
 def _cause(error: Any) -> Exception:  # noqa: ANN401 - Ray's RayTaskError
-    """What was raised in a worker, without Ray's wrapping and traceback if it is a mistake of the user's."""
+    """Return the error that a worker raised, without Ray's wrapping and traceback if it is a mistake of the user's."""
     return error.cause if isinstance(error.cause, SvflError) else error
 
 
 def _write(worker: Worker, path: Path, content: bytes) -> None:
-    worker.dataset("" if path.parent == worker.folder.resolve() else path.parent.name)  # begins the folder
+    worker.dataset("" if path.parent == worker.folder.resolve() else path.parent.name)  # creates the folder if needed
     write_atomically(path, content)

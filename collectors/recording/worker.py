@@ -1,4 +1,4 @@
-"""What a worker does, wherever it runs, and what happens when one dies."""
+"""Worker that makes and writes episodes, wherever it runs, and the count of workers that died."""
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -15,19 +15,19 @@ from svfl_data.storage.store import write_episode
 
 
 def forget(episode: Episode) -> None:
-    """What is done with a failed attempt by default: nothing."""
+    """Do nothing with a failed attempt, which is the default."""
 
 
 class Collector(Protocol):
-    """Produces episodes; an episode depends on nothing but its index and what the collector was made with."""
+    """Object that makes the episode of an index; the result depends only on the index and the object's own settings."""
 
     def __call__(self, index: int, *, keep: Callable[[Episode], None] = forget, watch: Watcher = unwatched) -> Episode:
         """Collect the episode of an index.
 
         Args:
             index: Index of the episode.
-            keep: Is given every failed attempt, if the collector makes episodes of those.
-            watch: Is told of every observation and action of every attempt.
+            keep: Function that is called with every failed attempt, if the collector makes episodes of those.
+            watch: Function that is called with every observation and action of every attempt.
 
         Raises:
             CollectError: If no attempt succeeds.
@@ -35,21 +35,21 @@ class Collector(Protocol):
 
 
 FAILURES = "failures"
-"""Folder of the dataset of failed attempts, inside that of the demonstrations."""
+"""Folder of the dataset of failed attempts, inside the folder of the dataset of demonstrations."""
 DEATHS = 3
-"""Workers that may die one after the other; the last one ends the collection."""
+"""Number of workers that die in a row, without a finished episode between them, at which the collection ends."""
 
 
 @dataclass(frozen=True)
 class Collected:
-    """What a worker reports of one finished episode.
+    """Report of a worker about one finished episode.
 
     Attributes:
-        index: Of the episode.
-        steps: Its length.
+        index: Index of the episode.
+        steps: Number of steps of the episode.
         success: Whether the task was achieved.
-        attempts: How many attempts it took.
-        files: What was written, relative to the dataset's folder.
+        attempts: Number of attempts that the episode took.
+        files: Paths of the files that were written, relative to the dataset's folder.
     """
 
     index: int
@@ -61,16 +61,18 @@ class Collected:
 
 @dataclass(frozen=True)
 class Worker:
-    """Makes episodes and writes them.
+    """Worker that makes episodes and writes them into a dataset.
 
     Attributes:
-        collector: Makes the episodes.
-        folder: Of the dataset, on the worker's machine.
-        task: What `Dataset.create_or_resume` needs to begin the folder where the machine does not have it yet.
-        seed: The same.
-        config: The same.
+        collector: Collector that makes the episodes.
+        folder: Folder of the dataset on the worker's machine.
+        task: Name of the task, with which `Dataset.create_or_resume` creates the dataset if the machine does not have
+            it yet.
+        seed: Seed of the dataset, for the same purpose.
+        config: Configuration of the dataset, for the same purpose.
         keep_failures: Whether to write failed attempts into a dataset of their own.
-        identity: Which folder it is; with it, one that was removed or renamed is never made again.
+        identity: Identity of the folder, so that a folder that was removed or renamed is never created again. None
+            skips this check.
     """
 
     collector: Collector
@@ -82,18 +84,22 @@ class Worker:
     identity: Identity | None = None
 
     def dataset(self, name: str = "") -> Dataset:
-        """The dataset in the folder, or in one inside it.
+        """Return the dataset in the worker's folder, which is created if it does not exist.
+
+        Args:
+            name: Name of a folder inside the worker's folder. By default the dataset is the one in the worker's folder
+                itself.
 
         Raises:
-            StorageError: If the folder is not the one that it was.
+            StorageError: If the folder is no longer the one that the worker was made for.
         """
         if self.identity is not None:
             check_same(self.folder, self.identity)
         return Dataset.create_or_resume(self.folder / name, self.task, self.seed, self.config)
 
     def collect(self, index: int) -> Collected:
-        """Make and write the episode of an index."""
-        self.dataset()  # before anything else is in the folder
+        """Make and write the episode of an index, and return the report of it."""
+        self.dataset()  # created before anything else is in the folder
         files: list[str] = []
 
         def write(episode: Episode, name: str = "") -> None:
@@ -109,40 +115,44 @@ class Worker:
 
 
 class Executor(Protocol):
-    """Has workers collect."""
+    """Function that collects episodes with several workers."""
 
     def __call__(self, indices: Sequence[int], workers: int, worker: Worker) -> Iterator[Collected]:
         """Collect the episodes of some indices.
 
         Args:
-            indices: Which.
-            workers: How many at a time.
-            worker: Is sent to where it works.
+            indices: Indices of the episodes to collect.
+            workers: Number of workers that run at a time.
+            worker: Worker to run, which is sent to the process that runs it.
 
         Yields:
-            What is finished and on disk, by completion.
+            The report of each episode that is finished and on disk, in order of completion.
 
         Raises:
             CollectError: If workers keep dying.
-            SvflError: Whatever a collector raises.
+            SvflError: If a collector raises one, which is passed on.
         """
 
 
 class Deaths:
-    """Counts workers that died since an episode was finished."""
+    """Counter of the workers that died since an episode was last finished."""
 
     def __init__(self) -> None:
         self._count = 0
 
     def forget(self) -> None:
-        """An episode was finished."""
+        """Reset the count, since an episode was finished."""
         self._count = 0
 
     def count(self, who: str, indices: Sequence[int]) -> None:
-        """Say that a worker died and what is redone.
+        """Count a worker that died, and print which episodes are collected again.
+
+        Args:
+            who: Kind of the worker, for the message.
+            indices: Indices of the episodes that the worker did not finish.
 
         Raises:
-            CollectError: If too many have died in a row.
+            CollectError: If `DEATHS` workers have died in a row.
         """
         self._count += 1
         numbers = f"episode{'s' if len(indices) > 1 else ''} {', '.join(map(str, sorted(indices)))}"

@@ -1,1 +1,1 @@
-"""A person at work: devices, the window, and the session that records what they do."""
+"""Teleoperation by a person: input devices, the window, and the session that records what the person does."""

@@ -1,21 +1,23 @@
-"""From a device's reading to an action."""
+"""Mapping from a device's reading to an action."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 RAMP = 1 / 3
-"""Of full speed that is gained or lost per action: 3.3 m/s^2, as by experts; beyond, inertia feels like contact."""
+"""Largest change of speed per action, as a fraction of full speed: 3.3 m/s^2, as experts use.
+
+With larger changes, inertia feels like contact."""
 TURN = 0.5
-"""Of the pace, for turning: full speed would be 225 degrees per second."""
+"""Factor on the pace for turning; full speed would be 225 degrees per second."""
 
 
 class ActionMapper:
-    """Turns readings into actions in base axes, with a soft start and stop.
+    """Mapper from readings of a device to actions in base axes, with a soft start and stop.
 
     Args:
         bound: Largest |dx|, |dy|, |dz| [m] and |dtheta| [rad] of an action, (4,).
-        image_axes: Base xy to image (right, up), (2, 2), of the camera that the person looks through.
-        pace: Of full speed at full deflection, 0..1.
+        image_axes: Matrix from base xy to image (right, up), (2, 2), of the camera that the person looks through.
+        pace: Fraction of full speed at full deflection, 0 to 1.
     """
 
     def __init__(self, bound: NDArray[np.float64], image_axes: NDArray[np.float64], pace: float) -> None:
@@ -24,17 +26,17 @@ class ActionMapper:
         self.begin()
 
     def begin(self) -> None:
-        """The gripper is at rest."""
+        """Reset the motion to rest, which is the state of the gripper when an episode begins."""
         self._moving = np.zeros(4)
 
     def action(self, reading: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The next action.
+        """Return the next action, whose speed differs from that of the last action by at most `RAMP`.
 
         Args:
-            reading: Of `Device.read`, (5,).
+            reading: Reading from `Device.read`, (5,).
 
         Returns:
-            (opening, dx, dy, dz, dtheta), (5,), base axes, [m] and [rad], within the bounds.
+            The action (opening, dx, dy, dz, dtheta), (5,), base axes, [m] and [rad], within the bounds.
         """
         wanted = np.clip(reading[1:], -1.0, 1.0) * self._pace
         self._moving = self._moving + np.clip(wanted - self._moving, -RAMP, RAMP)

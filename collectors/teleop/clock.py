@@ -1,4 +1,4 @@
-"""A steady beat, and how steady it was."""
+"""Clock that times the actions, and measures how steady the timing was."""
 
 import time
 from typing import Any
@@ -11,10 +11,10 @@ PERIOD_NS = 50_000_000
 
 
 class Clock:
-    """Waits for the beat.
+    """Clock that waits for the next beat, the time of the next action.
 
     Args:
-        paced: Whether to wait; without, it only measures.
+        paced: Whether the clock waits; if not, it only measures the beats.
     """
 
     def __init__(self, paced: bool = True) -> None:
@@ -22,12 +22,16 @@ class Clock:
         self.begin()
 
     def begin(self) -> None:
-        """The next beat is the first one."""
+        """Forget all beats, so that the next beat counts as the first."""
         self._beats: list[int] = []
         self._due: int | None = None
 
     def wait(self) -> None:
-        """Wait until the next beat; after a delay the beat goes on from there, since a burst would be no control."""
+        """Wait until the next beat.
+
+        After a delay, the following beats are counted from the late one, since a burst of actions would not be
+        controlled by the person.
+        """
         now = time.monotonic_ns()
         due = now if self._due is None else self._due
         if self.paced and now < due:
@@ -37,12 +41,19 @@ class Clock:
         self._due = (due if now - due < PERIOD_NS else now) + PERIOD_NS
 
     def beats_ns(self, count: int) -> NDArray[np.int64]:
-        """When the first beats were, since the first of them, (count,), [ns] of a clock that runs in real time."""
+        """Return the times of the first beats since the first beat, [ns], on a clock that runs in real time.
+
+        Args:
+            count: Number of beats.
+
+        Returns:
+            The times, (count,), or fewer if there have not been that many beats.
+        """
         beats = np.array(self._beats[:count], np.int64)
         return beats - beats[:1]
 
     def words(self) -> str:
-        """How steady the last two seconds were."""
+        """Return a text on how steady the last two seconds were, for the screen; empty if the clock does not wait."""
         found = steadiness(np.array(self._beats[-41:], np.int64))
         if not (self.paced and found):
             return ""
@@ -50,11 +61,14 @@ class Clock:
 
 
 def steadiness(beats_ns: NDArray[np.int64]) -> dict[str, Any]:
-    """How steady beats were, as JSON values.
+    """Return how steady beats were, as JSON values.
+
+    Args:
+        beats_ns: Times of the beats, (N,), [ns].
 
     Returns:
-        ``rate_hz``; ``jitter_ms``, the distance of the periods from 50 ms (median, 99th percentile, largest), [ms];
-        ``late``, the number of periods over 75 ms. Nothing of fewer than two beats.
+        ``rate_hz``, the rate; ``jitter_ms``, the distance of the periods from 50 ms (median, 99th percentile, largest),
+        [ms]; and ``late``, the number of periods over 75 ms. The result is empty for fewer than two beats.
     """
     periods = np.diff(beats_ns)
     if not periods.size:

@@ -1,4 +1,4 @@
-"""A robot that writes everything down while it works: a kill costs half a second of an episode, not all of it."""
+"""Robot that writes a journal while it works, so that a killed process loses at most half a second of an episode."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,7 +13,11 @@ from svfl_data.system.own_process import OwnProcess
 
 
 def constants(robot: Robot) -> dict[str, np.ndarray]:
-    """The arrays that an episode has once, by dataset path."""
+    """Return the arrays that an episode has once, by dataset path: workspace, tare and calibration of the cameras.
+
+    Args:
+        robot: Robot that records the episode.
+    """
     arrays = {"workspace": np.array(robot.workspace), "streams/wrench/tare": np.array(robot.tare_offset, np.float64)}
     for name, calibration in robot.cameras.items():
         arrays |= {
@@ -24,11 +28,11 @@ def constants(robot: Robot) -> dict[str, np.ndarray]:
 
 
 class Journaled(OwnProcess):
-    """A robot, with a journal of the episode that it is in.
+    """Robot that writes all it observes and does into the journal of the current episode.
 
     Args:
-        robot: Does the work.
-        writer: Of the journal.
+        robot: Robot that does the work.
+        writer: Writer of the episode's journal.
     """
 
     def __init__(self, robot: Robot, writer: EpisodeWriter) -> None:
@@ -40,7 +44,7 @@ class Journaled(OwnProcess):
         return getattr(self._rig, name)
 
     def observe(self) -> Observation:
-        """See and feel, and write down what is new since the last time."""
+        """Observe, and append the observation and all new readings to the journal."""
         self.check_process()
         seen = self._rig.observe()
         self._t_ns = np.array([seen.t_ns], np.int64)
@@ -49,19 +53,27 @@ class Journaled(OwnProcess):
         for name, frame in seen.frames.items():
             self._writer.append(f"cameras/{name}", t_ns=self._t_ns, color=frame.color[None], depth=frame.depth[None])
         t_ns, wrench = self._rig.wrench_t_ns, self._rig.wrench
-        count = min(len(t_ns), len(wrench))  # of a robot whose sensor runs by itself
+        count = min(len(t_ns), len(wrench))  # the sensor of some robots adds readings between these two calls
         self._writer.append("streams/wrench", t_ns=t_ns[self._readings : count], wrench=wrench[self._readings : count])
         self._readings = count
         return seen
 
     def step(self, action: NDArray[np.float32]) -> None:
-        """Act, and write the action down."""
+        """Append the action to the journal, and carry it out.
+
+        Args:
+            action: Action (opening, dx, dy, dz, dtheta), (5,), base axes, [m] and [rad].
+        """
         self.check_process()
         self._writer.append("actions", action=action[None])
         self._rig.step(action)
 
     def state(self, values: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
-        """Write down the true values that go with the last observation, and hand them on."""
+        """Append the true values that belong to the last observation to the journal, and return them.
+
+        Args:
+            values: True values by name.
+        """
         if OBJECT in values:
             self._writer.append("streams/object", t_ns=self._t_ns, pose=values[OBJECT][None])
         others: dict[str, Any] = {name: value[None] for name, value in values.items() if name != OBJECT}

@@ -1,4 +1,4 @@
-"""The whole screen: picture, state, bars of force and torque, gripper, keys."""
+"""Content of the screen: camera picture, state, bars of force and torque, gripper, and keys."""
 
 import math
 from collections.abc import Sequence
@@ -12,8 +12,8 @@ from collectors.teleop.view import CONTACT_N, View
 
 SIZE = (1080, 720)
 PICTURE = pygame.Rect(20, 60, 600, 600)
-LEFT, RIGHT = 648, 1060  # of the column beside the picture
-FORCE_N, TORQUE_NM = 20.0, 2.0  # at the ends of the bars
+LEFT, RIGHT = 648, 1060  # [px] left and right edge of the column beside the picture
+FORCE_N, TORQUE_NM = 20.0, 2.0  # [N] and [N m] at the ends of the bars
 
 GROUND: Color = (24, 28, 36)
 TRACK: Color = (44, 50, 62)
@@ -33,15 +33,15 @@ COMMANDS = (
     ("T", Command.TARE, "tare: hold the gripper free"),
     ("escape", Command.QUIT, "save and quit"),
 )
-"""Key, what it tells, and what that means."""
+"""Key, the command it gives, and the meaning that is shown for it."""
 
 
 class Panel:
-    """Draws views, for one device.
+    """Panel that draws views for one device.
 
     Args:
-        device: Its name.
-        controls: Its controls and what they mean.
+        device: Name of the device.
+        controls: Controls of the device, and their meanings.
     """
 
     def __init__(self, device: str, controls: Sequence[tuple[str, str]]) -> None:
@@ -50,7 +50,12 @@ class Panel:
         self._device, self._controls = device, controls
 
     def draw(self, target: pygame.Surface, view: View) -> None:
-        """Draw a view on a surface of `SIZE`."""
+        """Draw a view on a surface of `SIZE`.
+
+        Args:
+            target: Surface to draw on.
+            view: View to draw.
+        """
         target.fill(GROUND)
         self._write(target, self._large, view.task.replace("_", " "), TEXT, (20, 20))
         self._state(target, view)
@@ -77,7 +82,7 @@ class Panel:
         target.blit(word, (at[0] - word.get_width() if right else at[0], at[1]))
 
     def _state(self, target: pygame.Surface, view: View) -> None:
-        """Recording or not, in the picture's upper right corner."""
+        """Draw whether an episode is being recorded, at the upper right corner of the picture."""
         running = view.steps is not None
         words = f"RECORDING  {view.steps / 20:.1f} s" if view.steps is not None else "READY, enter starts"
         word = self._font.render(f"episode {view.episode}   {words}", True, GROUND)
@@ -100,7 +105,7 @@ class Panel:
         self, target: pygame.Surface, top: int, names: Sequence[str], values: np.ndarray, full: float, unit: str,
         digits: int,
     ) -> None:  # fmt: skip
-        """Bars to both sides of zero; one that is cut off ends in a white edge."""
+        """Draw bars to both sides of zero; a bar that exceeds the scale ends in a white edge."""
         for row, (name, value, color) in enumerate(zip(names, values, COLORS, strict=True)):
             y = top + 28 * row
             track = pygame.Rect(LEFT + 34, y, 272, 18)
@@ -118,7 +123,7 @@ class Panel:
             self._write(target, self._font, f"{shown:+.{digits}f} {unit}", TEXT, (RIGHT, y + 1), right=True)
 
     def _gripper(self, target: pygame.Surface, view: View) -> None:
-        """The gripper from the front, and how high and how it is turned."""
+        """Draw the gripper as seen from the front, and its height and rotation."""
         opening, _, _, z, theta = map(float, view.observation.proprio)
         top, centre = 314, LEFT + 70
         pygame.draw.rect(target, FAINT, (centre - 58, top, 116, 12), border_radius=3)
@@ -134,7 +139,7 @@ class Panel:
             self._write(target, self._font, value, TEXT, (RIGHT, top - 4 + 23 * row), right=True)
 
     def _keys(self, target: pygame.Surface) -> None:
-        """The device's controls, then the keys that everyone has."""
+        """Draw the device's controls, then the keys that work with every device."""
         y = 392
         keys = [(key, meaning) for key, _, meaning in COMMANDS]
         tables = ((self._device, self._controls), ("keys", keys))

@@ -1,4 +1,4 @@
-"""The camera's picture, with what helps to estimate depth drawn into it."""
+"""Picture of the camera, with drawings that help a person to estimate depth."""
 
 import math
 
@@ -14,17 +14,17 @@ Color = tuple[int, int, int]
 GRIPPER: Color = (255, 214, 64)
 FLOOR: Color = (235, 238, 242)
 AXES = {"x": (240, 96, 96), "y": (96, 205, 110)}
-HALF_STROKE = 0.04  # [m] from the TCP to an open finger of a common gripper; only the drawing depends on it
+HALF_STROKE = 0.04  # [m] from the TCP to an open finger of a common gripper; only used for the drawing
 
 
 def draw_picture(target: pygame.Surface, place: pygame.Rect, view: View, font: pygame.font.Font) -> None:
-    """Draw the first camera's picture, enlarged, with the workspace, and the TCP with its foot on the table.
+    """Draw the enlarged picture of the first camera, with the workspace, the TCP and the point on the table below it.
 
     Args:
-        target: Where to draw.
-        place: The square for it.
-        view: What to draw.
-        font: For the names of the axes.
+        target: Surface to draw on.
+        place: Square of the surface for the picture.
+        view: View to draw.
+        font: Font for the names of the axes.
     """
     color = next(iter(view.observation.frames.values())).color
     height, width = color.shape[:2]
@@ -57,7 +57,7 @@ def draw_picture(target: pygame.Surface, place: pygame.Rect, view: View, font: p
 
 
 def _draw_gripper(at, line, proprio: NDArray[np.float32]) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
-    """The way the fingers open, and the plumb line from the TCP to the table."""
+    """Draw the axis along which the fingers open, and the vertical line from the TCP to the table."""
     opening, x, y, z, theta = map(float, proprio)
     line(GRIPPER, at(x, y, z), at(x, y, 0.0), 2)
     reach = HALF_STROKE * opening
@@ -69,7 +69,7 @@ def _draw_gripper(at, line, proprio: NDArray[np.float32]) -> None:  # type: igno
 def _draw_axes(
     target: pygame.Surface, place: pygame.Rect, image_axes: NDArray[np.float64], font: pygame.font.Font
 ) -> None:
-    """Base x and y as the picture shows them, in its lower left corner: what the names of the forces mean."""
+    """Draw base x and y as the picture shows them, in its lower left corner, to explain the names of the forces."""
     origin = np.array([place.left + 52, place.bottom - 52])
     backdrop = pygame.Surface((92, 92), pygame.SRCALPHA)
     pygame.draw.circle(backdrop, (15, 18, 24, 150), (46, 46), 46)

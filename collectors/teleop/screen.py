@@ -1,4 +1,4 @@
-"""Where a person sees what happens, and tells what shall happen."""
+"""Screen that shows a person the state of the session, and gives the person's commands."""
 
 from typing import Any, Protocol
 
@@ -7,33 +7,33 @@ from collectors.teleop.view import View
 
 
 class Screen(Protocol):
-    """Shows views, and hears events and commands."""
+    """Screen that shows views, and returns events and commands."""
 
     def present(self, device: Device) -> None:
-        """Show the controls of this device from now on."""
+        """Show the controls of a device until the next call."""
 
     def poll(self) -> tuple[list[Any], list[Command]]:
-        """Events for the device, and commands, since the last time."""
+        """Return the events for the device, and the commands, since the last call."""
 
     def show(self, view: View) -> None:
-        """Show what there is now."""
+        """Show a view of the current state."""
 
     def close(self) -> None:
-        """No more."""
+        """Close the screen."""
 
 
 class NoScreen:
-    """For scripts: there is nobody to look or to tell."""
+    """Screen for scripts, which shows nothing and gives no commands."""
 
     def present(self, device: Device) -> None:
-        """Nothing is shown."""
+        """Show nothing."""
 
     def poll(self) -> tuple[list[Any], list[Command]]:
-        """Nothing is heard."""
+        """Return no events and no commands."""
         return [], []
 
     def show(self, view: View) -> None:
-        """Nothing is shown."""
+        """Show nothing."""
 
     def close(self) -> None:
-        """Nothing was open."""
+        """Do nothing, since nothing was opened."""

@@ -1,4 +1,4 @@
-"""A person records episodes, one after the other, until they quit; nothing of an episode is lost on the way."""
+"""Session in which a person records episodes one after the other until the person quits, without losing data."""
 
 import signal
 from collections.abc import Iterator
@@ -34,22 +34,22 @@ from svfl_data.storage.store import write_episode
 from svfl_data.system.printable import say
 
 ATTEMPT = POLICY_ATTEMPT + 1
-"""Number of the attempt in every episode: its scene is one that no expert and no policy has."""
+"""Attempt number of every teleoperated episode, whose scene is therefore one that no expert and no policy has."""
 ENDS = {
     Command.SUCCESS: "marked as success",
     Command.STOP: "stopped",
     Command.DISCARD: "discarded",
     Command.QUIT: "quit",
 }
-"""Commands that end an episode, and what it says of its end."""
+"""Commands that end an episode, and the reason for the end that the episode stores."""
 
 ACHIEVED = "achieved"
-"""The end of an episode whose task says that it is."""
+"""Reason for the end of an episode whose task was achieved."""
 
 
 @dataclass(frozen=True)
 class Teleoperation(Simulated):
-    """What a dataset of teleoperated episodes is of.
+    """Settings that a dataset of teleoperated episodes is recorded with.
 
     Attributes:
         seed: Seed of the dataset.
@@ -62,24 +62,24 @@ class Teleoperation(Simulated):
     world: WorldConfig = field(default_factory=WorldConfig)
 
     def config(self) -> dict[str, Any]:
-        """Everything that was set, as JSON values."""
+        """Return all settings except the seed, as JSON values."""
         return {"task": self.task, "world": asdict(self.world)}
 
 
 class Session:
-    """One person at one device.
+    """Session of one person at one device.
 
     Args:
-        dataset: Where to record.
-        what: What it is of.
-        device: What the person steers with.
-        screen: What they see.
-        clock: Keeps the beat.
-        pace: Of full speed at full deflection, 0..1.
-        max_steps: Of an episode.
-        about: What else every episode shall say of the session, JSON values.
-        log: Where to keep what was told.
-        viewer: HOST:PORT of the viewer on which episodes are shown as well.
+        dataset: Dataset to record the episodes into.
+        what: Settings of the dataset, which open the world of the robot and its task.
+        device: Device that the person steers with.
+        screen: Screen that the person looks at.
+        clock: Clock that times the actions.
+        pace: Fraction of full speed at full deflection, 0 to 1.
+        max_steps: Number of steps after which an episode ends.
+        about: Facts of the session that every episode stores in addition, JSON values.
+        log: Log that the inputs are written to. None writes no log.
+        viewer: Address of the viewer on which episodes are shown as well, HOST:PORT. None shows them on no viewer.
     """
 
     def __init__(
@@ -91,8 +91,8 @@ class Session:
         self._about = {"device": device.name, "pace": pace, **about}
         self._mapper = ActionMapper(self._world.action_bound, self._world.camera.image_axes, pace)
         self._message = "press enter to start"
-        self._again: int | None = None  # the saved episode that the next one replaces
-        self._saved: dict[int, bool] = {}  # episodes of this session, and whether they succeeded
+        self._again: int | None = None  # index of the saved episode that the next one replaces
+        self._saved: dict[int, bool] = {}  # whether each episode of this session succeeded, by index
         self._steps: int | None = None
         self._contact = self._interrupted = self._over = False
         self._lost: DeviceLostError | None = None
@@ -102,8 +102,8 @@ class Session:
 
         Raises:
             DeviceLostError: If the device was unplugged; what was recorded until then is saved.
-            KeyboardInterrupt: If the process was told to end; the same.
-            SvflError: If the disk refuses.
+            KeyboardInterrupt: If the process was told to end; what was recorded until then is saved.
+            SvflError: If an episode cannot be written.
         """
         with self._dataset.writing() as self._held, self._signals():
             self._salvage()
@@ -119,13 +119,13 @@ class Session:
             raise KeyboardInterrupt
 
     def _salvage(self) -> None:
-        """Make episodes of what killed sessions have left."""
+        """Make episodes of the journals that killed sessions have left."""
         if any((self._dataset.path / INFLIGHT).glob(f"*{SUFFIX}")):
             for action in repair_dataset(self._dataset.path):
                 self._say(f"{action.path.name}: {action.done}, {action.detail}")
 
     def _set_up(self) -> None:
-        """The scene of the next episode, the gripper at home."""
+        """Set up the scene of the next episode, with the gripper at home."""
         self._scene = max([-1, *self._dataset.indices]) + 1 if self._again is None else self._again
         kind, what = task_class(self._what.task), self._what
         self._task = kind.begin(self._world, attempt_seed(what.seed, self._scene, ATTEMPT))
@@ -135,7 +135,7 @@ class Session:
         self._contact, self._steps = False, None
 
     def _ready(self) -> bool:
-        """Wait for the start; False if there is none."""
+        """Wait for the start of an episode, and return False if the person quits instead."""
         while True:
             for command in self._tick(self._world.observe()):
                 if command in (Command.START, Command.QUIT):
@@ -146,7 +146,7 @@ class Session:
                     self._record_again()
 
     def _record_again(self) -> None:
-        """Take the last episode's scene, or, told again, the next one."""
+        """Set up the scene of the last episode again, or at the second request the scene of the next episode."""
         if not self._saved:
             self._message = "there is no episode of this session to record again"
             return
@@ -155,7 +155,7 @@ class Session:
         self._set_up()
 
     def _record(self) -> None:
-        """One episode, from the start to its end, and to the disk."""
+        """Record one episode from its start to its end, and save it unless it was discarded."""
         what = self._what
         facts = {"drawn": self._task.drawn(), "index": self._scene, "attempt": ATTEMPT, "rejected": []}
         config = what.config() | facts | {"teleop": self._about}
@@ -196,7 +196,7 @@ class Session:
         self._say(f"episode {self._scene} saved: {words}, {len(episode) / 20:.1f} s")
 
     def _act(self, observation: Observation) -> NDArray[np.float32] | None:
-        """The policy: what the person wants, until they end the episode."""
+        """Return the action that the person wants, as a policy does, or None when the person ends the episode."""
         for command in self._tick(observation):
             if command in ENDS:
                 self._over = command is Command.QUIT
@@ -215,7 +215,7 @@ class Session:
         self._message = f"tared{touching}: {force:.1f} N are subtracted"
 
     def _tick(self, observation: Observation) -> list[Command]:
-        """Show what there is, wait for the beat, and hear what is told; a broken device or a signal tells to quit."""
+        """Show the state, wait for the beat, and return the commands; a lost device or a signal means to quit."""
         wrench = felt(observation)
         before, self._contact = self._contact, in_contact(self._contact, wrench)
         if self._contact and not before and self._steps:
@@ -258,7 +258,7 @@ class Session:
 
     @contextmanager
     def _signals(self) -> Iterator[None]:
-        """Being told to end ends the session in order: the episode is saved first."""
+        """Make a signal end the session in order, so that the current episode is saved first."""
 
         def interrupt(number: int, frame: Any) -> None:  # noqa: ANN401 - Python's
             self._interrupted = True

@@ -1,4 +1,4 @@
-"""What a person sees while steering, and where it comes from."""
+"""View that a person sees while steering, and the functions that compute it."""
 
 from dataclasses import dataclass
 
@@ -8,28 +8,28 @@ from numpy.typing import NDArray
 from svfl_data.schema.robot import Calibration, Observation
 
 FELT = 25
-"""Readings whose mean is shown, and taken for contact: those of one action."""
+"""Number of readings whose mean is shown and compared with the contact thresholds: those of one action."""
 CONTACT_N, RELEASE_N = 5.0, 2.5
-"""Forces at which contact begins and ends, [N]: those of `svfl_data.signals.contact.ContactRule`."""
+"""Forces at which contact begins and ends, [N], equal to those of `svfl_data.signals.contact.ContactRule`."""
 
 
 @dataclass(frozen=True)
 class View:
-    """One picture of the screen, in numbers.
+    """Content of the screen at one moment, in numbers.
 
     Attributes:
         task: Name of the task.
-        observation: What is known now; its first camera is shown.
-        calibration: Of that camera.
+        observation: Latest observation, whose first camera is shown.
+        calibration: Calibration of that camera.
         workspace: Bounds of the TCP in base, (3, 2), [m].
-        wrench: (6,) mean of the last readings, tared, [N] and [N m], base axes.
+        wrench: Mean of the last readings, tared, (6,), [N] and [N m], base axes.
         contact: Whether the gripper is in contact.
         episode: Number of the episode that is, or will be, recorded.
-        steps: Its length so far; None between episodes.
-        saved: Episodes saved in this session.
-        succeeded: How many of them succeeded.
-        message: What happened last.
-        pace: How steady the beat is, in words.
+        steps: Number of steps of the episode so far; None between episodes.
+        saved: Number of episodes saved in this session.
+        succeeded: Number of saved episodes that succeeded.
+        message: Message about the latest event.
+        pace: Text on how steady the beat is.
     """
 
     task: str
@@ -47,22 +47,34 @@ class View:
 
 
 def felt(observation: Observation) -> NDArray[np.float64]:
-    """What the gripper feels now, (6,), [N] and [N m]."""
+    """Return the mean wrench of the last `FELT` readings of an observation, (6,), [N] and [N m], base axes.
+
+    Args:
+        observation: Observation with the tared wrench readings, base axes.
+    """
     return np.asarray(observation.wrench[-FELT:].mean(axis=0, dtype=np.float64))
 
 
 def in_contact(before: bool, wrench: NDArray[np.float64]) -> bool:
-    """Whether the gripper is in contact, with hysteresis.
+    """Return whether the gripper is in contact, with hysteresis.
 
     Args:
-        before: Whether it was.
-        wrench: What it feels, (6,).
+        before: Whether the gripper was in contact at the time before.
+        wrench: Mean wrench of the last readings, tared, (6,), [N] and [N m].
     """
     return bool(np.linalg.norm(wrench[:3]) > (RELEASE_N if before else CONTACT_N))
 
 
 def pixel(calibration: Calibration, point: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Where a point in base, (3,) [m], is in the picture, (2,) [px]; None if it is behind the camera."""
+    """Return where a point is in a camera's picture.
+
+    Args:
+        calibration: Calibration of the camera.
+        point: Point in base, (3,), [m].
+
+    Returns:
+        The position in the picture, (2,), [px], or None if the point is behind the camera.
+    """
     T = calibration.T_base_camera
     seen = calibration.intrinsics @ (T[:3, :3].T @ (point - T[:3, 3]))
     return seen[:2] / seen[2] if seen[2] > 1e-6 else None

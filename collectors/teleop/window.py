@@ -1,4 +1,4 @@
-"""The window: shows views, and hears the keys that are the same for every device."""
+"""Window on the desktop that shows views, and reads the keys that are the same for every device."""
 
 import os
 import sys
@@ -12,16 +12,20 @@ from svfl_data.errors import CollectError
 
 TITLE = "SVFL teleoperation"
 SDL_NAMES = {"enter": "return"}
-"""SDL's names of keys, where they are not what is printed on them."""
+"""SDL's names of keys that differ from the labels on the keys."""
 LATIN = 0x24F
-"""The last Latin letter of Unicode. A layout of another script has none, and its letters are told by their places."""
+"""Code of the last Latin letter in Unicode.
+
+Keys of a layout in another script have codes above it, so their commands are taken from their positions."""
 
 
 class Window:
-    """A `collectors.teleop.screen.Screen` on the desktop. The devices that pygame hears live as long as it is open.
+    """Screen (`collectors.teleop.screen.Screen`) on the desktop.
+
+    Devices that receive their events through pygame work only while the window is open.
 
     Raises:
-        CollectError: If there is no display to open it on.
+        CollectError: If there is no display to open the window on.
     """
 
     def __init__(self) -> None:
@@ -43,11 +47,11 @@ class Window:
         self._places = {getattr(pygame, f"KSCAN_{key}"): command for key, command, _ in COMMANDS if len(key) == 1}
 
     def present(self, device: Device) -> None:
-        """Show the controls of this device from now on."""
+        """Show the controls of a device until the next call."""
         self._panel = Panel(device.name, device.controls)
 
     def poll(self) -> tuple[list[Any], list[Command]]:
-        """All events since the last time, and what they tell."""
+        """Return all events since the last call, and the commands that they give."""
         events = pygame.event.get()
         commands = []
         for event in events:
@@ -60,7 +64,7 @@ class Window:
         return events, commands
 
     def show(self, view: View) -> None:
-        """Draw it."""
+        """Draw a view and show it."""
         self._panel.draw(self._canvas, view)
         whole = self._canvas.get_rect().fit(self._window.get_rect())  # the person may have resized it
         self._window.fill(0)
@@ -69,7 +73,7 @@ class Window:
         pygame.display.flip()
 
     def close(self) -> None:
-        """Close it."""
+        """Close the window."""
         pygame.display.quit()
 
 

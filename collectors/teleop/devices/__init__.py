@@ -1,1 +1,1 @@
-"""What a person steers with: keyboard, gamepad, SpaceMouse, a recorded script."""
+"""Devices that a person steers with: keyboard, gamepad, SpaceMouse, and a recorded script."""

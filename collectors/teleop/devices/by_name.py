@@ -1,4 +1,4 @@
-"""The devices by name. Adding one means its file and a line here."""
+"""Devices by name; a new device needs its own file and a line here."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -30,10 +30,13 @@ SCRIPT = "script"
 
 
 def check_device(words: Sequence[str]) -> None:
-    """Check what was said after ``--device``.
+    """Check the words that were given after ``--device``.
+
+    Args:
+        words: Name of the device, followed by one file if the device is a script.
 
     Raises:
-        UsageError: If there is no such device, or the script has not one file.
+        UsageError: If there is no such device, a script has not exactly one file, or another device has one.
     """
     name, *files = words
     if name != SCRIPT and name not in DEVICES:
@@ -43,11 +46,16 @@ def check_device(words: Sequence[str]) -> None:
 
 
 def open_device(words: Sequence[str]) -> Device:
-    """Open what `check_device` found in order; a window must be open already, except for a script.
+    """Open the device whose words `check_device` has accepted.
+
+    A window must be open already, except for a script.
+
+    Args:
+        words: Name of the device, followed by one file if the device is a script.
 
     Raises:
-        CollectError: If it is not connected, or what it needs is not installed.
-        FormatError: If the script is not one.
+        CollectError: If the device is not connected, or a library that it needs is not installed.
+        FormatError: If the file of a script is not an input log.
     """
     from collectors.teleop.devices.script import Script
 

@@ -1,4 +1,4 @@
-"""What a person steers with."""
+"""Device that a person steers with, and the commands that it can give."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from svfl_data.errors import CollectError
 
 FINE = 0.25
-"""Of the pace, while the control for fine movements is held."""
+"""Fraction of the pace that applies while the control for fine movements is held."""
 
 
 class Command(StrEnum):
-    """What a person tells the session, beside how to move."""
+    """Command from a person to the session, apart from motions."""
 
     START = "start"
     SUCCESS = "success"
@@ -27,15 +27,17 @@ class Command(StrEnum):
 
 
 class DeviceLostError(CollectError):
-    """The device was unplugged, or no longer answers."""
+    """Error that the device was unplugged, or no longer answers."""
 
 
 class Device(ABC):
-    """A device; adding one means a subclass and a line in `collectors.teleop.devices.by_name` (docs/teleoperation.md).
+    """Device that a person steers with.
+
+    A new device needs a subclass, and a line in `collectors.teleop.devices.by_name` (docs/teleoperation.md).
 
     Attributes:
-        name: What the episodes it makes are marked with.
-        controls: Control and meaning, in pairs, for the screen.
+        name: Name of the device, which is stored in its episodes.
+        controls: Controls of the device and their meanings, in pairs, for the screen.
     """
 
     name: str
@@ -43,44 +45,58 @@ class Device(ABC):
 
     @abstractmethod
     def read(self) -> NDArray[np.float32]:
-        """Where its controls are now; asked once for each action, of 50 ms.
+        """Return the state of the device's controls; the session calls this once for each action of 50 ms.
 
         Returns:
-            (opening, right, away, up, turn), (5,): gripper opening 0..1, then fractions -1..1 of the full pace, right
-            and away as the camera's picture shows them, turn counter-clockwise seen from above.
+            The reading (opening, right, away, up, turn), (5,). The gripper opening is 0 to 1. The others are fractions
+            of the full pace, -1 to 1, with right and away as the camera's picture shows them, and turn
+            counter-clockwise as seen from above.
 
         Raises:
-            DeviceLostError: If it was unplugged.
+            DeviceLostError: If the device was unplugged.
         """
 
     def commands(self) -> list[Command]:
-        """What its buttons told since it was last asked."""
+        """Return the commands that the device's buttons have given since the last call."""
         return []
 
     def handle(self, event: Any) -> None:  # noqa: ANN401, B027 - pygame has no common type of events
-        """An event of the window, if there is one and the device lives on them."""
+        """Handle an event of the window, if there is a window and the device works through its events."""
 
     def begin(self, opened: bool) -> None:  # noqa: B027
-        """An episode begins: the gripper is at home, open or holding something."""
+        """Prepare for an episode, which begins with the gripper at home.
+
+        Args:
+            opened: Whether the gripper is open; otherwise it is holding something.
+        """
 
     def touch(self, newtons: float) -> None:  # noqa: B027
-        """The gripper has come into contact: let it be felt, if the device can."""
+        """Signal to the person that the gripper has come into contact, if the device can.
+
+        Args:
+            newtons: Magnitude of the contact force, [N].
+        """
 
     def close(self) -> None:  # noqa: B027
-        """Let go of the device."""
+        """Release the device."""
 
 
 def reading(opening: float, *motion: float) -> NDArray[np.float32]:
-    """The five numbers of `Device.read`."""
-    return np.array([opening, *motion], np.float32) + np.float32(0.0)  # no -0.0, which would be 0.0 in a log
+    """Return the five numbers of `Device.read` as an array, (5,).
+
+    Args:
+        opening: Opening of the gripper, 0 to 1.
+        motion: Components (right, away, up, turn) of the motion, -1 to 1.
+    """
+    return np.array([opening, *motion], np.float32) + np.float32(0.0)  # turns -0.0 into 0.0, which is what a log stores
 
 
 def without_rest(value: float, zone: float) -> float:
-    """A stick's deflection with a zone around rest that counts as none; beyond it, from 0 on without a jump.
+    """Return a stick's deflection where a zone around rest counts as 0, and grows from 0 without a jump beyond it.
 
     Args:
-        value: -1..1.
-        zone: Half the width of the zone.
+        value: Deflection of the stick, -1 to 1.
+        zone: Half of the zone's width.
     """
     beyond = max(abs(value) - zone, 0.0) / (1.0 - zone)
     return float(np.copysign(beyond, value))

@@ -1,4 +1,4 @@
-"""A gamepad, as SDL knows most of them: the same controls at the same places, whoever made it."""
+"""Gamepad as read through SDL, which gives the controls of most makes the same names by their places."""
 
 from typing import Any
 
@@ -9,10 +9,10 @@ from collectors.teleop.devices.device import FINE, Command, Device, DeviceLostEr
 from collectors.teleop.devices.sdl import pygame
 from svfl_data.errors import CollectError
 
-REST = 0.15  # of a stick's range: worn sticks do not come back to 0
-AXIS = 32768.0
-STRONGEST = 30.0  # [N] of a contact that is felt with full strength
-CUE_MS = 150
+REST = 0.15  # fraction of a stick's range that counts as rest, since worn sticks do not come back to 0
+AXIS = 32768.0  # value of an axis at full deflection
+STRONGEST = 30.0  # [N] of a contact at which the gamepad rumbles with full strength
+CUE_MS = 150  # [ms] that the gamepad rumbles at a contact
 COMMANDS = {
     pygame.CONTROLLER_BUTTON_START: Command.START,
     pygame.CONTROLLER_BUTTON_Y: Command.SUCCESS,
@@ -24,10 +24,10 @@ COMMANDS = {
 
 
 class Gamepad(Device):
-    """The first gamepad that is connected.
+    """First gamepad that is connected.
 
     Raises:
-        CollectError: If there is none.
+        CollectError: If no gamepad is connected.
     """
 
     name = "gamepad"
@@ -42,7 +42,7 @@ class Gamepad(Device):
     )
 
     def __init__(self) -> None:
-        # Experimental by pygame's word, yet the only way to SDL's table of where each make has its controls.
+        # This module is experimental according to pygame, but only it reads SDL's table of each make's controls.
         from pygame._sdl2 import controller
 
         controller.init()
@@ -58,7 +58,7 @@ class Gamepad(Device):
         self._told: list[Command] = []
 
     def handle(self, event: Any) -> None:  # noqa: ANN401
-        """Buttons; sticks are read where they are."""
+        """Handle the press of a button; sticks and triggers are read in `read`."""
         if event.type != pygame.CONTROLLERBUTTONDOWN:
             return
         if event.button == pygame.CONTROLLER_BUTTON_A:
@@ -67,12 +67,12 @@ class Gamepad(Device):
             self._told.append(COMMANDS[event.button])
 
     def commands(self) -> list[Command]:
-        """What its buttons told."""
+        """Return the commands that the buttons have given since the last call."""
         told, self._told = self._told, []
         return told
 
     def read(self) -> NDArray[np.float32]:
-        """Where sticks and triggers are."""
+        """Return the state of sticks and triggers as a reading, (5,)."""
         if not self._controller.attached():
             raise DeviceLostError("the gamepad was unplugged")
         pace = FINE if self._controller.get_button(pygame.CONTROLLER_BUTTON_LEFTSHOULDER) else 1.0
@@ -89,14 +89,14 @@ class Gamepad(Device):
         return without_rest(max(-1.0, self._controller.get_axis(axis) / AXIS), REST)
 
     def begin(self, opened: bool) -> None:
-        """The gripper is where the episode has it."""
+        """Take over the state of the gripper at the start of an episode."""
         self._open = opened
 
     def touch(self, newtons: float) -> None:
-        """Rumble, the stronger the harder the contact."""
+        """Rumble, more strongly for a harder contact."""
         strength = min(1.0, 0.3 + 0.7 * newtons / STRONGEST)
-        self._controller.rumble(strength, strength, CUE_MS)  # says False where there is no motor
+        self._controller.rumble(strength, strength, CUE_MS)  # returns False where there is no motor
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release the gamepad."""
         self._controller.quit()

@@ -1,4 +1,4 @@
-"""The keyboard of the window."""
+"""Keyboard of the window as a device."""
 
 from typing import Any
 
@@ -8,20 +8,23 @@ from numpy.typing import NDArray
 from collectors.teleop.devices.device import FINE, Device, reading
 from collectors.teleop.devices.sdl import pygame
 
-# By place, not by letter: on every layout the four keys lie in a cross.
+# Keys are named by place, not by letter: on every layout the four keys lie in a cross.
 MOTIONS = {
     pygame.KSCAN_D: (0, 1), pygame.KSCAN_A: (0, -1),
     pygame.KSCAN_W: (1, 1), pygame.KSCAN_S: (1, -1),
     pygame.KSCAN_E: (2, 1), pygame.KSCAN_Q: (2, -1),
     pygame.KSCAN_LEFT: (3, 1), pygame.KSCAN_RIGHT: (3, -1),
 }  # fmt: skip
-"""Key to component of the motion (right, away, up, turn) and its sign."""
+"""Component of the motion (right, away, up, turn) for each key, and its sign."""
 GRIPPER = pygame.KSCAN_SPACE
 SLOW = (pygame.KSCAN_LSHIFT, pygame.KSCAN_RSHIFT)
 
 
 class Keyboard(Device):
-    """Keys move while they are held; a key that is tapped between two actions moves for one."""
+    """Keyboard whose keys move the gripper while they are held.
+
+    A key that is tapped between two actions moves the gripper for one action.
+    """
 
     name = "keyboard"
     controls = (
@@ -38,7 +41,7 @@ class Keyboard(Device):
         self._open = True
 
     def handle(self, event: Any) -> None:  # noqa: ANN401
-        """Keep track of what is held."""
+        """Keep track of the keys that are held, and of the gripper."""
         if event.type == pygame.KEYDOWN:
             self._held.add(event.scancode)
             self._tapped.add(event.scancode)
@@ -50,7 +53,7 @@ class Keyboard(Device):
             self._held.clear()  # the release would go to another window, and the gripper would not stop
 
     def read(self) -> NDArray[np.float32]:
-        """What is held, or was tapped since the last reading."""
+        """Return the reading, (5,), from the keys that are held or were tapped since the last call."""
         keys = self._held | self._tapped
         self._tapped.clear()
         pace = FINE if keys.intersection(SLOW) else 1.0
@@ -61,5 +64,5 @@ class Keyboard(Device):
         return reading(float(self._open), *motion)
 
     def begin(self, opened: bool) -> None:
-        """The gripper is where the episode has it."""
+        """Take over the state of the gripper at the start of an episode."""
         self._open = opened

@@ -1,7 +1,8 @@
-"""Input logs: what a session was told, line by line, and the device that tells it again.
+"""Input logs with the inputs and commands of a session, line by line, and the device that replays such a log.
 
-The first line says what it is. Every other line is a tick from which on something is new, counted from the start of
-the session: ``input`` (the five numbers of `Device.read`, which hold until the next one) or ``commands``, or both:
+The first line identifies the log. Every other line is a tick, counted from the start of the session, from which on
+something is new: ``input`` (the five numbers of `Device.read`, which hold until the next ``input``) or ``commands``, or
+both:
 
     {"format": "svfl-teleop-log", "version": 1, "device": "keyboard", "task": "block_picking", "seed": 0}
     {"tick": 0, "input": [1, 0, 0, 0, 0], "commands": ["start"]}
@@ -25,14 +26,14 @@ FORMAT, VERSION = "svfl-teleop-log", 1
 
 
 class InputLog:
-    """Writes the log of a session while it goes on.
+    """Log of the inputs of a session, which is written while the session goes on.
 
     Args:
-        path: The file; replaced if it exists.
-        about: What else its first line shall say.
+        path: Path of the log file, which is replaced if it exists.
+        about: Facts that the first line of the log stores in addition.
 
     Raises:
-        StorageError: If it cannot be written.
+        StorageError: If the file cannot be written.
     """
 
     def __init__(self, path: Path, **about: Any) -> None:  # noqa: ANN401 - JSON values
@@ -45,7 +46,12 @@ class InputLog:
         self._line({"format": FORMAT, "version": VERSION, **about})
 
     def append(self, values: NDArray[np.float32], commands: Sequence[Command]) -> None:
-        """Add what was told in one tick."""
+        """Add the inputs of one tick to the log, which stores only what has changed.
+
+        Args:
+            values: Reading of the device, (5,).
+            commands: Commands given in this tick.
+        """
         now = values.tolist()
         line: dict[str, Any] = {"tick": self._tick}
         if now != self._last:
@@ -58,22 +64,22 @@ class InputLog:
 
     def _line(self, line: dict[str, Any]) -> None:
         self._file.write(json.dumps(line) + "\n")
-        self._file.flush()  # a killed session leaves what it was told
+        self._file.flush()  # the log of a killed session holds all inputs up to then
 
     def close(self) -> None:
-        """End it, so that a session of the script ends here too."""
+        """End the log with a command to quit, so that a session that replays the log also ends here."""
         self._line({"tick": self._tick, "commands": [Command.QUIT]})
         self._file.close()
 
 
 class Script(Device):
-    """Tells what a log says, tick by tick, then quits.
+    """Device that replays the readings and commands of a log tick by tick, and then quits.
 
     Args:
-        path: The log.
+        path: Path of the log file.
 
     Raises:
-        FormatError: If it is not one.
+        FormatError: If the file is not an input log, or cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -98,13 +104,13 @@ class Script(Device):
         self.name = f"script of {head.get('device', 'nobody')}"
 
     def read(self) -> NDArray[np.float32]:
-        """The next tick's input."""
+        """Return the reading of the next tick, (5,)."""
         self._tick += 1
         self._now = self._inputs.get(self._tick, self._now)
         return self._now
 
     def commands(self) -> list[Command]:
-        """The same tick's commands."""
+        """Return the commands of the tick that was last read."""
         return [Command.QUIT] if self._tick > self._end else self._commands.get(self._tick, [])
 
 

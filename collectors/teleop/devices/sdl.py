@@ -1,4 +1,4 @@
-"""pygame, which draws the window and hears keys and gamepads, without its greeting."""
+"""Import of pygame, which draws the window and reads keys and gamepads, without the greeting that it prints."""
 
 import os
 

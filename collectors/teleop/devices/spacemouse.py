@@ -1,7 +1,8 @@
-"""A SpaceMouse, read as a plain HID device: no driver, nothing of the maker's software.
+"""SpaceMouse that is read as a plain HID device, without a driver or software of the maker.
 
-Reports, all little-endian: 1 has the cap's translation (right, near, down) as three 16-bit numbers within about +-350,
-2 its rotation likewise, 3 the buttons as bits. Newer devices put the rotation behind the translation in report 1.
+The reports are little-endian. Report 1 has the cap's translation (right, near, down) as three 16-bit numbers within
+about +-350, report 2 its rotation likewise, and report 3 the buttons as bits. Newer devices put the rotation behind the
+translation in report 1.
 """
 
 import struct
@@ -13,17 +14,17 @@ from numpy.typing import NDArray
 from collectors.teleop.devices.device import Device, DeviceLostError, reading, without_rest
 from svfl_data.errors import CollectError
 
-FULL = 350.0  # of a full deflection
-REST = 0.08  # of it
-MAKERS = (0x256F, 0x046D)  # 3Dconnexion, and Logitech, under whose number the older ones are sold
-REPORT = 64  # [bytes], longer than any
+FULL = 350.0  # value of a full deflection
+REST = 0.08  # fraction of a full deflection that counts as rest
+MAKERS = (0x256F, 0x046D)  # vendor numbers of 3Dconnexion, and of Logitech, under which older ones are sold
+REPORT = 64  # [bytes] read at once, longer than any report
 
 
 class SpaceMouse(Device):
-    """The first SpaceMouse that is connected.
+    """First SpaceMouse that is connected.
 
     Args:
-        opened: What `hid.device` gives: a device that is open and does not wait when read.
+        opened: Device of the kind that `hid.device` returns, which is open and does not block when it is read.
     """
 
     name = "spacemouse"
@@ -41,10 +42,10 @@ class SpaceMouse(Device):
 
     @classmethod
     def find(cls) -> "SpaceMouse":
-        """Open the first one.
+        """Open the first SpaceMouse that is connected.
 
         Raises:
-            CollectError: If there is none, or it may not be opened.
+            CollectError: If no SpaceMouse is connected, or it may not be opened.
         """
         import hid
 
@@ -67,7 +68,7 @@ class SpaceMouse(Device):
         )
 
     def read(self) -> NDArray[np.float32]:
-        """Take all reports that have come, and say where the cap is now."""
+        """Process all reports that have arrived, and return the state of the cap as a reading, (5,)."""
         try:
             while report := bytes(self._hid.read(REPORT)):
                 self._take(report)
@@ -91,16 +92,20 @@ class SpaceMouse(Device):
             self._buttons = body[0]
 
     def begin(self, opened: bool) -> None:
-        """The gripper is where the episode has it."""
+        """Take over the state of the gripper at the start of an episode."""
         self._open = opened
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release the SpaceMouse."""
         self._hid.close()
 
 
 def is_spacemouse(found: dict[str, Any]) -> bool:
-    """Whether an HID device of `hid.enumerate` is one: SpaceMouse, SpaceNavigator, SpacePilot, or their receiver."""
+    """Return whether an HID device is a SpaceMouse, SpaceNavigator or SpacePilot, or the receiver of one.
+
+    Args:
+        found: Description of the device, from `hid.enumerate`.
+    """
     name = (found["product_string"] or "").lower()
     own = found["vendor_id"] == MAKERS[0]
     return found["vendor_id"] in MAKERS and ("space" in name or (own and "receiver" in name))
