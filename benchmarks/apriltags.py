@@ -1,4 +1,4 @@
-"""AprilTags: time of a look, accuracy at 0.6 m, agreement of the reward from tags with the true one, endurance.
+"""AprilTags: time of a detection, accuracy at 0.6 m, agreement of tag rewards with the true ones, and endurance.
 
 python benchmarks/apriltags.py speed accuracy
 python benchmarks/apriltags.py agreement [--task block_pushing] [--episodes 20]
@@ -31,14 +31,18 @@ from collectors.tasks.gripper import Gripper
 from collectors.tasks.task import MAX_STEPS, attempt_seed
 from svfl_data.schema.robot import Calibration
 
-HALF, DISTANCE = 0.025, 0.6  # [m] of the cube, and from it to the camera
+HALF, DISTANCE = 0.025, 0.6  # [m] half of the cube's edge, and distance from the cube to the camera
 
 
 class Scene:
-    """A tagged cube on a table, seen from anywhere above."""
+    """Tagged cube on a table, seen from a random direction above."""
 
     def __init__(self, seed: int) -> None:
-        """Build it."""
+        """Build the scene.
+
+        Args:
+            seed: Seed of the random poses and of the noise.
+        """
         self.rng = np.random.default_rng(seed)
         self.world = World(WorldConfig(cameras={}))
         self.world.reset(seed=0)
@@ -50,10 +54,13 @@ class Scene:
             )
 
     def picture(self, cover: float = 0.0):
-        """A 640 x 480 picture without jagged edges, its calibration, the cube's place and yaw.
+        """Render a 640 x 480 picture without jagged edges.
 
         Args:
-            cover: Share of the cube's width in the picture that a finger-like bar hides, from one side.
+            cover: Share of the cube's width in the picture that a finger-like bar hides from one side, 0 for none.
+
+        Returns:
+            The picture, (480, 640, 3) uint8 RGB, its calibration, the cube's position [m], and the cube's yaw [rad].
         """
         rng, target = self.rng, np.array([0.55, 0.0, HALF])
         elevation, azimuth, yaw = np.radians(rng.uniform(40, 75)), *rng.uniform(-np.pi, np.pi, 2)
@@ -83,12 +90,12 @@ class Scene:
 
 
 def noisy(picture, rng, noise: float):
-    """The picture with noise on it, in grey levels."""
+    """Return a picture with added Gaussian noise of a standard deviation in grey levels."""
     return np.clip(picture + rng.normal(0, noise, picture.shape), 0, 255).astype(np.uint8)
 
 
 def accuracy(pictures: int) -> None:
-    """Errors of place and yaw, with and without the knowledge that the cube stands upright."""
+    """Print the errors of position and yaw, with and without the knowledge that the cube stands upright."""
     scene = Scene(seed=0)
     print(f"accuracy: cube of 5 cm, tags of 40 mm, {DISTANCE} m, {pictures} pictures each")
     print("| picture | noise | hidden | upright known | seen | place, mm: median, 90 %, largest | yaw, deg: largest |")
@@ -116,7 +123,7 @@ def accuracy(pictures: int) -> None:
 
 
 def resized(color, camera: Calibration, place, yaw, width: int):
-    """A picture with fewer pixels, and what belongs to it."""
+    """Return a picture reduced to a width [px], its calibration, and the unchanged position and yaw of the cube."""
     factor = width / color.shape[1]
     intrinsics = np.diag([factor, factor, 1.0]) @ camera.intrinsics
     intrinsics[:2, 2] += 0.5 * (factor - 1)  # the centre of the first pixel is at 0
@@ -126,7 +133,7 @@ def resized(color, camera: Calibration, place, yaw, width: int):
 
 
 def speed(pictures: int) -> None:
-    """CPU time of finding tags, of the pose of their corners, and of meeting all edges, in a noisy picture."""
+    """Print the CPU times of finding tags, of the pose from corners, and of the pose from edges, in noisy pictures."""
     scene, detect = Scene(seed=1), TagDetector()
     edges, times = Edges(scene.layout), []
     for _ in range(pictures):
@@ -149,7 +156,13 @@ def speed(pictures: int) -> None:
 
 
 def agreement(task_name: str, episodes: range, noise: float) -> None:
-    """How often the reward from tags is the true one, at every step of experts' episodes."""
+    """Print how often the reward from tags equals the true one, over all steps of experts' episodes.
+
+    Args:
+        task_name: Name of the task.
+        episodes: Numbers of the episodes.
+        noise: Standard deviation of the noise on the pictures, in grey levels.
+    """
     world = World(WorldConfig(cameras={}))
     agree, steps, ages, errors = 0, 0, [], []
     for index in episodes:
@@ -181,7 +194,11 @@ def agreement(task_name: str, episodes: range, noise: float) -> None:
 
 
 def endurance(detections: int) -> None:
-    """Detect and drop detectors very often: no crash, and memory that does not grow."""
+    """Create and drop detectors very often, to show that nothing crashes and memory does not grow.
+
+    Args:
+        detections: Number of detectors, each of which detects once.
+    """
     layout, rng = Layout.cube(HALF, largest_tag(HALF)), np.random.default_rng(0)
     scene = Scene(seed=2)
     pictures = [noisy(scene.picture()[0][180:300, 240:400], rng, 4.0) for _ in range(4)]
@@ -202,7 +219,7 @@ def endurance(detections: int) -> None:
 
 
 def main() -> None:
-    """Run what is asked for."""
+    """Run the measurements that are asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", nargs="+", choices=["speed", "accuracy", "agreement", "endurance"])
     parser.add_argument("--pictures", type=int, default=40)

@@ -1,12 +1,13 @@
-"""What collecting costs: environment steps per CPU second beside those of the bare engine, and where the time goes.
+"""Cost of collecting: environment steps per CPU second beside those of the bare engine, and where the time goes.
 
     .venv/bin/python benchmarks/collect.py --episodes 20
 
-One process, CPU time; everything that `svfl-collect expert` does for an episode is in it: reset, scene, expert,
-control, 500 readings a second, RGB-D image, file. The bare engine does the same physics and nothing else: the motor
-torques of the same episodes are played back (the wrist feels the same to the bit, which is checked), joints and wrist
-are read in every physics step, one image is rendered in every environment step. The parts are measured by clocking the
-functions that do them, in a pass of its own, so that the clocks do not slow the rates that are reported.
+All figures are CPU time of one process. They include everything that `svfl-collect expert` does for an episode: reset,
+scene, expert, control, 500 readings a second, RGB-D image, file. The bare engine does the same physics and nothing
+else: the motor torques of the same episodes are played back (the wrist reactions are the same to the bit, which is
+checked), joints and wrist are read in every physics step, and one image is rendered in every environment step. The
+parts are measured by timing the functions that do them, in a separate pass, so that the timing does not slow the rates
+that are reported.
 """
 
 import argparse
@@ -54,7 +55,11 @@ NAMES = ("physics", "control", "sensor", "render", "record", "other")
 
 @contextmanager
 def clocks() -> Iterator[dict[str, float]]:
-    """Count the CPU seconds of each part while the context lasts; parts never contain each other."""
+    """Measure the CPU seconds of each part while the context lasts; parts never contain each other.
+
+    Yields:
+        The CPU seconds of each part so far, by name.
+    """
     spent: dict[str, float] = defaultdict(float)
 
     def clocked(part: str, function):
@@ -75,7 +80,7 @@ def clocks() -> Iterator[dict[str, float]]:
 
 @dataclass
 class Take:
-    """What the motors did in one episode after its beginning, and what the wrist felt."""
+    """Record of one episode after its beginning: the torques of the motors and the reactions at the wrist."""
 
     seed: np.random.SeedSequence
     torques: list[list[float]] = field(default_factory=list)
@@ -84,9 +89,13 @@ class Take:
 
 @contextmanager
 def taking(takes: list[Take]) -> Iterator[None]:
-    """Note the torques of every episode that is begun while the context lasts, from its beginning on."""
+    """Record the torques of every episode that begins while the context lasts.
+
+    Args:
+        takes: List that a record is added to for each episode.
+    """
     begin, send, feel = Task.begin.__func__, PYBULLET.setJointMotorControlArray, world_module.wrench_from_reaction
-    begun: list[Take] = []  # empty while an episode is being set up
+    begun: list[Take] = []  # record of the current episode; empty while an episode is being set up
 
     def beginning(cls, world, seed):
         begun.clear()
@@ -114,7 +123,16 @@ def taking(takes: list[Take]) -> Iterator[None]:
 
 
 def collect(collector: ExpertCollector, episodes: int, folder: Path) -> tuple[int, float]:
-    """Collect episodes; returns the environment steps of those kept, and CPU seconds."""
+    """Collect episodes.
+
+    Args:
+        collector: Collector that makes the episodes.
+        episodes: Number of episodes.
+        folder: Folder to write the episodes to.
+
+    Returns:
+        The number of environment steps of the episodes that are kept, and the CPU seconds.
+    """
     steps = 0
     start = time.process_time()
     for index in range(episodes):
@@ -125,7 +143,15 @@ def collect(collector: ExpertCollector, episodes: int, folder: Path) -> tuple[in
 
 
 def play_bare(name: str, takes: list[Take]) -> tuple[int, float]:
-    """Play the torques back in the bare engine; returns environment steps and CPU seconds without beginnings."""
+    """Play the recorded torques back in the bare engine.
+
+    Args:
+        name: Name of the task.
+        takes: Records of the episodes.
+
+    Returns:
+        The number of environment steps, and the CPU seconds without those for beginning the episodes.
+    """
     steps, seconds = 0, 0.0
     with World() as world:
         per_step, client = world.config.physics_steps, world.client
@@ -149,7 +175,12 @@ def play_bare(name: str, takes: list[Take]) -> tuple[int, float]:
 
 
 def reset_ms(name: str, rounds: int = 20) -> float:
-    """Median CPU milliseconds to begin an episode, [ms]: reset, scene, tare."""
+    """Return the median CPU time to begin an episode, [ms]: reset, scene and tare.
+
+    Args:
+        name: Name of the task.
+        rounds: Number of episodes that are begun, after a first one that does not count.
+    """
     spent = []
     with World() as world:
         for seed in range(rounds + 1):

@@ -1,8 +1,8 @@
-"""How often the scripted experts succeed, over seeded episodes, and how long they take.
+"""Success rate and duration of the scripted experts over seeded episodes.
 
     .venv/bin/python benchmarks/experts.py --episodes 200 --workers 2
 
-Every attempt counts, none is repeated. No images are taken, which changes nothing for the experts.
+Every attempt counts, and none is repeated. No images are taken, which changes nothing for the experts.
 """
 
 import argparse
@@ -23,7 +23,17 @@ from collectors.tasks.task import MAX_STEPS
 
 
 def attempt(index: int, name: str, seed: int, noise: float) -> tuple[bool, int, float]:
-    """One episode: whether it succeeded, its steps, and the CPU seconds it took."""
+    """Run one episode of an expert.
+
+    Args:
+        index: Number of the episode.
+        name: Name of the task.
+        seed: Seed of the run.
+        noise: Noise of the expert, as a factor on the usual noise.
+
+    Returns:
+        Whether the episode succeeded, its number of steps, and the CPU seconds that it took.
+    """
     start = time.process_time()
     randomness = np.random.SeedSequence([seed, index])
     with World() as world:

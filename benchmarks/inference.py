@@ -1,10 +1,11 @@
-"""Time of one decision of the exported block-centering classifier: batch 1, one thread.
+"""Time of one decision of the exported block-centering classifier, with batch size 1 and one thread.
 
     python benchmarks/inference.py [--preset default|paper] [--repeats N]
 
-Networks with random weights, random inputs; median and 95th percentile of the repeats, after some for warming up.
-`network` is the symmetric network itself, which expands its kernels in every call; `plain` its copy of ordinary layers;
-`.pt2` and `.onnx` are the exported files as `docs/run_exported.py` runs them.
+The networks have random weights and random inputs. The figures are the median and the 95th percentile of the repeats,
+after some repeats for warming up. `network` is the symmetric network itself, which expands its kernels in every call;
+`plain` is its copy made of ordinary layers; `.pt2` and `.onnx` are the exported files as `docs/run_exported.py` runs
+them.
 """
 
 import argparse
@@ -27,7 +28,7 @@ WARM_UP = 20
 
 
 def milliseconds(decide: Callable[[], object], repeats: int) -> np.ndarray:
-    """Times of single calls, shape (repeats,), [ms]."""
+    """Return the times of single calls, (repeats,), [ms], after `WARM_UP` calls that do not count."""
     times = []
     for _ in range(WARM_UP + repeats):
         start = time.perf_counter()
@@ -37,7 +38,12 @@ def milliseconds(decide: Callable[[], object], repeats: int) -> np.ndarray:
 
 
 def ways(classifier: CenteringClassifier, folder: Path) -> dict[str, Callable[[], object]]:
-    """Everything that runs the network, by name, with its input at hand."""
+    """Return all ways to run the network on a random input, by name.
+
+    Args:
+        classifier: Network in eval mode.
+        folder: Folder to write the exported files to.
+    """
     batch = random_batch(classifier, 1)
     copied = plain(classifier)
     save_program(classifier, folder / "network.pt2")
@@ -57,7 +63,7 @@ def ways(classifier: CenteringClassifier, folder: Path) -> dict[str, Callable[[]
 
 @torch.inference_mode()
 def main() -> None:
-    """Print one line per preset, encoder and way to run."""
+    """Print one line for each preset, encoder and way to run."""
     parser = argparse.ArgumentParser(description="Inference times of the exported classifier.")
     parser.add_argument("--preset", choices=tuple(PRESETS), action="append")
     parser.add_argument("--repeats", type=int, default=300)

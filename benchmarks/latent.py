@@ -1,12 +1,12 @@
-"""What a step of latent pretraining costs, beside the published code of VTT, PoE and concatenation.
+"""Cost of a step of latent pretraining, beside the published code of VTT, PoE and concatenation.
 
     .venv/bin/python benchmarks/latent.py [--model vtt poe concat] [--preset svfl_2023] [--steps 5] [--parts]
 
-One thread, CPU time, since wall time depends on what else the machine does. A step is forward, backward and Adam on 32
-random sequences of 9 frames, pairs with a foreign wrench included. The published code was timed on a shared Milan-class
-EPYC with torch 2.13 (two runs, up to 35 % apart), "adapted" with a decoder for this package's images and one wrench
-reading per frame; there the foreign pairs, as many as the true ones, are a second step. `--parts` adds where the time
-goes. Peak memory is that of a process of its own.
+All figures are CPU time of one thread, since wall time depends on what else the machine does. A step is forward,
+backward and Adam on 32 random sequences of 9 frames, including pairs with a foreign wrench. The published code was
+timed on a shared Milan-class EPYC with torch 2.13 (two runs, up to 35 % apart). "Adapted" code has a decoder for this
+package's images and one wrench reading per frame; there the foreign pairs, as many as the true ones, are a second step.
+`--parts` also prints where the time goes. Peak memory is measured in a process of its own.
 """
 
 import argparse
@@ -28,7 +28,7 @@ from svfl_models.latent.networks.network import LatentNetwork
 from svfl_models.training.trainer import parameter_count
 
 BATCH, FRAMES = 32, 9
-PUBLISHED = {  # CPU seconds: step (mean of two runs), step of foreign pairs
+PUBLISHED = {  # CPU seconds: step (mean of two runs), step of the foreign pairs
     "vtt": ("adapted", (10.6 + 13.1) / 2, 10.4),
     "poe": ("adapted", (2.4 + 2.6) / 2, 0.79),
     "concat": ("84 px", (4.6 + 5.2) / 2, 1.12),
@@ -36,7 +36,7 @@ PUBLISHED = {  # CPU seconds: step (mean of two runs), step of foreign pairs
 
 
 def batch() -> dict[str, torch.Tensor]:
-    """Random sequences; half of the frames are in contact."""
+    """Return a batch of random sequences, in which half of the frames are in contact."""
     shape, actions = (BATCH, FRAMES), (BATCH, FRAMES - 1)
     return {
         "image": torch.rand(*shape, 4, 64, 64) + 0.01,
@@ -53,7 +53,14 @@ def batch() -> dict[str, torch.Tensor]:
 
 
 def measured(model: str, preset: str, steps: int, parts: bool) -> dict[str, float]:
-    """CPU and wall seconds of a step, parameters, frames that were joined, peak memory."""
+    """Return the CPU and wall seconds of a step, the numbers of parameters and frames, and the peak memory [MiB].
+
+    Args:
+        model: Model to train, one of `MODELS`.
+        preset: Preset of the model, one of `PRESETS`.
+        steps: Number of steps to time after a first one that warms up.
+        parts: Whether to print a profile of one more step.
+    """
     torch.set_num_threads(1)
     torch.manual_seed(0)
     config = LatentConfig("", model, preset)
@@ -86,7 +93,7 @@ def measured(model: str, preset: str, steps: int, parts: bool) -> dict[str, floa
 
 
 def main() -> None:
-    """Print a row per model."""
+    """Print a table with one row for each model."""
     parser = argparse.ArgumentParser(description="Time of a step of latent pretraining.")
     parser.add_argument("--model", nargs="+", choices=MODELS, default=MODELS)
     parser.add_argument("--preset", choices=tuple(PRESETS), default="svfl_2023")

@@ -1,13 +1,13 @@
-"""What symmetric networks cost: to build, to train, to ask; beside ordinary layers of the same channel counts.
+"""Cost of symmetric networks in building, training and inference, beside ordinary layers of the same channel counts.
 
     .venv/bin/python benchmarks/models.py [--part construction steps force inference]
     .venv/bin/python benchmarks/models.py --part memory first
     .venv/bin/python benchmarks/models.py --part steps --group D8 --preset default
 
-One thread, CPU time. A step is forward, backward and Adam on 64 random samples. Ratios come from steps that alternate,
-so that other load on the machine meets both; times are medians. The network of ordinary layers has the layers of the
-symmetric network with their expanded kernels as weights: what is left is what symmetry itself costs. `memory` and
-`first`, which builds on an empty cache, run in new processes and are not among the parts that run unless they are asked
+All times are CPU times of one thread. A step is forward, backward and Adam on 64 random samples. Ratios come from steps
+that alternate, so that other load on the machine affects both; times are medians. The network of ordinary layers has
+the layers of the symmetric network with their expanded kernels as weights: the remaining difference is the cost of
+symmetry itself. `memory` and `first`, which builds on an empty cache, run in new processes and only if they are asked
 for.
 """
 
@@ -50,21 +50,26 @@ BATCH, WINDOW = 64, 64
 
 
 def construction(asked: argparse.Namespace) -> None:
-    """CPU seconds to build each network in a process that has imported everything and built nothing."""
+    """CPU seconds to build each network, in a process that has imported everything and built nothing."""
     table("group", *(f"{preset}, s" for preset in PRESETS))
     for group in GROUPS:
         row(group, *(f"{in_child(built, group, preset):.2f}" for preset in PRESETS))
 
 
 def built(group: str, preset: str) -> float:
-    """CPU seconds that building takes."""
+    """Return the CPU seconds that building a network takes.
+
+    Args:
+        group: Name of the symmetry group.
+        preset: Name of the preset.
+    """
     start = time.process_time()
     CenteringClassifier("vf", group, preset)
     return time.process_time() - start
 
 
 def first(asked: argparse.Namespace) -> None:
-    """CPU seconds to build the first network of a group, escnn's tables being absent."""
+    """CPU seconds to build the first network of a group, without the tables that escnn caches."""
     table("group", "first network, s", "files", "MiB")
     for group in [group for group in GROUPS if group != "none"]:
         with tempfile.TemporaryDirectory() as folder:
@@ -75,7 +80,7 @@ def first(asked: argparse.Namespace) -> None:
 
 
 def memory(asked: argparse.Namespace) -> None:
-    """What a training step adds to the peak memory of a process that has built the network."""
+    """Growth of the peak memory by a training step, in a process that has built the network."""
     table("preset", "group", "encoder", "MiB", "ordinary, MiB")
     for preset in asked.preset:
         for group in asked.group:
@@ -86,7 +91,7 @@ def memory(asked: argparse.Namespace) -> None:
 
 
 def steps(asked: argparse.Namespace) -> None:
-    """Training steps of the whole classifier."""
+    """Time of a training step of the whole classifier."""
     table("preset", "group", "encoder", "parameters", "expanded", "step, ms", "ordinary, ms", "ratio")
     for preset in asked.preset:
         for group in asked.group:
@@ -100,7 +105,7 @@ def steps(asked: argparse.Namespace) -> None:
 
 
 def force(asked: argparse.Namespace) -> None:
-    """Training steps of the force encoder alone, beside the same widths wired as the reference code wires them."""
+    """Time of a training step of the force encoder alone, beside the same widths wired as in the reference code."""
     table("preset", "group", "step, ms", "reference wiring, ms", "times faster")
     for preset in asked.preset:
         for group in asked.group:
@@ -114,9 +119,9 @@ def force(asked: argparse.Namespace) -> None:
 
 
 class ReferenceForceEncoder(nn.Module):
-    """Attention over readings as Kohler et al. (CoRL 2023) published it: every map a 1 x 1 convolution of escnn.
+    """Attention over readings as Kohler et al. (CoRL 2023) published it: every map is a 1 x 1 convolution of escnn.
 
-    Readings go through (B * T, C, 1, 1) one by one; the readout takes the window as the channels of one pixel.
+    Readings are processed one by one as (B * T, C, 1, 1); the readout takes the window as the channels of one pixel.
     """
 
     def __init__(self, layers: SymmetricLayers, window: int, width: int, heads: int, latent: int) -> None:
@@ -128,7 +133,7 @@ class ReferenceForceEncoder(nn.Module):
         self.readout = escnn_map(layers.hidden(window * width), layers.hidden(latent))
 
     def forward(self, wrench: Tensor) -> Tensor:
-        """(B, T, 6) -> (B, C)."""
+        """Return the features (B, C) of wrench windows (B, T, 6)."""
         x = functional.relu(per_reading(self.embed, stored(WRENCH_PARTS, wrench)))
         query, key, value = (
             per_reading(one, x).unflatten(-1, (self.heads, -1)).transpose(1, 2)
@@ -140,25 +145,25 @@ class ReferenceForceEncoder(nn.Module):
 
 
 def escnn_map(source: planar_escnn.FieldType, target: planar_escnn.FieldType) -> R2Conv:
-    """A 1 x 1 convolution of escnn's own; its slow initialisation is not what is measured."""
+    """Return a 1 x 1 convolution of escnn, without its slow initialization, which is not to be measured."""
     layer = R2Conv(source, target, kernel_size=1, initialize=False)
     nn.init.normal_(layer.weights, std=0.1)
     return layer
 
 
 def one_pixel(layer: R2Conv, x: Tensor) -> Tensor:
-    """(B, C) -> (B, C') as images of one pixel."""
+    """Apply a layer to features (B, C) as images of one pixel, and return (B, C')."""
     return layer(GeometricTensor(x[:, :, None, None], layer.in_type)).tensor[:, :, 0, 0]
 
 
 def per_reading(layer: R2Conv, x: Tensor) -> Tensor:
-    """(B, T, C) -> (B, T, C'), each reading an image of one pixel."""
+    """Apply a layer to features (B, T, C), with each reading as an image of one pixel, and return (B, T, C')."""
     return one_pixel(layer, x.flatten(0, 1)).unflatten(0, x.shape[:2])
 
 
 @torch.no_grad()
 def inference(asked: argparse.Namespace) -> None:
-    """One sample through the classifier in eval mode, and what of that is combining kernels into filters."""
+    """Inference of one sample in eval mode, and the share of its time that combines kernels into filters."""
     table("preset", "group", "as trained, ms", "filters, share", "exported, ms")
     for preset in asked.preset:
         for group in asked.group:
@@ -182,12 +187,12 @@ def inference(asked: argparse.Namespace) -> None:
 
 
 def random_batch(samples: int) -> dict[str, Tensor]:
-    """Inputs of the right shapes."""
+    """Return random inputs of the right shapes."""
     return {"image": torch.rand(samples, 4, 64, 64), "wrench": torch.randn(samples, WINDOW, 6)}
 
 
 def step(network: nn.Module) -> Callable[[], None]:
-    """A training step of a classifier."""
+    """Return a function that does a training step of a classifier."""
     batch, direction = random_batch(BATCH), torch.arange(BATCH) % 4
     optimizer = torch.optim.Adam(network.parameters(), lr=1e-3)
 
@@ -200,7 +205,7 @@ def step(network: nn.Module) -> Callable[[], None]:
 
 
 def encoder_step(encoder: nn.Module, wrench: Tensor) -> Callable[[], None]:
-    """A training step of an encoder."""
+    """Return a function that does a training step of an encoder on wrench windows, (B, T, 6)."""
     optimizer = torch.optim.Adam(encoder.parameters(), lr=1e-3)
 
     def run() -> None:
@@ -212,14 +217,19 @@ def encoder_step(encoder: nn.Module, wrench: Tensor) -> Callable[[], None]:
 
 
 def grown(network: nn.Module) -> float:
-    """Growth of this process's peak memory by a training step, [MiB]."""
+    """Return the growth of this process's peak memory by a training step, [MiB]."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     step(network)()
     return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
 
 
 def alternating(rivals: Iterable[Callable[[], object]], seconds: float) -> list[float]:
-    """Median CPU seconds of each, run in turn until the time is up, at least twice; first runs do not count."""
+    """Return the median CPU seconds of each function, run in turn until the time is up, at least twice.
+
+    Args:
+        rivals: Functions to time, whose first run does not count.
+        seconds: CPU seconds that all runs may take together.
+    """
     rivals = list(rivals)
     times: list[list[float]] = [[] for _ in rivals]
     start = time.process_time()
@@ -232,37 +242,42 @@ def alternating(rivals: Iterable[Callable[[], object]], seconds: float) -> list[
 
 
 def fresh(expression: str, **environment: str) -> float:
-    """The value of an expression over this file's names, in a new process."""
+    """Return the value of an expression over this file's names, evaluated in a new process.
+
+    Args:
+        expression: Python expression of a number.
+        environment: Environment variables to set in the new process.
+    """
     code = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); from models import *; print({expression})"
     command, env = [sys.executable, "-c", code], {**os.environ, **environment}
     return float(subprocess.run(command, env=env, stdout=subprocess.PIPE, text=True, check=True).stdout)
 
 
 def in_child(function: Callable[..., float], *arguments: object) -> float:
-    """The result of a function in a forked process, which leaves nothing behind in this one."""
+    """Return the result of a function that runs in a forked process, so that it leaves nothing behind in this one."""
     context = multiprocessing.get_context("fork")
     with context.Pool(1) as pool:
         return pool.apply(function, arguments)
 
 
 def table(*heads: str) -> None:
-    """Begin a Markdown table."""
+    """Print the head of a Markdown table."""
     print("\n" + "| " + " | ".join(heads) + " |\n" + "| --- " * len(heads) + "|", flush=True)
 
 
 def row(*cells: object) -> None:
-    """One row of it."""
+    """Print a row of a Markdown table."""
     print("| " + " | ".join(map(str, cells)) + " |", flush=True)
 
 
 def cpu_name() -> str:
-    """Name of the processor, as Linux tells it."""
+    """Return the name of the processor, as Linux gives it."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()
     return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())
 
 
 def commit() -> str:
-    """What is measured; ``+`` if files have been changed since."""
+    """Return the short name of the current commit, followed by ``+`` if files have been changed since."""
     git = ("git", "-C", str(Path(__file__).parent))
     name = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, text=True).stdout.strip()
     return name + "+" * bool(subprocess.run([*git, "diff", "--quiet", "HEAD"]).returncode)
@@ -284,7 +299,7 @@ def main() -> None:
     torch.set_num_threads(1)
     print(f"{cpu_name()}, torch {torch.__version__}, one thread, commit {commit()}, load {os.getloadavg()[0]:.1f}")
     print(f"`{' '.join(['python benchmarks/models.py', *sys.argv[1:]])}`")
-    for name, part in PARTS.items():  # construction before anything has been built
+    for name, part in PARTS.items():  # construction comes first, before anything has been built
         if name in asked.part:
             print(f"\n{part.__doc__}")
             part(asked)

@@ -1,8 +1,8 @@
-"""What the first look at a dataset costs, and what a later one: `Samples` of it, in fresh processes.
+"""Cost of the first look at a dataset, and of a later one: `Samples` of the dataset, in fresh processes.
 
-The first look hashes every episode, has it examined by a process of its own and judges it; what was learned goes to
-the user's cache (here: a temporary one). A later look finds it there. The datasets are copies of the episodes of
-another one, which the system has in memory already. CPU seconds of a process and of those that it started.
+The first look hashes every episode, has it examined by another process and judges it; the result goes to the user's
+cache (here: a temporary one). A later look finds it there. The datasets are copies of the episodes of another dataset,
+which the system already has in memory. Times are CPU seconds of a process, and of those that it started.
 
 python benchmarks/open.py [--data data/centering] [--sizes 200 2000] [--rounds 3]
 """
@@ -22,7 +22,7 @@ import numpy as np
 
 from svfl_data.datasets.dataset import Dataset
 
-SETTLED_S = 3.0  # files that have just been written are not remembered
+SETTLED_S = 3.0  # [s] to wait, since files that have just been written are not put into the cache
 LOOK = """
 import resource, sys, time
 from svfl_data.datasets.dataset import Dataset
@@ -37,7 +37,12 @@ print(time.perf_counter() - begin, cpu() - used)
 
 
 def look(folder: Path, cache: Path) -> tuple[float, float, float]:
-    """Wall seconds, CPU seconds, and CPU seconds of the examiner that one look takes."""
+    """Return the wall seconds, CPU seconds, and CPU seconds of the examining process of one look.
+
+    Args:
+        folder: Folder of the dataset.
+        cache: Folder of the cache.
+    """
     before = children()
     done = subprocess.run(
         [sys.executable, "-c", LOOK, folder], env=os.environ | {"SVFL_CACHE_DIR": str(cache)}, capture_output=True,
@@ -48,13 +53,22 @@ def look(folder: Path, cache: Path) -> tuple[float, float, float]:
 
 
 def children() -> float:
-    """CPU seconds of all processes that were started from here and have ended."""
+    """Return the CPU seconds of all processes that this process started and that have ended."""
     used = os.times()
     return used.children_user + used.children_system
 
 
 def copied(source: Dataset, count: int, folder: Path) -> Path:
-    """A dataset of so many episodes, which are those of another one again and again."""
+    """Create a dataset whose episodes are copies of another dataset's episodes, used repeatedly.
+
+    Args:
+        source: Dataset to copy episodes from.
+        count: Number of episodes.
+        folder: Folder of the new dataset.
+
+    Returns:
+        The folder of the new dataset.
+    """
     target = Dataset.create_or_resume(folder, source.info["task"], source.info["seed"], source.info["config"])
     indices = source.indices
     for number in range(count):

@@ -1,12 +1,12 @@
-"""What recording costs: time per step, and memory for an hour-long episode.
+"""Cost of recording: time per step, and memory for an hour-long episode.
 
     .venv/bin/python benchmarks/record.py --minutes 1 60
     .venv/bin/python benchmarks/record.py --minutes 0.25 --size 480 640
 
-A step at 20 Hz: 25 wrench readings at 500 Hz, joints, one observation, one action and one RGB-D frame. It is appended
-as fast as it goes, so an hour of readings arrives in minutes: a harder load for memory than the real hour, since the
-journal is flushed by volume instead of by the clock. Each length runs in a process of its own, and its memory is
-compared with that of the same process before the first step.
+A step at 20 Hz has 25 wrench readings at 500 Hz, joints, one observation, one action and one RGB-D frame. Steps are
+appended as fast as possible, so an hour of readings arrives in minutes. This is a harder load for memory than a real
+hour, since the journal is flushed by volume instead of by the clock. Each length runs in a process of its own, and its
+memory is compared with that of the same process before the first step.
 """
 
 import argparse
@@ -29,12 +29,12 @@ from svfl_data.recording.writer import EpisodeWriter
 from svfl_data.schema.episode import Meta
 
 STEPS_PER_MINUTE = 20 * 60
-READINGS = 25  # of the wrench per step: 500 Hz
+READINGS = 25  # wrench readings per step: 500 Hz
 STEP_NS = 50_000_000
 
 
 def constants() -> dict[str, np.ndarray]:
-    """Calibration that an episode must have."""
+    """Return the calibration arrays that an episode must have, by dataset path."""
     return {
         "workspace": np.array([[0.35, 0.75], [-0.2, 0.2], [-0.01, 0.25]]),
         "streams/wrench/tare": np.zeros(6),
@@ -46,7 +46,16 @@ def constants() -> dict[str, np.ndarray]:
 
 
 def frames(rng: np.random.Generator, size: tuple[int, int], noise: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Ten RGB-D images: pure noise, or smooth with the noise of a real camera in the lowest bits."""
+    """Return ten RGB-D images, either pure noise or smooth with the noise of a real camera in the lowest bits.
+
+    Args:
+        rng: Generator that the noise is drawn from.
+        size: Height and width of the images, [px].
+        noise: Whether the images are pure noise.
+
+    Returns:
+        Colour images, (10, H, W, 3) uint8, and depth images, (10, H, W) uint16.
+    """
     if noise:
         return rng.integers(0, 256, (10, *size, 3), np.uint8), rng.integers(0, 2**16, (10, *size), np.uint16)
     y, x = np.mgrid[0 : size[0], 0 : size[1]] / size[0]
@@ -57,7 +66,14 @@ def frames(rng: np.random.Generator, size: tuple[int, int], noise: bool) -> tupl
 
 
 def record(folder: Path, minutes: float, size: tuple[int, int], noise: bool) -> None:
-    """Record one episode and print a row of the table."""
+    """Record one episode and print a row of the table.
+
+    Args:
+        folder: Folder of the dataset to record into.
+        minutes: Length of the episode, [min].
+        size: Height and width of the images, [px].
+        noise: Whether the images are pure noise.
+    """
     rng = np.random.default_rng(0)
     color, depth = frames(rng, size, noise)
     wrench = rng.normal(0, 1, (READINGS, 6)).astype(np.float32)
@@ -99,7 +115,7 @@ def record(folder: Path, minutes: float, size: tuple[int, int], noise: bool) -> 
 
 
 def memory_mb() -> float:
-    """Largest resident memory of this process so far, [MiB]."""
+    """Return the largest resident memory of this process so far, [MiB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 

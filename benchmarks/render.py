@@ -1,4 +1,4 @@
-"""What a picture costs: the drawn-down arm against the full meshes, in the same run.
+"""Cost of an image: the arm with coarse meshes against the arm with full meshes, in the same run.
 
 python benchmarks/render.py [--size 76] [--images 100]
 """
@@ -12,7 +12,13 @@ from collectors.simulation import CameraConfig, PandaConfig, World, WorldConfig
 
 
 def cost(full_meshes: bool, size: int, images: int) -> list[float]:
-    """CPU milliseconds of each RGB-D image with the arm and a block in view."""
+    """Return the CPU milliseconds of each RGB-D image with the arm and a block in view.
+
+    Args:
+        full_meshes: Whether the arm has its full meshes.
+        size: Height and width of the image, [px].
+        images: Number of images.
+    """
     config = WorldConfig(
         cameras={"front": CameraConfig(height=size, width=size)}, panda=PandaConfig(full_meshes=full_meshes)
     )
@@ -30,7 +36,7 @@ def cost(full_meshes: bool, size: int, images: int) -> list[float]:
 
 
 def main() -> None:
-    """Print median, 10th and 90th percentile of both."""
+    """Print the median, and the 10th and 90th percentile, for both arms."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--size", type=int, default=76, help="height and width, px")
     parser.add_argument("--images", type=int, default=100)

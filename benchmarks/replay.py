@@ -1,14 +1,15 @@
-"""What a replay buffer with demonstrations costs: to load, to keep, to draw from; beside two other ways to have one.
+"""Cost of a replay buffer with demonstrations in loading, memory and drawing, beside other ways to have one.
 
     python benchmarks/replay.py --data data/block_picking [--episodes 50] [--rounds 7]
 
-Every way is filled with the same demonstrations and ends in the same batch: 64 transitions, chosen by priority, with
+Every way is filled with the same demonstrations and gives the same batch: 64 transitions, chosen by priority, with
 importance weights, both images cropped at one place and scaled (4 x 64 x 64 float32), both wrench windows,
 proprioception and action; then the priorities of the batch are updated. `list` is a plain Python list of transitions
 that each hold their observations (a next observation is the same object as the following one's), with an array of
 priorities. `tianshou` is its `PrioritizedReplayBuffer` (`pip install 'svfl[bench]'`), whose batches of whole images are
-cut to the same batch afterwards; `lean` is without next observations. Loading and memory are measured in processes of
-their own, drawing in turn, round by round, so that a busy machine slows all of them alike. One thread, CPU times.
+cut to the same batch afterwards; `lean` is without next observations. Loading and memory are measured in separate
+processes. Drawing is measured in turn, round by round, so that a busy machine slows all ways alike. Times are CPU times
+of one thread.
 """
 
 import argparse
@@ -41,21 +42,32 @@ Draw = Callable[[], dict[str, np.ndarray]]
 
 
 class Ours:
-    """`svfl_data.replay`."""
+    """Replay buffer of `svfl_data.replay`, filled with demonstrations.
+
+    Args:
+        dataset: Dataset to read the demonstrations from.
+        episodes: Number of demonstrations to read.
+        settings: Settings of the buffer's `ReplayConfig`.
+    """
 
     def __init__(self, dataset: Dataset, episodes: int, **settings) -> None:
         self.buffer = ReplayBuffer.from_demos(dataset, episodes, config=ReplayConfig(**settings))
         self.nbytes = self.buffer.nbytes
 
     def __call__(self) -> dict[str, np.ndarray]:
-        """One batch."""
+        """Draw a batch and update the priorities of its transitions."""
         batch = self.buffer.sample(BATCH)
         self.buffer.update_priorities(batch["index"], batch["proprio"][:, 1])
         return batch
 
 
 class PlainList:
-    """A list of transitions and an array of their priorities."""
+    """List of transitions and an array of their priorities.
+
+    Args:
+        dataset: Dataset to read the demonstrations from.
+        episodes: Number of demonstrations to read.
+    """
 
     def __init__(self, dataset: Dataset, episodes: int) -> None:
         self.transitions, self.scale = [], 1.0
@@ -70,7 +82,7 @@ class PlainList:
         self.nbytes = sum(arrays.values()) + sum(v.nbytes for *_, last in self.transitions for v in last.values())
 
     def __call__(self) -> dict[str, np.ndarray]:
-        """One batch."""
+        """Draw a batch and update the priorities of its transitions."""
         share = self.priority / self.priority.sum()
         index = self.rng.choice(len(self.transitions), BATCH, p=share)
         drawn = [self.transitions[i] for i in index.tolist()]
@@ -84,11 +96,13 @@ class PlainList:
 
 
 class Tianshou:
-    """tianshou's prioritised buffer.
+    """Prioritized replay buffer of tianshou, filled with demonstrations.
 
     Args:
-        lean: Leave out next observations, and take the following one instead (where an episode was cut off, there is
-            none then).
+        dataset: Dataset to read the demonstrations from.
+        episodes: Number of demonstrations to read.
+        lean: Whether to leave out next observations and use the following observation instead, which does not exist
+            where an episode was cut off.
     """
 
     def __init__(self, dataset: Dataset, episodes: int, lean: bool) -> None:
@@ -110,7 +124,7 @@ class Tianshou:
         self.nbytes = sum(values.nbytes for values in arrays)
 
     def __call__(self) -> dict[str, np.ndarray]:
-        """One batch."""
+        """Draw a batch and update the priorities of its transitions."""
         drawn, index = self.buffer.sample(BATCH)
         self.buffer.update_weight(index, np.abs(drawn.obs.proprio[:, 1]) + 1)
         batch = dict(drawn.obs.items()) | {f"next_{name}": values for name, values in drawn.obs_next.items()}
@@ -120,17 +134,17 @@ class Tianshou:
 
 
 def first(dataset: Dataset, episodes: int) -> list[Episode]:
-    """The demonstrations."""
+    """Return the first demonstrations of a dataset."""
     return [dataset.read(index) for index in dataset.indices[:episodes]]
 
 
 def steps_of(dataset: Dataset, episodes: int) -> int:
-    """Transitions that they hold."""
+    """Return the number of transitions in the first demonstrations of a dataset."""
     return sum(len(dataset.episode(index)) for index in dataset.indices[:episodes])
 
 
 def observations(episode: Episode) -> tuple[list[dict[str, np.ndarray]], np.ndarray, float]:
-    """Each observation with arrays of its own, the actions, and the depth's scale; vectors in image-aligned axes."""
+    """Return each observation with arrays of its own, the actions and the depth scale, in image-aligned axes."""
     (camera,) = episode.cameras.values()
     spec = ReplaySpec.of_episode(episode, camera)
     proprio = spec.proprio(episode.proprio)
@@ -147,7 +161,16 @@ def observations(episode: Episode) -> tuple[list[dict[str, np.ndarray]], np.ndar
 
 
 def cropped(batch: dict[str, np.ndarray], scale: float, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Cut the images of a batch at one place for s and s' and scale them, as our buffer does."""
+    """Crop the images of a batch, at one place for s and s', and scale them, as `svfl_data.replay` does.
+
+    Args:
+        batch: Batch with ``color`` and ``depth`` and the same of the next observation.
+        scale: Metres per unit of depth, [m].
+        rng: Generator that the places of the crops are drawn from.
+
+    Returns:
+        The batch with ``image`` and ``next_image`` in place of colour and depth images.
+    """
     size = batch["depth"].shape[-1]
     places = rng.integers(0, size - CROP + 1, (BATCH, 2)).tolist()
     for prefix in ("", "next_"):
@@ -162,7 +185,14 @@ def cropped(batch: dict[str, np.ndarray], scale: float, rng: np.random.Generator
 
 
 def loaded(make: Callable[[], object]) -> tuple[float, float, float, float]:
-    """Wall and CPU seconds to fill a buffer in this process, the bytes of its arrays, and how much the process grew."""
+    """Fill a buffer in this process, and measure time and memory.
+
+    Args:
+        make: Function that returns a filled buffer.
+
+    Returns:
+        Wall seconds, CPU seconds, the size of the buffer's arrays [bytes], and the growth of the process [bytes].
+    """
     before, wall, cpu = resident(), time.perf_counter(), time.process_time()
     buffer = make()
     taken = time.perf_counter() - wall, time.process_time() - cpu
@@ -170,7 +200,7 @@ def loaded(make: Callable[[], object]) -> tuple[float, float, float, float]:
 
 
 def in_child(function: Callable[[], tuple[float, ...]]) -> tuple[float, ...]:
-    """What a function says in a forked process, which leaves nothing behind in this one."""
+    """Return the result of a function that runs in a forked process, so that it leaves nothing behind in this one."""
     here, there = multiprocessing.Pipe(duplex=False)
     child = multiprocessing.get_context("fork").Process(target=lambda: there.send(function()))
     child.start()
@@ -181,12 +211,18 @@ def in_child(function: Callable[[], tuple[float, ...]]) -> tuple[float, ...]:
 
 
 def resident() -> int:
-    """Memory of this process, [bytes]."""
+    """Return the resident memory of this process, [bytes]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def alternating(ways: dict[str, Draw], rounds: int, draws: int = 40) -> dict[str, tuple[list[float], list[float]]]:
-    """CPU and wall milliseconds of each batch of each way."""
+    """Return the CPU and wall milliseconds of each batch of each way.
+
+    Args:
+        ways: Functions that draw a batch, by name.
+        rounds: Number of rounds in which every way is timed.
+        draws: Number of batches that a way draws in a round.
+    """
     times = {name: ([], []) for name in ways}
     for round_ in range(rounds + 1):
         for name, draw in ways.items():
@@ -201,19 +237,19 @@ def alternating(ways: dict[str, Draw], rounds: int, draws: int = 40) -> dict[str
 
 
 def megabytes(size: float) -> str:
-    """A size in words."""
+    """Return a size in bytes as text in megabytes."""
     return f"{size / 1e6:.1f}"
 
 
 def commit() -> str:
-    """What is measured; ``+`` if files have been changed since."""
+    """Return the short name of the current commit, followed by ``+`` if files have been changed since."""
     git = ("git", "-C", str(Path(__file__).parent))
     name = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, text=True).stdout.strip()
     return name + "+" * bool(subprocess.run([*git, "diff", "--quiet", "HEAD"]).returncode)
 
 
 def cpu_name() -> str:
-    """Name of the processor, as Linux tells it."""
+    """Return the name of the processor, as Linux gives it."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()
     return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())
 

@@ -1,10 +1,10 @@
-"""Accuracy against training time, for several widths and groups: where the default network comes from.
+"""Accuracy against training time for several widths and groups, from which the default network was chosen.
 
     python benchmarks/sizes.py --data data/centering --separate-test data/centering_test --out out/sizes
 
 Every network is trained for several numbers of epochs, with the whole learning-rate cycle each time, so that a short
-training is as good as a short training can be. Training seconds are those of one core; ratios count, not seconds. The
-same command goes on where it was stopped. Writes sizes.png and prints a Markdown table.
+training is as good as a short training can be. Training seconds are those of one core; their ratios matter, not the
+seconds themselves. The same command continues where it was stopped. It writes sizes.png and prints a Markdown table.
 """
 
 import argparse
@@ -35,13 +35,24 @@ NETWORKS = [  # preset, group, epochs
 
 
 def configurations(data: Path, encoder: str, samples: int) -> list[TrainingConfig]:
-    """One per network and number of epochs, seed 0."""
+    """Return one training configuration for each network and number of epochs, with seed 0.
+
+    Args:
+        data: Folder of the dataset.
+        encoder: Name of the encoder.
+        samples: Number of training samples.
+    """
     base = TrainingConfig(str(data), encoder=encoder, train_samples=samples)
     return [replace(base, preset=p, group=g, epochs=epochs) for p, g, several in NETWORKS for epochs in several]
 
 
 def draw(results: Results, path: Path) -> None:
-    """A line per network: accuracy on the separate test set against training seconds."""
+    """Draw accuracy on the separate test set against training seconds, with a line for each network.
+
+    Args:
+        results: Results of all runs.
+        path: Image file to write.
+    """
     figure = Figure(figsize=(8, 4.6), layout="constrained")
     axes = figure.subplots()
     for preset, group, _ in NETWORKS:
@@ -63,7 +74,7 @@ def draw(results: Results, path: Path) -> None:
 
 
 def row(cell: Cell) -> list[object]:
-    """One network at one number of epochs."""
+    """Return the cells of a table row for one network at one number of epochs."""
     parameters, seconds = cell.mean("parameters"), cell.seconds
     config = cell.config
     return [
@@ -73,7 +84,7 @@ def row(cell: Cell) -> list[object]:
 
 
 def main() -> None:
-    """Train, draw, print."""
+    """Train all networks, draw the figure and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=Path("data/centering"))
     parser.add_argument("--separate-test", type=Path, default=Path("data/centering_test"))
@@ -102,7 +113,7 @@ def main() -> None:
 
 
 def cell_words(options: argparse.Namespace) -> list[str]:
-    """What was trained, in words."""
+    """Return a description of what was trained, as words for the line above the table."""
     return [f"encoder {options.encoder},", f"{options.train_samples} training samples,", f"{options.seeds} seeds"]
 
 

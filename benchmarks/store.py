@@ -1,8 +1,8 @@
-"""What reading costs: random samples by every way there is, and opening datasets of growing size.
+"""Cost of reading: random samples by every available way, and opening datasets of growing size.
 
 Samples are a cropped 4 x 64 x 64 image (RGB uint8, depth uint16), a 64 x 6 wrench window, proprio and action, drawn at
-random over the whole dataset, in one process, from files that the system has in memory already. Figures are per CPU
-second; every row is measured in turn, round by round, so that a busy machine slows all of them alike.
+random over the whole dataset, in one process, from files that the system already has in memory. Figures are per CPU
+second; all rows are measured in turn, round by round, so that a busy machine slows all of them alike.
 
 python benchmarks/store.py [--data data/centering] [--rounds 7] [--sizes 100 1000 10000]
 """
@@ -38,11 +38,13 @@ Fetch = Callable[[np.ndarray], object]
 
 
 def per_item(dataset: Dataset, samples: Samples, keep_open: bool) -> Fetch:
-    """Slice every array of every sample with h5py and collate, as robomimic does without a cache.
+    """Return a function that slices every array of every sample with h5py, as robomimic does without a cache.
+
+    The function stacks the samples to a batch.
 
     Args:
-        dataset: Where from.
-        samples: Which samples there are.
+        dataset: Dataset to read the samples from.
+        samples: Samples of the dataset, which give the episode and step of each index.
         keep_open: Whether the files stay open (robomimic's one file does; thousands of files cannot).
     """
     places = samples.batch(np.arange(len(samples)))
@@ -78,12 +80,12 @@ def per_item(dataset: Dataset, samples: Samples, keep_open: bool) -> Fetch:
 
 
 def collate(items: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """A batch, as PyTorch's default collation makes it."""
+    """Stack samples to a batch, as PyTorch's default collation does."""
     return {key: np.stack([item[key] for item in items]) for key in items[0]}
 
 
 def copying(samples: Samples) -> Fetch:
-    """Copy as many bytes as the batches of these samples have from one place of memory to another."""
+    """Return a function that copies as many bytes as a batch of these samples has, between two places of memory."""
     size = sum(values.nbytes for values in samples.batch(np.arange(BATCH)).values())
     source = np.random.default_rng(0).integers(0, 256, (64, size), dtype=np.uint8)  # larger than the CPU's caches
     target = np.empty_like(source)
@@ -98,7 +100,17 @@ def copying(samples: Samples) -> Fetch:
 
 
 def throughput(ways: dict[str, Fetch], samples: int, rounds: int, seconds: float = 0.5) -> dict[str, np.ndarray]:
-    """Samples per CPU second of each way in each round."""
+    """Return the samples per CPU second of each way in each round.
+
+    Args:
+        ways: Functions that read a batch of sample indices, by name.
+        samples: Number of samples in the dataset.
+        rounds: Number of rounds that count, after a first one that fills the caches.
+        seconds: CPU seconds for which a way is run in a round.
+
+    Returns:
+        The rates of each way, (rounds,), by name.
+    """
     rates: dict[str, list[float]] = {name: [] for name in ways}
     rng = np.random.default_rng(0)
     for round_ in range(rounds + 1):
@@ -114,7 +126,13 @@ def throughput(ways: dict[str, Fetch], samples: int, rounds: int, seconds: float
 
 
 def reading(folder: Path, rounds: int, scratch: Path) -> None:
-    """Print the table of random reading."""
+    """Print the table of random reading.
+
+    Args:
+        folder: Folder of the dataset.
+        rounds: Number of rounds to measure.
+        scratch: Folder for temporary copies.
+    """
     dataset = Dataset.open(folder)
     packed = pack(dataset, scratch / "packed")
     cut = {"crop": CROP, "wrench_window": WINDOW}
@@ -162,7 +180,12 @@ print(time.perf_counter() - start, time.process_time() - cpu, peak(), peak() - b
 
 
 def measured(folder: Path, what: str) -> tuple[str, str]:
-    """Seconds and peak memory of opening (``open``) or summarising in a fresh process, for the table."""
+    """Return wall and CPU seconds, and peak memory, of one operation in a fresh process, as texts for the table.
+
+    Args:
+        folder: Folder of the dataset.
+        what: ``open`` to open the dataset, or ``summary`` to summarize it.
+    """
     command = [sys.executable, "-c", MEASURE, folder, what]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[1])
     seconds, cpu, peak, growth = map(float, done.stdout.split())
@@ -170,7 +193,15 @@ def measured(folder: Path, what: str) -> tuple[str, str]:
 
 
 def growing(folder: Path, sizes: list[int], scratch: Path) -> None:
-    """Print the table of opening and summarising; episodes are hard links to copies of the dataset's, in turn."""
+    """Print the table of opening and summarizing datasets.
+
+    Their episodes are hard links to copies of one dataset's episodes, used in turn.
+
+    Args:
+        folder: Folder of the dataset whose episodes are used.
+        sizes: Numbers of episodes of the datasets.
+        scratch: Folder for temporary datasets.
+    """
     dataset = Dataset.open(folder)
     (scratch / "sources").mkdir()
     sources = [Path(shutil.copy(dataset.episode_path(index), scratch / "sources")) for index in dataset.indices]
@@ -215,7 +246,7 @@ def main() -> None:
 
 
 def cpu_name() -> str:
-    """Name of the processor, as Linux tells it."""
+    """Return the name of the processor, as Linux gives it."""
     lines = Path("/proc/cpuinfo").read_text().splitlines()
     return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), platform.machine())
 

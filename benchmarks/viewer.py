@@ -1,9 +1,9 @@
-"""What showing an episode costs: time, memory and size of the file, for episodes of any length.
+"""Cost of showing an episode: time, memory and size of the file, for episodes of any length.
 
     .venv/bin/python benchmarks/viewer.py EPISODE.hdf5 ...
 
-An hour-long one comes from ``benchmarks/record.py``'s steps through `svfl_data.recording.writer.EpisodeWriter`. Each
-episode is converted in a process of its own.
+An hour-long episode can be made with `svfl_data.recording.writer.EpisodeWriter` and the steps of
+``benchmarks/record.py``. Each episode is converted in a process of its own.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from svfl_data.storage.reader import EpisodeReader
 
 
 def convert(file: Path) -> None:
-    """Convert one episode and print a row of the table."""
+    """Convert one episode file and print a row of the table."""
     start, cpu = time.perf_counter(), time.process_time()
     from svfl_data.viewer import show
     from svfl_data.viewer.episode_source import EpisodeSource

@@ -1,9 +1,9 @@
-"""What more workers give: wall time of the same demonstrations by one and two processes, and the memory of each worker.
+"""Benefit of more workers: wall time of the same demonstrations by one and two processes, and memory of each worker.
 
     .venv/bin/python benchmarks/workers.py --task block_picking --episodes 200
 
-Start-up of the processes is in the time of the whole command; the rate is that from the first file to the last. Runs
-alternate, so that other load on the machine meets both.
+The start-up of the processes is in the time of the whole command; the rate is counted from the first file to the last.
+The runs alternate, so that other load on the machine affects both.
 """
 
 import argparse
@@ -21,7 +21,17 @@ import psutil
 
 
 def collect(task: str, episodes: int, workers: int, out: Path) -> tuple[float, float, float]:
-    """Collect by the command; returns wall seconds, episodes per second and the largest memory of a worker, [MiB]."""
+    """Collect a dataset with the command-line program.
+
+    Args:
+        task: Name of the task.
+        episodes: Number of episodes.
+        workers: Number of worker processes.
+        out: Folder of the dataset.
+
+    Returns:
+        Wall seconds, episodes per second, and the largest memory of a worker, [MiB].
+    """
     command = [sys.executable, "-c", "from collectors.cli import main; raise SystemExit(main())"]
     command += ["expert", "--task", task, "--episodes", str(episodes), "--workers", str(workers), "--out", str(out)]
     start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Draws the generated parts of docs/architecture.md from the code; a test compares.
+"""Draw the generated parts of docs/architecture.md from the code, which a test compares with the page.
 
 python docs/architecture.py          # print them
 python docs/architecture.py --write  # put them into the page
@@ -34,17 +34,21 @@ WAYS = {
         "svfl_models.networks.encoders.ForceEncoder.forward", "svfl_models.networks.encoders.SelfAttention.forward",
     ),
 }  # fmt: skip
-"""Functions that an image and a wrench pass from the sensor to the network, one after the other."""
+"""Functions that an image and a wrench pass on the way from the sensor to the network, in order."""
 
 
 def purpose(path: Path) -> str:
-    """First line of what a room says about itself."""
+    """Return the first line of a room's docstring.
+
+    Args:
+        path: Folder of the room, or path of its module without a suffix.
+    """
     file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
     return (ast.get_docstring(ast.parse(file.read_text())) or "").splitlines()[0]
 
 
 def arrows(package: str) -> dict[str, set[str]]:
-    """The rooms that each room imports."""
+    """Return the rooms that each room of a package imports, by room."""
     names = {name for floor in FLOORS[package] for name in floor.split()}
     found: dict[str, set[str]] = {}
     for file in (ROOT / package).rglob("*.py"):
@@ -55,7 +59,7 @@ def arrows(package: str) -> dict[str, set[str]]:
 
 
 def shortest(graph: dict[str, set[str]]) -> dict[str, set[str]]:
-    """A graph without the arrows that follow from others."""
+    """Return a graph without the arrows that follow from other arrows."""
 
     def below(name: str) -> set[str]:
         return graph[name] | {deep for one in graph[name] for deep in below(one)}
@@ -66,7 +70,7 @@ def shortest(graph: dict[str, set[str]]) -> dict[str, set[str]]:
 
 
 def rooms(package: str) -> str:
-    """Table and diagram of a package's rooms."""
+    """Return the Markdown table and the diagram of a package's rooms."""
     graph = arrows(package)
     lines = ["| floor | room | files | holds |", "| --- | --- | --- | --- |"]
     for floor, names in enumerate(FLOORS[package], start=1):
@@ -81,7 +85,7 @@ def rooms(package: str) -> str:
 
 
 def way(name: str) -> str:
-    """Diagram of a way through the software."""
+    """Return the diagram of a way through the software, one of `WAYS`."""
     places = [
         place.rsplit(".", 2) if place.split(".")[-2][0].isupper() else place.rsplit(".", 1) for place in WAYS[name]
     ]
@@ -91,12 +95,12 @@ def way(name: str) -> str:
 
 
 def generated() -> dict[str, str]:
-    """Every generated part, by name."""
+    """Return every generated part of the page, by name."""
     return {package: rooms(package) for package in FLOORS} | {name: way(name) for name in WAYS}
 
 
 def page(text: str) -> str:
-    """A page with its generated parts made anew."""
+    """Return the text of a page with its generated parts made anew."""
     for name, part in generated().items():
         pattern = rf"(<!-- {name} -->\n)(?:(?!<!-- end -->).)*(<!-- end -->)"
         text = re.sub(pattern, lambda match, part=part: f"{match[1]}{part}\n{match[2]}", text, flags=re.DOTALL)

@@ -1,4 +1,4 @@
-"""Runs an exported network on one episode, without escnn and without what built it: a model for your own program.
+"""Run an exported network on one episode, without escnn and the training code: an example for your own program.
 
 .venv/bin/python docs/run_exported.py out/centering/classifier.onnx --data data/centering --episode 3
 """
@@ -13,15 +13,21 @@ import numpy as np
 
 from svfl_data.sampling.centering_samples import load_centering
 
-FACTS = "svfl_centering.json"  # what the file says about itself
+FACTS = "svfl_centering.json"  # entry of the exported file with the facts about the network
 Network = Callable[[dict[str, np.ndarray]], np.ndarray]
 
 
 def load_program(path: Path) -> tuple[Network, dict[str, Any]]:
-    """A ``.pt2`` file, with torch and the one module of svfl_models that reads such files.
+    """Load a ``.pt2`` file with torch and the one module of svfl_models that reads such files.
 
-    A file of your own can be opened by ``torch.export.load``, too; one from elsewhere never, because that runs whatever
-    Python somebody has put into the file.
+    `torch.export.load` can also open a file of your own, but never use it for a file from elsewhere, because it runs
+    whatever Python code somebody has put into the file.
+
+    Args:
+        path: File to load.
+
+    Returns:
+        The network as a function, and the facts about it.
     """
     import torch
 
@@ -37,7 +43,14 @@ def load_program(path: Path) -> tuple[Network, dict[str, Any]]:
 
 
 def load_onnx(path: Path) -> tuple[Network, dict[str, Any]]:
-    """An ``.onnx`` file, with nothing but onnxruntime, which reads no data from outside the file's folder."""
+    """Load an ``.onnx`` file with nothing but onnxruntime, which reads no data from outside the file's folder.
+
+    Args:
+        path: File to load.
+
+    Returns:
+        The network as a function, and the facts about it.
+    """
     import onnxruntime
 
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
@@ -46,7 +59,12 @@ def load_onnx(path: Path) -> tuple[Network, dict[str, Any]]:
 
 
 def cropped(image: np.ndarray, facts: dict[str, Any]) -> np.ndarray:
-    """The middle of images (B, 4, H, H), at the network's size."""
+    """Return the central crop of images at the network's image size.
+
+    Args:
+        image: Images, (B, 4, H, H).
+        facts: Facts about the network.
+    """
     size = facts["image_size"]
     side = max(size, round(facts["crop"]["share"] * image.shape[-1]))
     start = (image.shape[-1] - side) // 2
@@ -60,7 +78,7 @@ def cropped(image: np.ndarray, facts: dict[str, Any]) -> np.ndarray:
 
 
 def main() -> None:
-    """Print what the network says, and what is true."""
+    """Print the network's output and the label."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("network", type=Path, help="file written by svfl-train export")
     parser.add_argument("--data", type=Path, required=True, help="dataset folder")
@@ -68,10 +86,10 @@ def main() -> None:
     options = parser.parse_args()
     try:
         network, facts = (load_onnx if options.network.suffix == ".onnx" else load_program)(options.network)
-    except Exception as error:  # whatever the libraries raise for a file that is none
+    except Exception as error:  # any error that the libraries raise for an invalid file
         parser.error(f"{options.network}: {' '.join(str(error).split())}")
 
-    # The samples come in the units and axes that the facts name: vectors in image-aligned axes, depth in metres.
+    # The samples have the units and axes that the facts name: vectors in image-aligned axes, depth in metres.
     shapes = {name: one["shape"] for name, one in facts["inputs"].items()}
     window = shapes["wrench"][1] if "wrench" in shapes else 1
     samples = load_centering(options.data, window, facts["view"])
@@ -93,7 +111,7 @@ def main() -> None:
 
 
 def millimetres(offset: np.ndarray) -> str:
-    """An offset in words."""
+    """Return an offset [m] as text in millimetres."""
     return f"{1000 * offset[0]:.1f} mm right, {1000 * offset[1]:.1f} mm up"
 
 

@@ -1,4 +1,4 @@
-"""Draws docs/images/tag_board.png and docs/images/tagged_cube.png: a sheet to print, and poses that tags gave.
+"""Draw docs/images/tag_board.png and docs/images/tagged_cube.png: a sheet to print, and poses found from tags.
 
 .venv/bin/python docs/tag_pictures.py
 """
@@ -21,21 +21,24 @@ from svfl_data.schema.robot import Calibration
 
 FOLDER = Path(__file__).parent / "images"
 AXES = ((220, 40, 40), (40, 170, 40), (60, 90, 255))  # RGB of x, y, z
-LENGTH = 0.045  # [m]
-DPI = 72  # of the sheet
+LENGTH = 0.045  # [m] of an axis that is drawn
+DPI = 72  # pixels per inch of the sheet
 SIDE = 320  # [px] of each picture of the block
-FINE = 2  # pixels drawn for a pixel of the camera
+FINE = 2  # pixels that are drawn for a pixel of the camera, along each edge
 SCENES = (0, 13)  # steps of the episode: before the gripper comes, and while it grasps
 
 
 def sheet() -> np.ndarray:
-    """The board of ``svfl-collect tags --board 4x5 --size 30``, (H, W) uint8."""
+    """Return a picture of the board of ``svfl-collect tags --board 4x5 --size 30``, (H, W) uint8."""
     fine = picture(board_page("tag36h11", 4, 5, 30.0, 0, "a4"), 4 * DPI)
     return np.asarray(cv2.resize(fine, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA))
 
 
 def cube() -> np.ndarray:
-    """What a tag camera sees of a block that is picked, with the axes of the pose that its tags give, (H, W, 3) RGB."""
+    """Return pictures of a block that is picked, with the axes of the pose from its tags, (H, W, 3) RGB.
+
+    The pictures are those of tag cameras, side by side, one for each of `SCENES`.
+    """
     with World(WorldConfig(cameras={}, panda=PandaConfig(full_meshes=True))) as world:
         task = BlockPicking.begin(world, np.random.SeedSequence([2]))
         watch, moves, seen = watched(task), task.expert(Gripper(world, np.random.default_rng(2))), []
@@ -47,7 +50,14 @@ def cube() -> np.ndarray:
 
 
 def tracked(watch: Watch) -> np.ndarray:
-    """What the first camera sees that sees the block, with the pose that it tells."""
+    """Return the picture of the first camera that sees the block, with the axes of the pose that it gives.
+
+    Args:
+        watch: Watch with the tracker of the block and the cameras.
+
+    Raises:
+        CollectError: If no camera sees the block.
+    """
     for camera in watch.cameras.values():
         t_ns, color = camera()
         track = watch.tracker.see(color, t_ns, camera.calibration)
@@ -57,7 +67,16 @@ def tracked(watch: Watch) -> np.ndarray:
 
 
 def drawn(color: np.ndarray, known: Calibration, pose: np.ndarray) -> np.ndarray:
-    """A picture, cut around the block, with the axes of a pose, (7,), in base."""
+    """Return a picture that is cropped around the block, with the axes of a pose drawn into it.
+
+    Args:
+        color: Picture of the camera, (H, W, 3) uint8 RGB.
+        known: Calibration of the camera.
+        pose: Pose of the block: position [m], quat_xyzw, base axes, (7,).
+
+    Returns:
+        The picture, (SIDE, SIDE, 3) uint8 RGB.
+    """
     image = cv2.resize(color, None, fx=FINE, fy=FINE, interpolation=cv2.INTER_CUBIC)
     R = np.reshape(pybullet.getMatrixFromQuaternion(pose[3:]), (3, 3))
     points = np.concatenate([pose[None, :3], pose[:3] + LENGTH * R.T])
@@ -72,7 +91,7 @@ def drawn(color: np.ndarray, known: Calibration, pose: np.ndarray) -> np.ndarray
 
 
 def main() -> None:
-    """Write both."""
+    """Write both pictures."""
     cv2.imwrite(str(FOLDER / "tag_board.png"), sheet(), [cv2.IMWRITE_PNG_COMPRESSION, 9])
     cv2.imwrite(str(FOLDER / "tagged_cube.png"), cube()[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
 

@@ -1,4 +1,4 @@
-"""Draws docs/images/tasks: start, strongest contact and success of one expert episode of every task.
+"""Draw docs/images/tasks: start, strongest contact and success of one expert episode of every task.
 
 .venv/bin/python docs/task_strips.py --size 180 --out docs/images/tasks
 """
@@ -16,7 +16,13 @@ from collectors.tasks.task import MAX_STEPS
 
 
 def strip(name: str, size: int, seed: int) -> np.ndarray:
-    """Three pictures side by side, (size, 3 size, 3) uint8 RGB."""
+    """Return three pictures side by side, (size, 3 size, 3) uint8 RGB.
+
+    Args:
+        name: Name of the task.
+        size: Height and width of a picture, [px].
+        seed: Seed of the episode.
+    """
     camera = CameraConfig(height=size, width=size, fov_deg=36.0)
     with World(WorldConfig(cameras={"front": camera}, panda=PandaConfig(full_meshes=True))) as world:
         task = task_class(name).begin(world, np.random.SeedSequence([seed]))
@@ -34,7 +40,7 @@ def strip(name: str, size: int, seed: int) -> np.ndarray:
 
 
 def main() -> None:
-    """Write one PNG a task."""
+    """Write one PNG file for each task."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--size", type=int, default=180)
     parser.add_argument("--seed", type=int, default=2)
