@@ -37,7 +37,7 @@ from svfl_models.networks.encoders import ForceEncoder
 from svfl_models.networks.inputs import ENCODERS
 from svfl_models.networks.layer_factory import SymmetricLayers
 from svfl_models.networks.presets import PRESETS
-from svfl_models.symmetry import planar_escnn  # before escnn itself
+from svfl_models.symmetry import planar_escnn  # must be imported before escnn
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.symmetry.layers import SymmetricConv
 from svfl_models.symmetry.ordinary import plain

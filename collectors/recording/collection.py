@@ -68,6 +68,6 @@ def collect_dataset(
                 done.append(finished)
                 shown.advance(finished)
         except SvflError:
-            held.check()  # a missing folder explains a worker's error, and this process knows more of it
+            held.check()  # a missing folder is the better explanation of a worker's error
             raise
         return done

@@ -1,7 +1,7 @@
 """Executor that runs workers on a Ray cluster, with one CPU each.
 
-Every worker writes its files into the dataset's folder on its own machine. Where there is no shared file system, that
-is not the folder of the process that started the collection, and the process fetches the files.
+Every worker writes its files into the dataset's folder on its own machine. Where there is no shared file system, the
+process that started the collection fetches the files into the dataset's folder on its own machine.
 """
 
 import logging

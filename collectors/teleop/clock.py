@@ -29,8 +29,8 @@ class Clock:
     def wait(self) -> None:
         """Wait until the next beat.
 
-        After a delay, the following beats are counted from the late one, since a burst of actions would not be
-        controlled by the person.
+        After a delay of a period or more, the following beats are counted from the late one, since the person could not
+        control a burst of actions.
         """
         now = time.monotonic_ns()
         due = now if self._due is None else self._due

@@ -71,7 +71,7 @@ class Session:
 
     Args:
         dataset: Dataset to record the episodes into.
-        what: Settings of the dataset, which open the world of the robot and its task.
+        what: Settings of the dataset, which also give the simulated world.
         device: Device that the person steers with.
         screen: Screen that the person looks at.
         clock: Clock that times the actions.
