@@ -1,7 +1,7 @@
 """Networks that are equivariant to planar rotations and reflections, and the programs that train them.
 
-The names below are the public interface, documented and kept stable; all else in this package is private. They are
-loaded when they are first used, and PyTorch with them.
+The names below are the public interface, which is documented and kept stable; everything else in this package is
+private. Each name is loaded when it is first used, and PyTorch is loaded with it.
 
     >>> import svfl_models
     >>> "SymmetricConv" in dir(svfl_models)
@@ -10,7 +10,7 @@ loaded when they are first used, and PyTorch with them.
 
 from typing import TYPE_CHECKING
 
-import svfl_data  # noqa: F401 - says which extra installs a library that is not there
+import svfl_data  # noqa: F401 - its import errors say which extra installs a library that is missing
 from svfl_data.system.lazy_names import lazy_names
 
 if TYPE_CHECKING:
@@ -52,6 +52,6 @@ HOMES = {
     "load_latent": "latent.checkpoint", "load_policy": "cloning.checkpoint", "train_centering": "centering.train",
     "train_cloning": "cloning.train", "train_latent": "latent.train",
 }  # fmt: skip
-"""The module of every public name."""
+"""The module that defines each public name, relative to this package."""
 
 __getattr__, __dir__ = lazy_names(__name__, HOMES)

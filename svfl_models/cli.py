@@ -9,12 +9,22 @@ COMMANDS = (centering, check, experiments, export, bc, bc_table, evaluate, laten
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Parse the command line and train; returns the exit code."""
+    """Parse the command line, run the command that it names and return the exit code.
+
+    Args:
+        arguments: Words of the command line after the program's name. None means those of this process.
+
+    Returns:
+        The exit code of the process.
+
+    Raises:
+        SystemExit: After ``--help``, and with code 2 after a mistake in the command line.
+    """
     return run(build_parser(), arguments)
 
 
 def build_parser() -> Parser:
-    """Arguments of the command."""
+    """Return the argument parser of ``svfl-train``, with one subparser per command."""
     root = Parser(prog=PROGRAM, description="Train symmetric visual-force networks.", example=centering.EXAMPLE)
     commands = root.add_subparsers(
         title="commands", dest="command_name", metavar="COMMAND", required=True, parser_class=Parser

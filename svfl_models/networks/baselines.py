@@ -1,4 +1,4 @@
-"""The non-symmetric counterpart of `layer_factory.SymmetricLayers`: the same networks, built from ordinary layers."""
+"""The non-symmetric counterpart of `layer_factory.SymmetricLayers`, which builds networks from ordinary layers."""
 
 from collections.abc import Sequence
 
@@ -10,41 +10,48 @@ from svfl_models.symmetry.representations import components
 
 
 class PlainLayers:
-    """Ordinary convolutions and linear maps; a type is a number of channels.
+    """Factory of ordinary convolutions and linear maps, in which the type of features is their number of channels.
 
-    Weights start with deviation 1 / sqrt(fan in), which is `layers.initial_deviations` for the trivial group, biases
-    at zero.
+    Initial weights have standard deviation 1 / sqrt(fan in), which is what `kernels.initial_deviations` gives for the
+    trivial group. Initial biases are zero.
     """
 
     group = GROUPS["none"]
     copies = 1
 
     def image(self, channels: int) -> int:
-        """Image channels."""
+        """Return the type of an image, which is its number of channels."""
         return channels
 
     def vector(self, parts: Sequence[Part]) -> int:
-        """Physical components."""
+        """Return the type of physical components, which is their number as `representations.stored` arranges them."""
         return components(parts)
 
     def hidden(self, width: int) -> int:
-        """Hidden channels."""
+        """Return the type of hidden features of `width` units; one unit is one channel."""
         return width
 
     def joined(self, types: Sequence[int]) -> int:
-        """All channels together."""
+        """Return the type of concatenated features, which is the sum of their numbers of channels."""
         return sum(types)
 
     def conv(self, source: int, target: int, kernel: int, padding: int) -> nn.Module:
-        """Convolution (B, C, H, W) -> (B, C', H', W')."""
+        """Return a convolution that maps (B, C, H, W) to (B, C', H', W').
+
+        Args:
+            source: Number of input channels C.
+            target: Number of output channels C'.
+            kernel: Height and width of the kernel, [px].
+            padding: Rows and columns of zeros that are added on each side, [px].
+        """
         return _initialised(nn.Conv2d(source, target, kernel, padding=padding))
 
     def linear(self, source: int, target: int) -> nn.Module:
-        """Linear map of the last axis."""
+        """Return a linear map of the last axis from `source` to `target` channels."""
         return _initialised(nn.Linear(source, target))
 
     def scores(self, source: int) -> nn.Module:
-        """Linear map of the last axis to four scores."""
+        """Return a linear map of the last axis from `source` channels to the scores of the four directions."""
         return self.linear(source, 4)
 
 

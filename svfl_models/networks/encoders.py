@@ -1,7 +1,7 @@
 """Encoders of image, force and proprioception, and their fusion, written once for symmetric and plain layers.
 
-Structure of Kohler et al. (CoRL 2023, section 4 and appendix), with the published slips mended: attention mixes whole
-fields only, and every reading reaches the output.
+The structure is that of Kohler et al. (CoRL 2023, section 4 and appendix), with two published errors corrected:
+attention mixes whole fields only, and every reading reaches the output.
 """
 
 import math
@@ -22,16 +22,17 @@ PADDINGS = (1, 1, 1, 1, 1, 0, 0)
 
 
 class VisionEncoder(nn.Module):
-    """Seven convolutions from a square image to one feature vector.
+    """Image encoder of seven convolutions, which maps a square image to one feature vector.
 
-    Sides: 64 -pool- 32 -pool- 16 -pool- 8, 8, 8, 6 -pool- 3, 1; smaller images skip the first poolings, 128 has one
-    more. All sizes before a pooling are even, which a pooling needs to commute with quarter turns.
+    For images of 64 pixels, the sides of the feature maps are 64 -pool- 32 -pool- 16 -pool- 8, 8, 8, 6 -pool- 3, 1.
+    Smaller images skip the first poolings, and images of 128 pixels have one more. All sides before a pooling are
+    even, because only then does pooling commute with quarter turns.
 
     Args:
-        layers: The layer factory to build from.
-        widths: Units after the first six convolutions.
-        latent: Units of the output.
-        size: Height and width of the images, one of `config.IMAGE_SIZES`, [px].
+        layers: Layer factory that the encoder is built from.
+        widths: Numbers of units after the first six convolutions.
+        latent: Number of units of the output.
+        size: Height and width of the images, one of `inputs.IMAGE_SIZES`, [px].
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
@@ -46,11 +47,11 @@ class VisionEncoder(nn.Module):
         self.convolutions = nn.ModuleList(
             layers.conv(types[i], types[i + 1], 3, padding) for i, padding in enumerate(PADDINGS)
         )
-        self.pooled = {*range(IMAGE_SIZES.index(size)), 5}  # after these convolutions: from `size` to 8, from 6 to 3
+        self.pooled = {*range(IMAGE_SIZES.index(size)), 5}  # followed by a pooling: `size` to 8, then 6 to 3
 
     def forward(self, image: Tensor) -> Tensor:
-        """Normalised images (B, 4, size, size) -> features (B, C)."""
-        x = image.contiguous(memory_format=torch.channels_last)  # a quarter faster on a CPU at these widths
+        """Map normalised images, shape (B, 4, size, size), to features, shape (B, C)."""
+        x = image.contiguous(memory_format=torch.channels_last)  # this is a quarter faster on a CPU at these widths
         for i, convolution in enumerate(self.convolutions):
             x = convolution(x)
             if i in self.pooled:
@@ -60,15 +61,15 @@ class VisionEncoder(nn.Module):
 
 
 class SelfAttention(nn.Module):
-    """Multi-head scaled dot-product attention between readings, with a residual connection.
+    """Multi-head scaled dot-product attention between wrench readings, with a residual connection.
 
-    A head owns whole fields, so its scores are inner products over fields and group elements together, which are
-    invariant, and its values keep their field structure.
+    Each head gets whole fields. Its scores are therefore inner products over fields and group elements together, which
+    are invariant under the group, and its values keep their field structure.
 
     Args:
-        layers: The layer factory to build from.
-        width: Units per reading.
-        heads: Number of heads; must divide the width.
+        layers: Layer factory that the attention is built from.
+        width: Number of units per reading.
+        heads: Number of heads, which must divide `width`.
     """
 
     def __init__(self, layers: Layers[T], width: int, heads: int) -> None:
@@ -81,7 +82,7 @@ class SelfAttention(nn.Module):
         self.out = layers.linear(hidden, hidden)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, T, C) -> (B, T, C)."""
+        """Return the features of T readings plus what attention mixes of them, shape (B, T, C) as the input."""
         query, key, value = (self._split(map_(x)) for map_ in (self.query, self.key, self.value))
         mixed = functional.scaled_dot_product_attention(query, key, value)  # Vaswani et al., NeurIPS 2017, equation 1
         return x + self.out(mixed.transpose(1, 2).flatten(2))  # (B, heads, T, C / heads) -> (B, T, C)
@@ -91,15 +92,15 @@ class SelfAttention(nn.Module):
 
 
 class ForceEncoder(nn.Module):
-    """Self-attention over a window of wrench readings, then one linear map of the whole window.
+    """Wrench encoder: self-attention over a window of readings, followed by one linear map of the whole window.
 
     Args:
-        layers: The layer factory to build from.
-        parts: How the six components of a reading transform.
-        window: Readings T.
-        width: Units per reading.
-        heads: Attention heads.
-        latent: Units of the output.
+        layers: Layer factory that the encoder is built from.
+        parts: Parts that say how the six components of a reading transform, see `representations.wrench_parts`.
+        window: Number of readings T in a window.
+        width: Number of units per reading.
+        heads: Number of attention heads, which must divide `width`.
+        latent: Number of units of the output.
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
@@ -122,23 +123,23 @@ class ForceEncoder(nn.Module):
         self.readout = layers.linear(layers.hidden(window * width), layers.hidden(latent))
 
     def forward(self, wrench: Tensor) -> Tensor:
-        """Normalised wrench windows (B, T, 6), image-aligned axes -> features (B, C)."""
+        """Map normalised wrench windows in image-aligned axes, shape (B, T, 6), to features, shape (B, C)."""
         x = functional.relu(self.embed(stored(self.parts, wrench))) + self.position
         x = self.attention(x)
         return functional.relu(self.readout(x.flatten(1)))  # (B, T, fields * copies) -> (B, T * fields * copies)
 
 
 def position_encoding(window: int, width: int) -> Tensor:
-    """Sinusoidal code of a reading's place in the window, one number per unit.
+    """Return a sinusoidal code of each reading's place in the window, with one number per unit.
 
-    All group channels of a field get the same number, which makes the code invariant and adding it equivariant.
+    All group channels of a field are to get the same number: the code is then invariant, and adding it is equivariant.
 
     Args:
-        window: Readings T.
-        width: Units.
+        window: Number of readings T in the window.
+        width: Number of units per reading.
 
     Returns:
-        Shape (T, width).
+        The codes, shape (T, width).
 
     Source: Vaswani et al., NeurIPS 2017, section 3.5, with wavelengths from 2 pi to the window's length times 2 pi.
     """
@@ -149,12 +150,12 @@ def position_encoding(window: int, width: int) -> Tensor:
 
 
 class ProprioEncoder(nn.Module):
-    """Four-layer perceptron of gripper opening, position and yaw of the gripper.
+    """Proprioception encoder: a four-layer perceptron of the opening, position and yaw of the gripper.
 
     Args:
-        layers: The layer factory to build from.
-        widths: Units after the first three layers.
-        latent: Units of the output.
+        layers: Layer factory that the encoder is built from.
+        widths: Numbers of units after the first three layers.
+        latent: Number of units of the output.
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
@@ -168,25 +169,29 @@ class ProprioEncoder(nn.Module):
         self.maps = nn.ModuleList(layers.linear(source, target) for source, target in pairwise(types))
 
     def forward(self, proprio: Tensor) -> Tensor:
-        """Normalised proprioception -> features (B, C).
+        """Map normalised proprioception to features.
 
         Args:
-            proprio: Shape (B, 5), image-aligned axes: (x, y) relative to the centre of the image's rotations, that of
-                the workspace; the yaw in [rad].
+            proprio: Gripper opening, x, y, z and yaw, shape (B, 5), in image-aligned axes. All but the yaw are
+                normalised. x and y are relative to the centre of the workspace, about which images are rotated. The
+                yaw is in [rad].
+
+        Returns:
+            Features, shape (B, C).
         """
-        x = stored(PROPRIO_PARTS, proprio)  # the yaw of a two-fingered gripper as cosine and sine of its double
+        x = stored(PROPRIO_PARTS, proprio)  # yaw x of a two-fingered gripper becomes (cos 2x, sin 2x)
         for linear in self.maps:
             x = functional.relu(linear(x))
         return x
 
 
 class Fusion(nn.Module):
-    """Two 1 x 1 maps over the concatenated features of all encoders.
+    """Fusion of the features of all encoders by two linear maps of the concatenated features.
 
     Args:
-        layers: The layer factory to build from.
+        layers: Layer factory that the fusion is built from.
         encoders: Number of encoders.
-        latent: Units of each encoder, and of the output.
+        latent: Number of units of each encoder's output, and of the fused output.
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
@@ -201,6 +206,13 @@ class Fusion(nn.Module):
         self.second = layers.linear(hidden, hidden)
 
     def forward(self, features: Sequence[Tensor]) -> Tensor:
-        """One (B, C) per encoder -> (B, C)."""
+        """Fuse the features of the encoders.
+
+        Args:
+            features: Features of each encoder, each of shape (B, C).
+
+        Returns:
+            Fused features, shape (B, C).
+        """
         x = functional.relu(self.first(torch.cat(list(features), dim=1)))
         return functional.relu(self.second(x))

@@ -1,4 +1,7 @@
-"""What a network says about its features: an offset, an action, a value. Each transforms as the thing it names."""
+"""Heads that map features to an offset, a distribution of actions or a value.
+
+Each output transforms under the group as the physical quantity that it stands for.
+"""
 
 from itertools import pairwise
 
@@ -13,22 +16,23 @@ from svfl_models.networks.squashed_gaussian import SquashedGaussian, to_unit
 from svfl_models.symmetry.representations import physical, stored
 
 POLICY_PARTS = (*ACTION_PARTS, Part("invariant", (5, 6, 7, 8)))
-"""Mean of an action before squashing, then the logarithms of its deviations: gripper, dx and dy, dz, dtheta."""
+"""Parts of an actor's output: the mean of an action before squashing (5 components), then the logarithms of the
+standard deviations of gripper opening, of dx and dy together, of dz and of dtheta."""
 DEVIATION_OF = [5, 6, 6, 7, 8]
-"""Where in `POLICY_PARTS` each component of an action has its own."""
+"""Index in `POLICY_PARTS` of the standard deviation of each component of an action; dx and dy share one."""
 LOG_SIGMA = (-20.0, 2.0)
-"""Least and most (the reference implementation's)."""
+"""Bounds to which the logarithm of a standard deviation is clamped, as in the reference implementation."""
 NARROWEST = 8
-"""Units of an actor's hidden layer, at least. With two, ReLUs died: whenever the gripper was shut, an actor cloned from
-50 demonstrations said one constant action."""
+"""Least number of units of an actor's hidden layer. With two units, ReLUs died: an actor cloned from 50 demonstrations
+gave one constant action whenever the gripper was shut."""
 
 
 class OffsetHead(nn.Module):
-    """A vector in the plane, in metres.
+    """Head that predicts an offset: a vector in the plane, in image-aligned axes, [m].
 
     Args:
-        layers: The layer factory to build from.
-        hidden: Type of the features.
+        layers: Layer factory that the head is built from.
+        hidden: Type of the features that the head takes.
     """
 
     scale: Tensor
@@ -39,23 +43,29 @@ class OffsetHead(nn.Module):
         self.register_buffer("scale", torch.ones(()))
 
     def fit(self, offset: Tensor) -> None:
-        """Take the scale from training offsets, shape (S, 2), [m]."""
+        """Set the scale of the output to the root mean square of the training offsets.
+
+        Args:
+            offset: Offsets of the training samples, shape (S, 2), [m].
+        """
         self.scale.copy_(offset.square().mean().sqrt())
 
     def forward(self, features: Tensor) -> Tensor:
-        """(B, C) -> (B, 2), [m]."""
+        """Map features, shape (B, C), to offsets, shape (B, 2), [m]."""
         return self.scale * physical(OFFSET_PARTS, self.map(features))
 
 
 class Actor(nn.Module):
-    """Three maps, each hidden layer half as wide as the one before (`NARROWEST`), to a distribution of actions.
+    """Head of three linear maps that gives a distribution of actions.
 
-    (dx, dy) is a vector, dtheta a pseudoscalar, the rest invariant. dx and dy share their deviation, an invariant: two
-    of their own would change places in a turned world, which invariants cannot (`squashed_gaussian`).
+    Each hidden layer is half as wide as the layer before it, but has at least `NARROWEST` units. (dx, dy) is a vector,
+    dtheta is a pseudoscalar, and the other components are invariant. dx and dy share one standard deviation, which is
+    invariant: two separate ones would have to change places when the world is turned by a quarter, which invariants
+    cannot do (see `squashed_gaussian`).
 
     Args:
-        layers: The layer factory to build from.
-        latent: Units of the features.
+        layers: Layer factory that the actor is built from.
+        latent: Number of units of the features.
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
@@ -71,7 +81,7 @@ class Actor(nn.Module):
         self.maps = nn.ModuleList(layers.linear(*types) for types in pairwise([*hidden, layers.vector(POLICY_PARTS)]))
 
     def forward(self, features: Tensor) -> SquashedGaussian:
-        """Features (B, C) -> a distribution of actions for each."""
+        """Map features, shape (B, C), to one distribution of actions per sample, in image-aligned axes."""
         *hidden, last = self.maps
         x = features
         for linear in hidden:
@@ -81,11 +91,11 @@ class Actor(nn.Module):
 
 
 class Critic(nn.Module):
-    """Two values of an action, which do not change when the world and the action are rotated together.
+    """Head that gives two values of an action, which do not change when world and action are rotated together.
 
     Args:
-        layers: The layer factory to build from.
-        latent: Units of the features.
+        layers: Layer factory that the critic is built from.
+        latent: Number of units of the features.
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
@@ -103,14 +113,14 @@ class Critic(nn.Module):
         self.copies = layers.copies
 
     def forward(self, features: Tensor, action: Tensor) -> Tensor:
-        """Both values.
+        """Return both values of each action.
 
         Args:
-            features: Shape (B, C).
-            action: Shape (B, 5): gripper opening 0..1, dx, dy, dz [m], dtheta [rad], image-aligned axes.
+            features: Features of the observations, shape (B, C).
+            action: Actions, shape (B, 5): gripper opening 0..1, dx, dy, dz [m], dtheta [rad], in image-aligned axes.
 
         Returns:
-            Shape (B, 2).
+            Two values per sample, shape (B, 2).
         """
         x = torch.cat([features, stored(ACTION_PARTS, to_unit(action))], dim=-1)
         values = []

@@ -1,4 +1,4 @@
-"""Square images at the place and the size that a network sees: cropped, then scaled."""
+"""Cropping and scaling of square images to the part and the size that a network sees."""
 
 import torch
 from torch import Tensor
@@ -7,14 +7,21 @@ from torch.nn import functional
 from svfl_data.errors import TrainingError
 
 CROP = 64 / 76
-"""Share of the image's side that a crop keeps (Kohler et al., CoRL 2023, appendix: 76 px cropped to 64)."""
+"""Share of an image's side that a crop keeps (Kohler et al., CoRL 2023, appendix: 76 px are cropped to 64)."""
 
 
 def crop_side(side: int, size: int) -> int:
-    """Side of the crop from which a network of images of `size` pixels gets its image, [px].
+    """Return the side of the crop that is scaled to the input image of a network, [px].
+
+    Args:
+        side: Height and width of the camera's images, [px].
+        size: Height and width of the images that the network takes, [px].
+
+    Returns:
+        Height and width of the crop, at least `size`, [px].
 
     Raises:
-        TrainingError: If the images are too small.
+        TrainingError: If `side` is smaller than `size`.
     """
     if side < size:
         raise TrainingError(f"images are {side} x {side} pixels, smaller than the network's {size} x {size}")
@@ -22,33 +29,46 @@ def crop_side(side: int, size: int) -> int:
 
 
 def centre_crop(image: Tensor, side: int) -> Tensor:
-    """The middle of square images: (B, C, H, H) -> (B, C, side, side)."""
+    """Return the middle of square images.
+
+    Args:
+        image: Images, shape (B, C, H, H).
+        side: Height and width of the crops, [px].
+
+    Returns:
+        The crops, shape (B, C, side, side).
+    """
     start = (image.shape[-1] - side) // 2
     return image[..., start : start + side, start : start + side]
 
 
 def random_crop(image: Tensor, side: int, beyond: int = 0) -> Tensor:
-    """A part of each square image at its own random place: (B, C, H, H) -> (B, C, side, side).
+    """Return a crop of each square image, at a random place that is drawn for each image.
 
     Args:
-        image: The images.
+        image: Images, shape (B, C, H, H).
         side: Height and width of the crops, [px].
-        beyond: How far crops may reach beyond the edges, which are continued outwards, [px].
+        beyond: How far a crop may reach beyond the edges of its image, [px]. There it repeats the pixels of the edge.
+
+    Returns:
+        The crops, shape (B, C, side, side).
     """
     corner = torch.randint(-beyond, image.shape[-1] - side + beyond + 1, (len(image), 2))
     return crop_at(image, corner, side)
 
 
 def crop_at(image: Tensor, corner: Tensor, side: int) -> Tensor:
-    """A part of each square image at a place of its own, which may reach beyond the edges: they are continued outwards.
+    """Return a crop of each square image, at a place that is given for each image.
+
+    A crop may reach beyond the edges of its image, where it repeats the pixels of the edge.
 
     Args:
-        image: Shape (B, C, H, H).
-        corner: Row and column of the first pixel, shape (B, 2), int64.
+        image: Images, shape (B, C, H, H).
+        corner: Row and column of the first pixel of each crop, shape (B, 2), int64.
         side: Height and width of the crops, [px].
 
     Returns:
-        Shape (B, C, side, side).
+        The crops, shape (B, C, side, side).
     """
     places = corner[..., None] + torch.arange(side, device=image.device)
     places = places.clamp(0, image.shape[-1] - 1)  # (B, 2, side)
@@ -58,7 +78,15 @@ def crop_at(image: Tensor, corner: Tensor, side: int) -> Tensor:
 
 
 def scaled(image: Tensor, size: int) -> Tensor:
-    """Square images at another size: bilinear, all pixels counting; (B, C, H, H) -> (B, C, size, size)."""
+    """Scale square images bilinearly, with antialiasing.
+
+    Args:
+        image: Images, shape (B, C, H, H).
+        size: Height and width of the result, [px].
+
+    Returns:
+        The scaled images, shape (B, C, size, size). Images of this size already are returned unchanged.
+    """
     if image.shape[-1] == size:
         return image
     return functional.interpolate(image, (size, size), mode="bilinear", antialias=True)

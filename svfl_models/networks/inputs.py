@@ -1,8 +1,8 @@
-"""What encoders look at, by the names that configurations and commands give them; light to import."""
+"""The inputs of each encoder, by the names that configurations and commands use. This module is light to import."""
 
 ENCODERS = ("v", "f", "vf")
 IMAGE_SIZES = (8, 16, 32, 64, 128)
 INPUTS = {
     "v": ("image",), "f": ("wrench",), "vf": ("image", "wrench"), "vfp": ("image", "wrench", "proprio"),
 }  # fmt: skip
-"""What each encoder looks at; the rest is left out of the batches."""
+"""Entries of a batch that each encoder takes; all other entries are left out of the batches."""

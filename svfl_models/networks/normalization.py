@@ -1,8 +1,8 @@
 """Scaling of physical inputs that commutes with the group.
 
-Each representation has one scale, the same for x and y of a vector, and a mean is subtracted from invariants only:
-anything else would make a rotated input look different from a rotated output. Statistics come from the training
-samples alone and are buffers, so that a checkpoint carries them.
+Each representation has one scale, the same for x and y of a vector, and a mean is subtracted from invariants only.
+Otherwise normalising a rotated input would not give the rotated normalised input. The statistics come from the training
+samples alone. They are buffers of the module, so that a checkpoint contains them.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ IMAGE_PARTS = tuple(Part("invariant", (channel,)) for channel in range(4))
 class Normalization(nn.Module):
     """Mean and scale of image channels, wrench and proprioception; the identity until `fit` is called.
 
-    The yaw is left alone: it enters a network as sine and cosine.
+    The yaw is not changed, because it enters a network as the cosine and sine of its double.
     """
 
     image_mean: Tensor
@@ -37,12 +37,14 @@ class Normalization(nn.Module):
     def fit(
         self, image: np.ndarray | None = None, wrench: np.ndarray | None = None, proprio: np.ndarray | None = None
     ) -> None:
-        """Take the statistics of the training samples, of what there is.
+        """Set means and scales to the statistics of the training samples.
+
+        Inputs that are None keep their means and scales.
 
         Args:
-            image: Shape (S, 4, H, W): colour / 255, depth in [m].
-            wrench: Shape (S, T, 6), [N] and [N m].
-            proprio: Shape (S, 5), (x, y) relative to the workspace centre.
+            image: Images, shape (S, 4, H, W): colour / 255, then depth in [m].
+            wrench: Wrench windows, shape (S, T, 6), [N] and [N m].
+            proprio: Proprioception, shape (S, 5), with (x, y) relative to the workspace centre.
         """
         given = (
             ("image", None if image is None else np.moveaxis(image, 1, -1), IMAGE_PARTS),
@@ -56,13 +58,13 @@ class Normalization(nn.Module):
                 getattr(self, f"{name}_scale").copy_(torch.from_numpy(scale))
 
     def image(self, image: Tensor) -> Tensor:
-        """(B, 4, H, W) -> the same shape, dimensionless."""
+        """Return normalised images, dimensionless, of the same shape (B, 4, H, W) as the input."""
         return (image - self.image_mean[:, None, None]) / self.image_scale[:, None, None]
 
     def wrench(self, wrench: Tensor) -> Tensor:
-        """(B, T, 6) -> the same shape, dimensionless."""
+        """Return normalised wrench windows, dimensionless, of the same shape (B, T, 6) as the input."""
         return (wrench - self.wrench_mean) / self.wrench_scale
 
     def proprio(self, proprio: Tensor) -> Tensor:
-        """(B, 5) -> the same shape, dimensionless."""
+        """Return normalised proprioception, of the same shape (B, 5) as the input, dimensionless but for the yaw."""
         return (proprio - self.proprio_mean) / self.proprio_scale

@@ -1,4 +1,4 @@
-"""A policy: from what is seen, felt and known of the gripper to a distribution of actions."""
+"""A policy, which maps the camera image, wrench window and proprioception to a distribution of actions."""
 
 from torch import nn
 
@@ -13,14 +13,14 @@ from svfl_models.symmetry.groups import GROUPS, group_named
 
 
 class Policy(nn.Module):
-    """The trunk and the actor (Kohler et al., CoRL 2023, section 4), symmetric or plain.
+    """Policy network of a trunk and an actor (Kohler et al., CoRL 2023, section 4), symmetric or plain.
 
     Args:
-        encoder: What it looks at: ``v`` image, ``f`` wrench window, ``p`` proprioception, or several, e.g. ``vfp``.
-        group: Symmetry group, one of `groups.GROUPS`; ``none`` builds the parameter-matched CNN baseline.
-        preset: Sizes, one of `presets.PRESETS`.
-        image_size: Height and width of the images, one of `config.IMAGE_SIZES`, [px].
-        window: Readings T per wrench window.
+        encoder: Inputs of the policy: ``v`` image, ``f`` wrench window, ``p`` proprioception, or several, e.g. ``vfp``.
+        group: Name of the symmetry group, one of `groups.GROUPS`; ``none`` builds the parameter-matched CNN baseline.
+        preset: Name of the network's sizes, one of `presets.PRESETS`.
+        image_size: Height and width of the images, one of `inputs.IMAGE_SIZES`, [px].
+        window: Number of readings T per wrench window.
 
     Raises:
         TrainingError: If there is no such group or preset.
@@ -49,10 +49,14 @@ class Policy(nn.Module):
         self.actor = Actor(layers, widths.latent)
 
     def forward(self, batch: Batch) -> SquashedGaussian:
-        """What to do, for each sample, in image-aligned axes.
+        """Return the distribution of actions for each sample of a batch, in image-aligned axes.
 
-        The mean before squashing is equivariant under the whole group, as far as images are; the distribution of
-        actions under the part that maps pixels onto pixels (`svfl_models.networks.squashed_gaussian`).
+        The mean before squashing is equivariant under the whole group, as far as images are. The distribution of
+        actions is equivariant under the part of the group that maps pixels onto pixels (see
+        `svfl_models.networks.squashed_gaussian`).
+
+        Args:
+            batch: Inputs of the policy, see `visual_force.Batch`. Other entries are ignored.
 
         Raises:
             TrainingError: If an input is missing or has a shape that the network was not built for.

@@ -1,18 +1,20 @@
-"""Sizes of the networks: what the paper used, and what a laptop trains."""
+"""Sizes of the networks: that of the paper, and smaller ones that a laptop can train."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Widths:
-    """Units of each part; a unit is a regular field (8 channels for D4) or, in the CNN baseline, one channel.
+    """Numbers of units of each part of a network.
+
+    A unit is a regular field (8 channels for D4) or, in the CNN baseline, one channel.
 
     Attributes:
-        vision: After the first six convolutions.
-        force: Per reading.
-        heads: Attention heads; divides `force`.
-        proprio: After the first three layers.
-        latent: Output of each encoder and of the fusion.
+        vision: Numbers of units after the first six convolutions of the vision encoder.
+        force: Number of units per wrench reading in the force encoder.
+        heads: Number of attention heads of the force encoder, which divides `force`.
+        proprio: Numbers of units after the first three layers of the proprioception encoder.
+        latent: Number of units of the output of each encoder and of the fusion.
     """
 
     vision: tuple[int, int, int, int, int, int]
@@ -35,14 +37,16 @@ PRESETS = {
         "svfl": Widths((2, 4, 8, 16, 32, 16), force=16, heads=4, proprio=(4, 8, 16), latent=16),
         "cnn": Widths((4, 9, 18, 37, 74, 37), force=44, heads=4, proprio=(11, 23, 45), latent=44),
     },
-    # Reference implementation at z = 64 (Kohler et al., CoRL 2023): 2.3e6 parameters for V+F.
+    # The reference implementation at z = 64 (Kohler et al., CoRL 2023), which has 2.3e6 parameters for V+F.
     "paper": {
         "svfl": Widths((8, 16, 32, 64, 128, 64), force=32, heads=8, proprio=(16, 32, 64), latent=64),
         "cnn": Widths((18, 37, 74, 148, 294, 146), force=90, heads=9, proprio=(45, 90, 180), latent=174),
     },
 }
-"""The CNN baselines have as many parameters as the D4 networks, within 10 % (tests)."""
+"""Sizes by name of the preset and kind of network. Each ``cnn`` baseline has as many parameters as the D4 network of
+its preset (``svfl``), within 10 %; tests check this."""
 
 THREADS = {"default": 1, "paper": 8}
-"""Most threads by preset. Networks as narrow as the default gain little from a second one, and lose much where the
-machine is shared, since OpenMP's threads wait by spinning: 10 epochs took 5 s with one thread and 32 s with two."""
+"""Most threads of a training, by preset. Networks as narrow as those of the default preset gain little from a second
+thread. They lose much on a shared machine, because OpenMP's threads wait by spinning: 10 epochs took 5 s with one
+thread and 32 s with two."""

@@ -1,11 +1,11 @@
-"""What an actor says: a Gaussian, squashed by a hyperbolic tangent into the bounds of an action.
+"""The output of an actor: a Gaussian that a hyperbolic tangent squashes into the bounds of an action.
 
-An action is ``centre + scale * tanh(u)`` with u normal, component by component (Haarnoja et al., ICML 2018, appendix
-C). A tanh of each component commutes with what permutes the components and changes their signs, and with nothing else:
-the square of permitted (dx, dy) is mapped onto itself by quarter turns and flips only. So the distribution of a
-symmetric actor is symmetric under the pixel-exact part of its group, C4 or D4; at the angles between, only mean and
-deviations before the tanh are. The deviations of dx and dy must be one number: a quarter turn exchanges dx and dy, and
-the distribution of a turned world's actions must be the turned distribution.
+An action is ``centre + scale * tanh(u)``, where u is normal, component by component (Haarnoja et al., ICML 2018,
+appendix C). The tanh of each component commutes with permutations and sign changes of the components, and with nothing
+else: only quarter turns and flips map the square of permitted (dx, dy) onto itself. The distribution of a symmetric
+actor is therefore symmetric under the pixel-exact part of its group, C4 or D4. Under the other elements only the mean
+and the standard deviations before the tanh are symmetric. dx and dy must have the same standard deviation: a quarter
+turn exchanges dx and dy, and the distribution of actions in a turned world must be the turned distribution.
 """
 
 import math
@@ -17,29 +17,47 @@ from torch.nn import functional
 
 CENTRE = (0.5, 0.0, 0.0, 0.0, 0.0)
 SCALE = (0.5, 0.025, 0.025, 0.025, math.pi / 16)
-"""Bounds, centre +- scale: gripper opening 0..1, dx, dy, dz [m], dtheta [rad] (Kohler et al., CoRL 2023, section 5)."""
+"""Half the width of an action's bounds, which are `CENTRE` +- `SCALE`: gripper opening 0..1, dx, dy, dz [m], dtheta
+[rad] (Kohler et al., CoRL 2023, section 5)."""
 
 INSIDE = 1 - 1e-6
-"""An action on its bounds, such as a closed gripper, counts as this far out: at the bound itself u is infinite."""
+"""Largest absolute value of a component in units of the bounds when its density is computed. An action on a bound, such
+as a closed gripper, is clamped to this value, because u is infinite at the bound itself."""
 
 
 def to_unit(action: Tensor) -> Tensor:
-    """Physical actions (..., 5) -> -1..1 in every component. Commutes with the group: dx and dy share a scale."""
+    """Scale physical actions to -1..1 in every component.
+
+    The scaling commutes with the group, because dx and dy share one scale.
+
+    Args:
+        action: Actions, shape (..., 5): gripper opening 0..1, dx, dy, dz [m], dtheta [rad].
+
+    Returns:
+        The scaled actions, of the same shape, dimensionless.
+    """
     return (action - action.new_tensor(CENTRE)) / action.new_tensor(SCALE)
 
 
 def to_physical(unit: Tensor) -> Tensor:
-    """The inverse of `to_unit`: (..., 5) -> gripper opening 0..1, dx, dy, dz [m], dtheta [rad]."""
+    """Scale actions of -1..1 back to physical units, which is the inverse of `to_unit`.
+
+    Args:
+        unit: Scaled actions, shape (..., 5), dimensionless.
+
+    Returns:
+        Actions of the same shape: gripper opening 0..1, dx, dy, dz [m], dtheta [rad].
+    """
     return unit.new_tensor(CENTRE) + unit.new_tensor(SCALE) * unit
 
 
 @dataclass(frozen=True, eq=False)
 class SquashedGaussian:
-    """A distribution of actions, independent in every component.
+    """A distribution of actions for each sample, in which the components are independent of each other.
 
     Attributes:
-        mean: Of u, order of `svfl_data.symmetry.ACTION_PARTS`, shape (B, 5).
-        log_sigma: Logarithm of the deviations of u, shape (B, 5); dx and dy have the same.
+        mean: Mean of u, the action before the tanh, in the order of `svfl_data.symmetry.ACTION_PARTS`, shape (B, 5).
+        log_sigma: Natural logarithm of the standard deviations of u, shape (B, 5); dx and dy have the same one.
     """
 
     mean: Tensor
@@ -47,40 +65,49 @@ class SquashedGaussian:
 
     @property
     def mode(self) -> Tensor:
-        """The action of the mean, (B, 5): what to do when not exploring."""
+        """The action that belongs to the mean, shape (B, 5), which a policy takes when it does not explore."""
         return to_physical(torch.tanh(self.mean))
 
     def sample(self, noise: Tensor | None = None) -> Tensor:
-        """Draw one action each, differentiable in mean and deviation.
+        """Draw one action per sample, differentiable in mean and standard deviation.
 
         Args:
-            noise: Standard normal, shape (B, 5); drawn if not given.
+            noise: Standard normal numbers, shape (B, 5). None means that they are drawn.
 
         Returns:
-            Shape (B, 5).
+            Actions in physical units, shape (B, 5).
         """
         return self.sample_with_log_prob(noise)[0]
 
     def sample_with_log_prob(self, noise: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Like `sample`, with the logarithm of each action's density, shape (B,), exact however far out it lies."""
+        """Draw one action per sample, and compute the logarithm of its density.
+
+        The density is computed from u itself, so that it is exact even where the tanh is near the bounds.
+
+        Args:
+            noise: Standard normal numbers, shape (B, 5). None means that they are drawn.
+
+        Returns:
+            Actions in physical units, shape (B, 5), and the logarithms of their densities, shape (B,).
+        """
         if noise is None:
             noise = torch.randn_like(self.mean)
         u = self.mean + self.log_sigma.exp() * noise
         return to_physical(torch.tanh(u)), self._log_density(u, noise)
 
     def log_prob(self, action: Tensor) -> Tensor:
-        """Logarithm of the density of actions, per unit of their components.
+        """Return the logarithm of the density of actions, per physical unit of each component.
 
         Args:
-            action: Shape (B, 5), within the bounds.
+            action: Actions in physical units, shape (B, 5), within the bounds.
 
         Returns:
-            Shape (B,).
+            Natural logarithms of the densities, shape (B,).
         """
         u = torch.atanh(to_unit(action).clamp(-INSIDE, INSIDE))
         return self._log_density(u, (u - self.mean) / self.log_sigma.exp())
 
     def _log_density(self, u: Tensor, noise: Tensor) -> Tensor:
         normal = -0.5 * noise.square() - self.log_sigma - 0.5 * math.log(2 * math.pi)
-        log_slope = 2 * (math.log(2) - u - functional.softplus(-2 * u))  # log(1 - tanh(u)^2), which underflows
+        log_slope = 2 * (math.log(2) - u - functional.softplus(-2 * u))  # log(1 - tanh(u)^2), without its underflow
         return (normal - log_slope - u.new_tensor(SCALE).log()).sum(dim=-1)

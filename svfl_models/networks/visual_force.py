@@ -1,4 +1,4 @@
-"""From what was seen, felt and known of the gripper to one vector of features: the trunk of every network here."""
+"""The trunk of every network here: it maps the camera image, wrench window and proprioception to one feature vector."""
 
 from torch import Tensor, nn
 
@@ -10,20 +10,21 @@ from svfl_models.networks.presets import Widths
 from svfl_models.symmetry.representations import wrench_parts
 
 Batch = dict[str, Tensor]
-"""Vectors in image-aligned axes. ``image`` (B, 4, H, H): colour / 255, depth in [m]. ``wrench`` (B, T, 6), [N] and
-[N m]. ``proprio`` (B, 5): gripper opening 0..1, x and y relative to the workspace centre and z [m], yaw [rad]."""
+"""Inputs of a network by name, with vectors in image-aligned axes. ``image`` (B, 4, H, H): colour / 255, then depth in
+[m]. ``wrench`` (B, T, 6): force [N], then torque [N m]. ``proprio`` (B, 5): gripper opening 0..1, x and y relative to
+the workspace centre and z [m], yaw [rad]."""
 
 
 class VisualForceEncoder(nn.Module):
-    """An encoder for each input, and their fusion.
+    """Network of one encoder for each input, and their fusion.
 
     Args:
-        layers: The layer factory to build from; it decides on the symmetry.
-        widths: Sizes.
-        inputs: Which: ``v`` image, ``f`` wrench window, ``p`` proprioception, or several, e.g. ``vfp``.
-        image_size: Height and width of the images, [px].
-        window: Readings T per wrench window.
-        torque: ``axial``, or the paper's ``polar`` (see `representations.wrench_parts`).
+        layers: Layer factory that the network is built from, which decides whether the network is symmetric.
+        widths: Numbers of units of each part of the network.
+        inputs: Inputs of the network: ``v`` image, ``f`` wrench window, ``p`` proprioception, or several, e.g. ``vfp``.
+        image_size: Height and width of the images, one of `inputs.IMAGE_SIZES`, [px].
+        window: Number of readings T per wrench window.
+        torque: How a torque transforms: ``axial``, or the paper's ``polar`` (see `representations.wrench_parts`).
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
@@ -56,7 +57,13 @@ class VisualForceEncoder(nn.Module):
         self.fusion = Fusion(layers, len(inputs), latent)
 
     def forward(self, batch: Batch) -> Tensor:
-        """Features (B, C), hidden units of the layer factory.
+        """Return the fused features of a batch.
+
+        Args:
+            batch: Inputs of the network in physical units, which the network normalises. Other entries are ignored.
+
+        Returns:
+            Features of the layer factory's hidden type, shape (B, C).
 
         Raises:
             TrainingError: If an input is missing or has a shape that the network was not built for.
