@@ -1,8 +1,8 @@
-"""How a rotation or reflection of the world acts on batches and on what networks say about them, in PyTorch.
+"""How a rotation or reflection of the world acts on batches and on the outputs of networks, in PyTorch.
 
-The same laws as `svfl_data.symmetry` (tests hold the two together), for tensors on any device: to augment data, to test
-networks, to evaluate trained ones. Nothing here knows escnn: a network that agrees with escnn's own idea of a
-transformation can still disagree with physics (a mirrored torque, a flip about the other axis).
+These are the laws of `svfl_data.symmetry`, for tensors on any device; tests check that the two agree. They serve to
+augment data and to test and evaluate networks. Nothing here uses escnn, because a network that agrees with escnn's own
+idea of a transformation can still disagree with physics (a mirrored torque, a flip about the other axis).
 
 All matrices are orthogonal, of shape (2, 2), in image-aligned axes (x right, y up).
 """
@@ -33,23 +33,24 @@ PARTS: dict[str, tuple[Part, ...]] = {
     "action": ACTION_PARTS,
     "offset": OFFSET_PARTS,
 }
-"""Entries of a batch whose last axis is made of parts."""
+"""Parts of the last axis of those entries of a batch that are made of parts, by name of the entry."""
 
 
 def act_on_batch(matrix: np.ndarray, batch: Batch) -> Batch:
     """Rotate or mirror the world that a batch shows.
 
     Args:
-        matrix: The element.
-        batch: ``image`` (B, C, H, H); ``wrench`` (..., 6); ``proprio`` (..., 5), (x, y) relative to the workspace
-            centre; ``action`` (..., 5); ``offset`` (..., 2); ``direction`` (...), classes; or some of them.
+        matrix: Matrix of the group element, shape (2, 2).
+        batch: Some or all of the entries ``image`` (B, C, H, H); ``wrench`` (..., 6); ``proprio`` (..., 5), with (x, y)
+            relative to the workspace centre; ``action`` (..., 5); ``offset`` (..., 2); ``direction`` (...), classes.
 
     Returns:
-        The transformed batch. Other than quarter turns and flips move pixels by interpolation, which is not exact.
+        The transformed batch. Elements other than quarter turns and flips move pixels by interpolation, which is not
+        exact.
 
     Raises:
         KeyError: If it is not known how an entry transforms.
-        ValueError: If directions are to be turned by other than quarter turns and flips.
+        ValueError: If the batch has directions and the element is neither a quarter turn nor a flip.
     """
     moved = {}
     for name, values in batch.items():
@@ -63,7 +64,15 @@ def act_on_batch(matrix: np.ndarray, batch: Batch) -> Batch:
 
 
 def augment(batch: Batch, group: Group) -> Batch:
-    """Transform every sample by an element drawn at random from those that move pixels onto pixels."""
+    """Transform every sample of a batch by a random element of those that map pixels onto pixels.
+
+    Args:
+        batch: Samples to transform, see `act_on_batch`.
+        group: Group whose elements `Group.pixel_exact` are drawn from.
+
+    Returns:
+        The transformed batch, of the same shapes; an element is drawn for each sample.
+    """
     count = len(next(iter(batch.values())))
     drawn = torch.randint(len(group.pixel_exact), (count,))
     moved = {name: torch.empty_like(values) for name, values in batch.items()}
@@ -75,7 +84,14 @@ def augment(batch: Batch, group: Group) -> Batch:
 
 
 def act_on_parts(parts: Sequence[Part]) -> Action:
-    """How physical components transform, shape (..., C)."""
+    """Return the action of a group on physical components.
+
+    Args:
+        parts: Parts that say how the C components transform.
+
+    Returns:
+        A function of a matrix, shape (2, 2), and components, shape (..., C), that returns the transformed components.
+    """
 
     def action(matrix: np.ndarray, values: Tensor) -> Tensor:
         sign = float(np.sign(np.linalg.det(matrix)))
@@ -97,18 +113,23 @@ def act_on_parts(parts: Sequence[Part]) -> Action:
 
 
 def act_on_image(matrix: np.ndarray, image: Tensor) -> Tensor:
-    """Move the pixels of square images (..., H, H): exactly for quarter turns and flips, else by interpolation.
+    """Move the pixels of square images: exactly for quarter turns and flips, otherwise by bilinear interpolation.
 
-    What turns in from outside the picture takes the value of its edge.
+    Args:
+        matrix: Matrix of the group element, shape (2, 2).
+        image: Images, shape (..., H, H).
+
+    Returns:
+        The moved images, of the same shape. Pixels that come from outside an image take the value of its edge.
     """
     exact = np.round(matrix)
     sign = np.sign(np.linalg.det(matrix))
     if np.allclose(matrix, exact, atol=1e-6):
-        moved = image.flip(-2) if sign < 0 else image  # y -> -y turns rows around
+        moved = image.flip(-2) if sign < 0 else image  # y -> -y reverses the order of the rows
         quarter_turns = round(np.arctan2(exact[1, 0], exact[0, 0]) / (np.pi / 2)) % 4
         return torch.rot90(moved, int(quarter_turns), dims=(-2, -1))  # counter-clockwise for (row, column)
     down = np.diag([1.0, -1.0])  # grid_sample's y runs downwards
-    back = torch.as_tensor(down @ matrix.T @ down, dtype=image.dtype, device=image.device)  # where a pixel comes from
+    back = torch.as_tensor(down @ matrix.T @ down, dtype=image.dtype, device=image.device)  # a pixel's origin
     flat = image.reshape(1, -1, *image.shape[-2:])
     grid = functional.affine_grid(functional.pad(back, (0, 1))[None], list(flat.shape), align_corners=False)
     moved = functional.grid_sample(flat, grid, mode="bilinear", padding_mode="border", align_corners=False)
@@ -116,10 +137,17 @@ def act_on_image(matrix: np.ndarray, image: Tensor) -> Tensor:
 
 
 def direction_permutation(matrix: np.ndarray, device: torch.device | None = None) -> Tensor:
-    """Where an element takes the four direction classes, shape (4,), int64.
+    """Return the permutation of the four direction classes by a group element.
+
+    Args:
+        matrix: Matrix of the group element, shape (2, 2).
+        device: Device of the result. None means the CPU.
+
+    Returns:
+        The new class of each direction class, shape (4,), int64.
 
     Raises:
-        ValueError: If it does not map directions onto directions.
+        ValueError: If the element does not map directions onto directions.
     """
     if not np.allclose(matrix, np.round(matrix), atol=1e-6):
         raise ValueError(
@@ -129,25 +157,37 @@ def direction_permutation(matrix: np.ndarray, device: torch.device | None = None
 
 
 def act_on_scores(matrix: np.ndarray, scores: Tensor) -> Tensor:
-    """Permute the scores of the four directions, shape (..., 4)."""
+    """Permute the scores of the four directions.
+
+    Args:
+        matrix: Matrix of the group element, shape (2, 2), a quarter turn or a flip.
+        scores: Scores of the directions, shape (..., 4).
+
+    Returns:
+        The permuted scores, of the same shape.
+
+    Raises:
+        ValueError: If the element does not map directions onto directions.
+    """
     moved = torch.empty_like(scores)
     moved[..., direction_permutation(matrix, scores.device)] = scores
     return moved
 
 
 def act_on_invariant(matrix: np.ndarray, values: Tensor) -> Tensor:
-    """Leave alone what does not change."""
+    """Return values unchanged, which is the action of every group element on invariants."""
     return values
 
 
 def act_on_hidden(group: Group = GROUPS["D4"]) -> Action:
-    """How hidden features transform: the group channels of each field are permuted as h -> g h.
+    """Return the action on hidden features: the group channels of each field are permuted as h -> g h.
 
     Args:
-        group: Of the network.
+        group: Group of the network that the features come from.
 
     Returns:
-        Action on tensors (..., fields * elements), channels ordered (field, group element).
+        A function of a matrix, shape (2, 2), and features, shape (..., fields * elements) with channels ordered (field,
+        group element), that returns the transformed features.
     """
     elements = np.stack(group.elements)  # (G, 2, 2)
 
@@ -163,7 +203,15 @@ def act_on_hidden(group: Group = GROUPS["D4"]) -> Action:
 
 
 def act_on_feature_map(group: Group = GROUPS["D4"]) -> Action:
-    """How hidden feature maps (B, C, H, H) transform: pixels move and group channels are permuted."""
+    """Return the action on hidden feature maps: pixels move and group channels are permuted.
+
+    Args:
+        group: Group of the network that the feature maps come from.
+
+    Returns:
+        A function of a matrix, shape (2, 2), and feature maps, shape (B, C, H, H) with channels ordered (field, group
+        element), that returns the transformed feature maps.
+    """
     on_channels = act_on_hidden(group)
 
     def action(matrix: np.ndarray, features: Tensor) -> Tensor:

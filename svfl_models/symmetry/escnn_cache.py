@@ -1,9 +1,9 @@
-"""Where escnn keeps what it has computed: in the user's cache instead of its own package, and without pickle.
+"""Storage of the tables that escnn computes: in the user's cache instead of escnn's own package, and without pickle.
 
-escnn 1.0.11 keeps tables of its groups (tens of CPU seconds to compute) with joblib, in a folder inside the installed
-package; where that is read-only, as for a system-wide installation, importing escnn fails. joblib unpickles what it
-finds, so whoever can write there can run anything. Here a table is a JSON text of numbers, tuples, lists and arrays in
-`svfl_data.system.cache_folder`. The tables hold for every project of the user.
+escnn 1.0.11 keeps tables of its groups, which take tens of CPU seconds to compute, with joblib in a folder inside the
+installed package. Where this folder is read-only, as in a system-wide installation, importing escnn fails. joblib
+unpickles the files that it finds, so anybody who can write there can run any code. Here a table is a JSON text of
+numbers, tuples, lists and arrays in `svfl_data.system.cache_folder`. All projects of the user share the tables.
 """
 
 import base64
@@ -25,7 +25,7 @@ from svfl_data.system.cache_folder import cache_folder
 from svfl_data.system.regular_file import read_regular
 
 LARGEST = 64 * 2**20
-"""Most bytes of a table."""
+"""Most bytes of a table's file."""
 PLAIN = (bool, int, float, str, type(None))
 DTYPES = ("float64", "float32", "int64", "int32", "bool", "complex128")
 
@@ -34,7 +34,7 @@ Function = Callable[..., Any]
 
 @contextmanager
 def kept_by_the_user() -> Iterator[None]:
-    """Import escnn in here: it then keeps its tables as `Tables` does."""
+    """Replace `joblib.Memory` by `Tables` within the context; escnn, imported there, keeps its tables in the cache."""
     memory = joblib.Memory
     joblib.Memory = Tables
     try:
@@ -44,40 +44,48 @@ def kept_by_the_user() -> Iterator[None]:
 
 
 class Tables:
-    """In the place of `joblib.Memory`, as far as escnn uses it: results of functions, by their arguments.
+    """Replacement of `joblib.Memory`, as far as escnn uses it: a cache of functions' results, by their arguments.
 
-    Each is computed once in a process, and once by a user who has a cache. Every call gets a copy of its own.
+    Each result is computed at most once per process, and once per user where the user has a cache folder. Every call
+    returns a new copy of the result.
     """
 
     def __init__(self, *_: object, **__: object) -> None:
         self._known: dict[str, str] = {}
 
     def cache(self, function: Function | None = None, ignore: object = None) -> Function:
-        """The function, which looks for its result before it computes; as a decorator, with or without arguments."""
+        """Return a function that looks for a stored result before it computes one.
+
+        This method is used as a decorator, with or without arguments.
+
+        Args:
+            function: Function whose results are stored. None returns a decorator.
+            ignore: Arguments that joblib would ignore. A function for which they are given is returned as it is.
+        """
         if function is None:
             return functools.partial(self.cache, ignore=ignore)
-        if ignore:  # takes a group itself, not only its name; these are of 3-D groups
+        if ignore:  # such a function takes a group itself, not only its name; escnn has them for 3-D groups only
             return function
 
         @functools.wraps(function)
-        def kept(*arguments: object, **keywords: object) -> Any:  # noqa: ANN401 - whatever the function gives
+        def kept(*arguments: object, **keywords: object) -> Any:  # noqa: ANN401 - whatever the function returns
             question = f"{function.__module__}.{function.__qualname__} {arguments!r} {sorted(keywords.items())!r}"
             key = hashlib.sha256(question.encode()).hexdigest()[:32]
             with suppress(KeyError, ValueError):
                 return self._read(key)
             result = function(*arguments, **keywords)
-            with suppress(TypeError):  # what cannot be written down is computed again
+            with suppress(TypeError):  # a result that JSON cannot hold is computed again
                 self._write(key, json.dumps(_encoded(result)))
             return result
 
         return kept
 
     def _read(self, key: str) -> Any:  # noqa: ANN401
-        """A result that is known.
+        """Return a result that is stored under a key.
 
         Raises:
-            KeyError: If it is not.
-            ValueError: If what is kept of it is damaged.
+            KeyError: If no result is stored under the key.
+            ValueError: If the stored result is damaged.
         """
         if key not in self._known:
             folder = tables_folder()
@@ -96,13 +104,13 @@ class Tables:
     def _write(self, key: str, text: str) -> None:
         self._known[key] = text
         if folder := tables_folder():
-            with suppress(StorageError):  # a full disk costs the time to compute it again
+            with suppress(StorageError):  # if the disk is full, the table is computed again next time
                 write_atomically(folder / f"{key}.json", text.encode())
 
 
 @functools.cache
 def tables_folder() -> Path | None:
-    """Where tables are kept; none without a home that can be written, or a version."""
+    """Return the folder of the tables; None if the user has no writable cache, or escnn's version is unknown."""
     try:
         return cache_folder(f"escnn-{metadata.version('escnn')}")
     except metadata.PackageNotFoundError:
@@ -110,10 +118,10 @@ def tables_folder() -> Path | None:
 
 
 def _encoded(value: object) -> object:
-    """A result in terms of JSON.
+    """Return a result as plain values that JSON can hold.
 
     Raises:
-        TypeError: If it holds anything but numbers, texts, tuples, lists and arrays of numbers.
+        TypeError: If the result holds anything but numbers, texts, None, tuples, lists and arrays of numbers.
     """
     if type(value) in PLAIN:
         return value
@@ -128,7 +136,7 @@ def _encoded(value: object) -> object:
 
 
 def _decoded(value: Any) -> Any:  # noqa: ANN401
-    """What `_encoded` was given."""
+    """Return the result from which `_encoded` made a value."""
     if not isinstance(value, list):
         return value
     kind, *rest = value

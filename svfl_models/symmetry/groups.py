@@ -9,7 +9,8 @@ from svfl_data.errors import TrainingError
 from svfl_data.symmetry import cyclic, dihedral
 
 TORQUES = ("axial", "polar")
-"""How a torque may be typed: as it is, or as the paper types it, which is wrong for reflections."""
+"""How a torque may transform: as an axial vector, which it is, or as a polar one, as in the paper, which is wrong for
+reflections."""
 
 
 @dataclass(frozen=True)
@@ -17,9 +18,10 @@ class Group:
     """A finite group of rotations and reflections of the plane.
 
     Attributes:
-        name: ``C`` rotations only, ``D`` with reflections, and the number of rotations.
-        rotations: How many; neighbours are 360 / `rotations` degrees apart.
-        mirrors: Whether reflections belong to it.
+        name: Name of the group: ``C`` (rotations only) or ``D`` (with reflections), then the number of rotations; or
+            ``none`` for the trivial group.
+        rotations: Number of rotations; neighbouring ones are 360 / `rotations` degrees apart.
+        mirrors: Whether the group has reflections.
 
     Example:
         >>> len(GROUPS["D4"]), GROUPS["D4"].name
@@ -35,16 +37,16 @@ class Group:
 
     @cached_property
     def elements(self) -> tuple[np.ndarray, ...]:
-        """All elements as matrices of shape (2, 2), image-aligned axes; rotations first, as escnn orders them."""
+        """All elements as matrices of shape (2, 2), in image-aligned axes; rotations first, as escnn orders them."""
         return tuple(dihedral(self.rotations) if self.mirrors else cyclic(self.rotations))
 
     @cached_property
     def pixel_exact(self) -> tuple[np.ndarray, ...]:
-        """Those elements that map the pixels of a square image onto pixels: quarter turns and flips."""
+        """The elements that map the pixels of a square image onto pixels: quarter turns and flips."""
         return tuple(g for g in self.elements if np.allclose(g, np.round(g)))
 
     def subgroup(self) -> "Group":
-        """The part that permutes four directions: C4 or D4; of the trivial group, itself."""
+        """Return the part of the group that permutes the four directions: C4 or D4, or the trivial group for itself."""
         return self if len(self) == 1 else GROUPS["D4" if self.mirrors else "C4"]
 
 
@@ -59,14 +61,17 @@ GROUPS = {
         Group("none", 1, False),
     )
 }
-"""By name; ``none`` is the trivial group, whose networks are ordinary ones."""
+"""The symmetry groups by name; ``none`` is the trivial group, whose networks are ordinary ones."""
 
 
 def group_named(name: str) -> Group:
-    """The group of a name.
+    """Return the group of a name.
+
+    Args:
+        name: Name of the group, one of `GROUPS`.
 
     Raises:
-        TrainingError: If there is none.
+        TrainingError: If no group has this name.
     """
     if name not in GROUPS:
         raise TrainingError(f"unknown group {name!r}; possible: {', '.join(GROUPS)}")

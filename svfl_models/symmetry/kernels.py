@@ -1,4 +1,4 @@
-"""The kernels that commute with a group, as escnn finds them, and how large their weights should be at first."""
+"""The kernels that commute with a group, as escnn finds them, and the standard deviations of their initial weights."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -16,8 +16,10 @@ class Kernels:
     """A basis of the equivariant kernels from one representation to another.
 
     Attributes:
-        values: Shape (kernels, channels out, channels in, side, side); no kernels where none commutes.
-        parts: For each kernel, which irreducible part of the output it makes, and the kind that it sees of the input.
+        values: Kernels of the basis, shape (kernels, channels out, channels in, side, side). The basis is empty where
+            no kernel commutes with the group.
+        parts: For each kernel, the index of the irreducible part of the output that it produces, and the irreducible
+            representation of the input that it takes.
     """
 
     values: Tensor
@@ -31,10 +33,19 @@ class Kernels:
 def kernels_between(
     space: GSpace2D, sources: frozenset[Representation], targets: frozenset[Representation], side: int
 ) -> dict[tuple[str, str], Kernels]:
-    """Kernels for all pairs of representations, by their names (source, target).
+    """Return the equivariant kernels for all pairs of representations.
 
-    Finding them takes escnn tens of milliseconds even when it has their ingredients on disk, and every layer of a
-    network asks for the same few: they are found once per process. Callers copy the values, never change them.
+    escnn takes tens of milliseconds to find them even when its tables are on disk, and every layer of a network asks
+    for the same few. They are therefore found once per process. Callers must copy the values and never change them.
+
+    Args:
+        space: The plane with the group acting on it, see `representations.plane`.
+        sources: Representations of input fields.
+        targets: Representations of output fields.
+        side: Height and width of the kernels, [px].
+
+    Returns:
+        Bases of kernels by the names of the representations (source, target).
     """
     found = {
         (source.name, target.name): Kernels(torch.zeros(0, target.size, source.size, side, side))
@@ -42,7 +53,7 @@ def kernels_between(
         for target in targets
     }
     types = (FieldType(space, sorted(kinds, key=str)) for kinds in (sources, targets))
-    expansion = R2Conv(*types, side, initialize=False, recompute=True).basisexpansion  # else shared with all its layers
+    expansion = R2Conv(*types, side, initialize=False, recompute=True).basisexpansion  # not shared with other layers
     for pair in expansion._representations_pairs:
         block = getattr(expansion, f"block_expansion_{expansion._escape_pair(pair)}")
         parts = tuple((info["out_irrep_idx"], info["in_irrep"]) for info in block.get_basis_info())
@@ -51,17 +62,19 @@ def kernels_between(
 
 
 def initial_deviations(column: Sequence[tuple[Kernels, int]]) -> list[Tensor]:
-    """Standard deviation of each weight for an output of the input's variance: He's rule on irreducible parts.
+    """Return the standard deviation of each initial weight for which the output has the variance of the input.
 
-    An irreducible part of the output that sees d kinds of irreducible parts of the input, the j-th through n_j kernels,
-    gets deviations 1 / sqrt(d n_j). That is ``escnn.nn.init.generalized_he_init`` (Weiler & Cesa, NeurIPS 2019,
-    appendix), which visits every weight in Python; equal fields have equal deviations.
+    This is He's rule on irreducible parts. If an irreducible part of the output takes d kinds of irreducible parts of
+    the input, the j-th kind through n_j kernels, then the weights of these have standard deviation 1 / sqrt(d n_j).
+    ``escnn.nn.init.generalized_he_init`` (Weiler & Cesa, NeurIPS 2019, appendix) computes the same, but visits every
+    weight in Python; here equal fields share their standard deviations.
 
     Args:
-        column: Everything that one output field sees: kernels from a kind of input field, number of such fields.
+        column: All inputs of one output field: for each kind of input field, the kernels from it and the number of
+            such fields.
 
     Returns:
-        Deviations per kernel, one tensor for each entry of `column`.
+        Standard deviations of the weights of each kernel: one tensor, shape (kernels,), for each entry of `column`.
     """
     seen: Counter[tuple[int, tuple[int, ...]]] = Counter()
     for kernels, fields in column:

@@ -1,9 +1,9 @@
 """Symmetric layers on plain tensors.
 
 escnn finds the kernels that commute with the group; `SymmetricConv` and `SymmetricLinear` combine them with learned
-weights and hand the result to PyTorch's own operations. Layers keep a field's group channels together: channels are
-ordered (field, group element), so that splitting channels into contiguous runs of whole fields, as attention heads do,
-keeps the symmetry.
+weights and pass the result to PyTorch's own operations. Layers keep the group channels of a field together: channels
+are ordered (field, group element). Channels can therefore be split into contiguous runs of whole fields, as attention
+heads do, without breaking the symmetry.
 """
 
 from itertools import groupby
@@ -17,12 +17,14 @@ from svfl_models.symmetry.planar_escnn import FieldType, Representation
 
 
 class Block(nn.Module):
-    """The part of a filter between a run of equal fields and another: one set of kernels, weights for every pair.
+    """The block of a filter from a run of equal input fields to a run of equal output fields.
+
+    All pairs of an input and an output field share one basis of kernels, and each pair has weights of its own.
 
     Args:
-        kernels: From one input field to one output field.
-        outputs: Output fields.
-        inputs: Input fields.
+        kernels: Basis of the kernels from one input field to one output field.
+        outputs: Number of output fields.
+        inputs: Number of input fields.
     """
 
     kernels: Tensor
@@ -34,29 +36,36 @@ class Block(nn.Module):
         self.register_buffer("kernels", kernels.values.clone())
 
     def forward(self, weights: Tensor) -> Tensor:
-        """Weights (outputs * inputs * kernels,) -> filter (channels out, channels in, side, side)."""
+        """Combine the kernels with weights.
+
+        Args:
+            weights: One number per (output field, input field, kernel), shape (outputs * inputs * kernels,).
+
+        Returns:
+            Block of the filter, shape (channels out, channels in, side, side).
+        """
         combined = weights.view(self.outputs * self.inputs, len(self.kernels)) @ self.kernels.flatten(1)
         pairs = combined.view(self.outputs, self.inputs, *self.kernels.shape[1:])
         return pairs.transpose(1, 2).flatten(2, 3).flatten(0, 1)  # (O, I, o, i, ...) -> (O * o, I * i, ...)
 
 
 class SymmetricConv(nn.Module):
-    """Equivariant convolution whose filter always follows its weights.
+    """Equivariant convolution whose filter is always computed from its current weights.
 
-    Nothing depends on the past: the filter is combined anew in every call and never kept, so changed
-    weights (an optimiser's step, averaging, loading) take effect at once, and copies, pickles and state dicts are those
-    of any PyTorch module. (escnn's own layers keep the filter while in eval mode, and share kernels between networks.)
-    The kernels are saved with the weights, which mean nothing without them.
+    The filter is combined anew in every call and never kept. Changed weights (by an optimiser's step, averaging or
+    loading) therefore take effect at once, and copies, pickles and state dicts are those of any PyTorch module.
+    (escnn's own layers keep the filter while in eval mode, and share kernels between networks.) The kernels are saved
+    with the weights, because weights have no meaning without their kernels.
 
     Args:
         source: Type of the input.
         target: Type of the output.
-        kernel_size: Side of the square kernel.
-        padding: Zeros on each side.
+        kernel_size: Height and width of the kernel, [px].
+        padding: Rows and columns of zeros that are added on each side, [px].
 
     Attributes:
-        weights: One number per (block, output field, input field, kernel); blocks row by row.
-        bias: One number per trivial irreducible part of the output: only those may have a constant added.
+        weights: One number per (block, output field, input field, kernel); the blocks are ordered row by row.
+        bias: One number per trivial irreducible part of the output, the only parts to which a constant may be added.
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
@@ -86,7 +95,7 @@ class SymmetricConv(nn.Module):
         self.bias = nn.Parameter(torch.zeros(self.bias_expansion.shape[1]))
 
     def expand_parameters(self) -> tuple[Tensor, Tensor]:
-        """Filter (C', C, side, side) and bias (C',)."""
+        """Return the filter, shape (C', C, side, side), and the bias, shape (C',), that the weights stand for."""
         weights = self.weights.split([block.weights_count for block in self.blocks])
         blocks = [block(one) for block, one in zip(self.blocks, weights, strict=True)]
         columns = len(blocks) // self.rows
@@ -94,18 +103,19 @@ class SymmetricConv(nn.Module):
         return _joined(rows, dim=0), self.bias_expansion @ self.bias
 
     def forward(self, x: Tensor) -> Tensor:
-        """(B, C, H, W) -> (B, C', H', W')."""
+        """Convolve feature maps, from shape (B, C, H, W) to shape (B, C', H', W')."""
         kernel, bias = self.expand_parameters()
         return functional.conv2d(x, kernel, bias, padding=self.padding)
 
 
 class SymmetricLinear(SymmetricConv):
-    """Equivariant linear map of the last axis: a 1 x 1 convolution's kernel as a matrix, never as a convolution.
+    """Equivariant linear map of the last axis: the kernel of a 1 x 1 convolution, applied as a matrix.
 
-    For fewer rows than output channels the matrix holds more numbers than the rows that it is applied to, and combining
-    it and its gradient takes longer than using it. A kernel of a single point has low rank (that of an irreducible
-    representation, 1 or 2), so in training few rows go through the factors of every kernel instead, with the weights in
-    between: the same up to rounding. In eval mode the matrix is used, so that an exported network agrees to the bit.
+    Where there are fewer input rows than output channels, the matrix holds more numbers than these rows, and computing
+    the matrix and its gradient takes longer than applying it. A kernel of a single point has low rank (that of an
+    irreducible representation, 1 or 2). In training, few rows are therefore multiplied by the first factor of every
+    kernel, by the weights, and by the last factor, which gives the same result up to rounding. In eval mode the matrix
+    is used, so that an exported network gives exactly the same outputs.
 
     Args:
         source: Type of the input.
@@ -130,14 +140,14 @@ class SymmetricLinear(SymmetricConv):
         self.register_buffer("last", last)
 
     def forward(self, x: Tensor) -> Tensor:
-        """(..., C) -> (..., C')."""
+        """Map the last axis, from shape (..., C) to shape (..., C')."""
         if self.training and self.first is not None and x.shape[:-1].numel() < len(self.bias_expansion):
             return self._factored(x.flatten(0, -2)).unflatten(0, x.shape[:-1])
         kernel, bias = self.expand_parameters()
         return functional.linear(x, kernel.flatten(1), bias)
 
     def _factored(self, x: Tensor) -> Tensor:
-        """(N, C) -> (N, C')."""
+        """Map rows, from shape (N, C) to shape (N, C'), by the factors of the kernels instead of the matrix."""
         assert self.first is not None
         assert self.last is not None
         rows, (kernels, rank, size) = len(x), self.last.shape
@@ -149,14 +159,14 @@ class SymmetricLinear(SymmetricConv):
 
 
 def low_rank(kernels: Tensor) -> tuple[Tensor, Tensor]:
-    """Matrices as products of a tall and a wide one.
+    """Factor each of several matrices into a product of a tall and a wide one.
 
     Args:
-        kernels: Shape (K, o, i).
+        kernels: Matrices, shape (K, o, i).
 
     Returns:
-        First factors, shape (i, K * R), and last factors, shape (K, R, o), where R is the largest rank: kernel k is the
-        transpose of ``first[:, k * R : (k + 1) * R] @ last[k]``.
+        First factors, shape (i, K * R), and last factors, shape (K, R, o), where R is the largest rank of the matrices.
+        Matrix k is the transpose of ``first[:, k * R : (k + 1) * R] @ last[k]``.
     """
     left, size, right = torch.linalg.svd(kernels.double(), full_matrices=False)  # (K, o, r), (K, r), (K, r, i)
     rank = int((size > 1e-4 * size.max()).sum(1).max())
@@ -165,7 +175,7 @@ def low_rank(kernels: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _runs(kind: FieldType) -> list[tuple[Representation, int]]:
-    """A type as representations, each with the number of its fields in a row."""
+    """Return the representations of a type's runs of equal fields, each with the number of fields in its run."""
     runs = [list(run) for _, run in groupby(kind.representations, key=str)]
     return [(run[0], len(run)) for run in runs]
 
@@ -175,7 +185,7 @@ def _joined(pieces: list[Tensor], dim: int) -> Tensor:
 
 
 def _trivial_part(representation: Representation) -> Tensor:
-    """What a constant can be added along, shape (size, number of trivial irreducible parts)."""
+    """Return the directions along which a constant can be added, shape (size, number of trivial irreducible parts)."""
     irreps = [representation.group.irrep(*name) for name in representation.irreps]
     trivial = [irrep.is_trivial() for irrep in irreps for _ in range(irrep.size)]
     return torch.tensor(representation.change_of_basis, dtype=torch.float32)[:, trivial]

@@ -1,4 +1,4 @@
-"""Symmetric networks as ordinary ones: every equivariant layer replaced by its expanded kernel."""
+"""Conversion of symmetric networks to ordinary ones, which replaces every equivariant layer by its expanded kernel."""
 
 import copy
 
@@ -9,14 +9,14 @@ from svfl_models.symmetry.layers import SymmetricConv, SymmetricLinear
 
 
 def plain(module: nn.Module) -> nn.Module:
-    """A copy of a network made of ordinary layers, with the same outputs.
+    """Return a copy of a network that is made of ordinary layers and has the same outputs.
 
     Args:
-        module: Any network of this package; it is not changed.
+        module: Any network of this package, which is not changed.
 
     Returns:
-        The copy, in eval mode, every symmetric layer in it replaced by a convolution or linear map with the expanded
-        kernel. Its parameters are frozen: learning would break the symmetry, which nothing holds any more.
+        The copy, in eval mode. Every symmetric layer in it is replaced by a convolution or linear map with the expanded
+        kernel. The parameters of the copy are frozen, because training an ordinary layer would break the symmetry.
     """
     return _replaced(copy.deepcopy(module)).eval().requires_grad_(False)
 
@@ -24,7 +24,7 @@ def plain(module: nn.Module) -> nn.Module:
 def _replaced(module: nn.Module) -> nn.Module:
     if isinstance(module, SymmetricConv):
         return _ordinary(module)
-    for name, child in list(module._modules.items()):  # not `named_children`, which leaves out a child's second name
+    for name, child in list(module._modules.items()):  # `named_children` would leave out a child's second name
         if child is not None:
             setattr(module, name, _replaced(child))
     return module
@@ -35,7 +35,7 @@ def _ordinary(layer: SymmetricConv) -> nn.Conv2d | nn.Linear:
     kernel, bias = layer.expand_parameters()
     outputs, inputs, *_ = kernel.shape
     new: nn.Conv2d | nn.Linear
-    with torch.device("meta"):  # no memory and no random numbers: what it learned comes below
+    with torch.device("meta"):  # needs no memory and no random numbers; the learned parameters are set below
         if isinstance(layer, SymmetricLinear):
             kernel, new = kernel[:, :, 0, 0], nn.Linear(inputs, outputs)
         else:

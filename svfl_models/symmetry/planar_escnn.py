@@ -1,13 +1,13 @@
-"""escnn for planar groups: the one place it is imported from, and where its missing 3-D dependency is dealt with.
+"""The only module that imports escnn, and that works around its missing dependency for 3-D groups.
 
 escnn 1.0.11 imports ``lie_learn.representations.SO3.wigner_d`` unconditionally, although only its SO(3) and O(3)
-groups call it. lie-learn 0.0.2, the newest, is built for numpy 1; it cannot be used beside the numpy 2 that the rest
-of this toolkit needs. Where lie-learn cannot be imported, stand-in modules take its place: planar groups work, and
+groups call it. lie-learn 0.0.2, the newest release, is built for numpy 1 and cannot be used beside the numpy 2 that the
+rest of this toolkit needs. Where lie-learn cannot be imported, stand-in modules take its place: planar groups work, and
 a 3-D group that asks for Wigner matrices gets a `NotImplementedError` that says why. Where lie-learn can be imported,
 nothing is replaced.
 
-The other packages that escnn declares (py3nj, pymanopt, autograd) it does without by itself; its warning about py3nj,
-which concerns SO(3) only, is silenced. Its tables are kept where `escnn_cache` says.
+escnn itself can do without the other packages that it declares (py3nj, pymanopt, autograd). Its warning about py3nj,
+which concerns SO(3) only, is silenced. The tables that it computes are stored as `escnn_cache` describes.
 """
 
 import importlib
@@ -28,10 +28,10 @@ MODULES = (
 
 
 def stand_in_for_lie_learn() -> list[str]:
-    """Put stand-ins in the place of those lie-learn modules that escnn imports and that cannot be imported.
+    """Replace those lie-learn modules that escnn imports and that cannot be imported by stand-ins.
 
     Returns:
-        Names of the modules that were replaced; empty where the real package works.
+        Names of the modules that were replaced; the list is empty where the real package works.
     """
     replaced = []
     for name in MODULES:

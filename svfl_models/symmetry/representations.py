@@ -1,8 +1,8 @@
 """Types of the quantities of an episode, as escnn's layers need them.
 
 How each quantity transforms is declared once, as parts, in `svfl_data.symmetry`. Here every part becomes a
-representation of the dihedral group D_N or the cyclic group C_N (notation of escnn, ``irrep(flip, frequency)`` for
-D_N; C_N has no flip):
+representation of the dihedral group D_N or the cyclic group C_N. In the notation of escnn, which is
+``irrep(flip, frequency)`` for D_N and has no flip for C_N:
 
 | part | representation | stored as |
 | --- | --- | --- |
@@ -12,12 +12,12 @@ D_N; C_N has no flip):
 | pseudoscalar | ``irrep(1, 0)`` | x |
 | angle of period pi | frequency 2 | (cos 2x, sin 2x) |
 
-With s = det R, an axial vector goes to s R m. The quarter turn J = [[0, -1], [1, 0]] obeys J R = s R J, hence
-J m = (-m_y, m_x) goes to J s R m = R J m: the same representation as a polar vector.
+With s = det R, an axial vector m goes to s R m. The quarter turn J = [[0, -1], [1, 0]] obeys J R = s R J, hence
+J m = (-m_y, m_x) goes to J s R m = R J m, so that it has the same representation as a polar vector.
 
-A gripper with two fingers looks the same after half a turn, hence an angle's frequency 2: ``irrep(1, 2)`` has two
-dimensions for N > 4; in D4 it falls apart into ``irrep(0, 2)`` (cosine) and ``irrep(1, 2)`` (sine), in C4 into two of
-one kind.
+A gripper with two fingers looks the same after half a turn, hence an angle has frequency 2. ``irrep(1, 2)`` has two
+dimensions for N > 4. In D4 the angle's representation is the sum of ``irrep(0, 2)`` (cosine) and ``irrep(1, 2)``
+(sine), and in C4 the sum of two equal ones.
 """
 
 from collections.abc import Sequence
@@ -32,23 +32,27 @@ from svfl_models.symmetry.planar_escnn import FieldType, GSpace2D, Representatio
 
 
 def plane(group: Group) -> GSpace2D:
-    """The plane with a group acting on it.
+    """Return the plane with a group acting on it, as escnn represents it.
 
     ``axis=0`` makes the flip y -> -y, as ``irrep(1, 1)`` has it. With escnn's default axis a mirrored image and a
-    mirrored vector disagree (the image flips in x, the vector in y).
+    mirrored vector disagree: the image flips in x, the vector in y.
+
+    Args:
+        group: Group of rotations, with or without reflections.
     """
     return flipRot2dOnR2(group.rotations, axis=0.0) if group.mirrors else rot2dOnR2(group.rotations)
 
 
 def wrench_parts(torque: str = "axial") -> tuple[Part, ...]:
-    """The parts of a wrench.
+    """Return the parts of a wrench, which say how its components transform.
 
     Args:
-        torque: ``axial`` is what a torque is. ``polar`` is the typing of the paper (Kohler et al., CoRL 2023, section
-            4: R acts on m_xy, m_z is invariant), wrong under reflections and kept to measure what that costs.
+        torque: How the torque transforms. ``axial`` is correct. ``polar`` is the choice of the paper (Kohler et al.,
+            CoRL 2023, section 4: R acts on m_xy, m_z is invariant), which is wrong under reflections and is kept to
+            measure what this error costs.
 
     Raises:
-        TrainingError: If the typing is unknown.
+        TrainingError: If `torque` is neither of the two.
     """
     if torque not in TORQUES:
         raise TrainingError(f"unknown torque typing {torque!r}; possible: {', '.join(TORQUES)}")
@@ -59,7 +63,13 @@ def wrench_parts(torque: str = "axial") -> tuple[Part, ...]:
 
 
 def field_type(space: GSpace2D, group: Group, parts: Sequence[Part]) -> FieldType:
-    """The escnn type of numbers stored as `stored` arranges them."""
+    """Return the escnn type of physical components, as `stored` arranges them.
+
+    Args:
+        space: The plane with the group acting on it, see `plane`.
+        group: The group of `space`.
+        parts: Parts that say how the components transform.
+    """
     representations: list[Representation] = []
     for part in parts:
         if part.kind in ("vector", "axial"):
@@ -73,14 +83,15 @@ def field_type(space: GSpace2D, group: Group, parts: Sequence[Part]) -> FieldTyp
 
 
 def stored(parts: Sequence[Part], physical: Tensor) -> Tensor:
-    """Physical components in the order and signs of `field_type`, angles as cosine and sine of their double.
+    """Arrange physical components in the order and with the signs that `field_type` describes.
 
     Args:
-        parts: The kinds of the C components.
-        physical: Shape (..., C).
+        parts: Parts that say how the C components transform.
+        physical: Physical components, shape (..., C).
 
     Returns:
-        Shape (..., C'), with one component more per angle.
+        The arranged components, shape (..., C'). An angle x becomes cos 2x and sin 2x, so C' is C plus the number of
+        angles.
     """
     pieces = []
     for part in parts:
@@ -94,10 +105,17 @@ def stored(parts: Sequence[Part], physical: Tensor) -> Tensor:
 
 
 def physical(parts: Sequence[Part], stored: Tensor) -> Tensor:
-    """The inverse of `stored`: from a network's output to physical components, both of shape (..., C).
+    """Convert the output of a network to physical components, which is the inverse of `stored`.
+
+    Args:
+        parts: Parts that say how the C components transform.
+        stored: Components as `field_type` describes them, shape (..., C).
+
+    Returns:
+        Physical components, shape (..., C).
 
     Raises:
-        TrainingError: If a part is an angle, which no network gives.
+        TrainingError: If a part is an angle, which cannot be read off its double; no network gives one.
     """
     components: dict[int, Tensor] = {}
     places = iter(stored.unbind(-1))
@@ -112,24 +130,31 @@ def physical(parts: Sequence[Part], stored: Tensor) -> Tensor:
 
 
 def components(parts: Sequence[Part]) -> int:
-    """Number of components of the stored form."""
+    """Return the number of components that `stored` makes of parts."""
     return sum(len(part.index) * (2 if part.kind == "angle" else 1) for part in parts)
 
 
 def regular_type(space: GSpace2D, fields: int) -> FieldType:
-    """Hidden features: `fields` regular representations; channels are ordered (field, group element)."""
+    """Return the type of hidden features: `fields` regular representations, channels ordered (field, group element)."""
     return FieldType(space, [space.regular_repr] * fields)
 
 
 def image_type(space: GSpace2D, channels: int) -> FieldType:
-    """Image channels: their pixels move, their values do not change."""
+    """Return the type of an image: a trivial field per channel, whose pixels move but whose values do not change."""
     return FieldType(space, [space.trivial_repr] * channels)
 
 
 def restricted(kind: FieldType, group: Group) -> FieldType:
-    """A type of a larger group seen by the part of it that permutes four directions (`Group.subgroup`).
+    """Restrict a type to the part of its group that permutes the four directions (`Group.subgroup`).
 
-    The numbers stay as they are. C8 -> C4; D8, D12 -> D4.
+    C8 is restricted to C4, and D8 and D12 to D4. The features themselves do not change.
+
+    Args:
+        kind: Type of features under `group`.
+        group: Group of the type.
+
+    Returns:
+        The type of the same features under the subgroup.
     """
     if group.subgroup() == group:
         return kind
@@ -137,13 +162,17 @@ def restricted(kind: FieldType, group: Group) -> FieldType:
 
 
 def direction_type(space: GSpace2D) -> FieldType:
-    """Scores of the four directions: permuted like `svfl_data.symmetry.DIRECTIONS`.
+    """Return the type of the scores of the four directions, which are permuted like `svfl_data.symmetry.DIRECTIONS`.
 
-    The cosets of the reflection that fixes +x, ``(0, 1)`` in escnn's notation, are the images of +x under D4; escnn
-    lists them in the order of the rotations: right, up, left, down. Without reflections they are C4 itself.
+    The reflection that fixes +x is ``(0, 1)`` in escnn's notation. Its cosets are the images of +x under D4, and escnn
+    lists them in the order of the rotations: right, up, left, down. Without reflections the directions are the elements
+    of C4.
+
+    Args:
+        space: The plane with D4 or C4 acting on it, see `plane`.
 
     Raises:
-        TrainingError: If the group is neither D4 nor C4, the only ones with such a quotient of four.
+        TrainingError: If the group is neither D4 nor C4, the only ones with such a quotient of four elements.
     """
     order = space.fibergroup.order()
     if order == len(GROUPS["D4"]):
@@ -158,7 +187,7 @@ def _irrep(space: GSpace2D, group: Group, flip: int, frequency: int) -> Represen
 
 
 def _double_angle(space: GSpace2D, group: Group) -> list[Representation]:
-    """How (cos 2x, sin 2x) transforms."""
+    """Return the representations of (cos 2x, sin 2x), where x is an angle in the plane."""
     if group.rotations > 4:
         return [_irrep(space, group, 1, 2)]
     return [_irrep(space, group, 0, 2), _irrep(space, group, 1, 2)]

@@ -1,10 +1,10 @@
-"""Does a network commute with the group? Checked on physical inputs, for every element.
+"""Tests on physical inputs whether a network commutes with every element of a group.
 
     from svfl_models.symmetry.testing import assert_equivariant
 
-    assert_equivariant(network, batch, GROUPS["D4"])  # a network that scores the four directions
+    assert_equivariant(network, batch, GROUPS["D4"])  # for a network that scores the four directions
 
-The action on inputs and outputs comes from `svfl_models.symmetry.actions`, never from escnn.
+The actions on inputs and outputs come from `svfl_models.symmetry.actions`, never from escnn.
 """
 
 import copy
@@ -21,7 +21,8 @@ from svfl_models.symmetry.groups import GROUPS, Group
 Function = Callable[[Batch], Tensor]
 
 TOLERANCE = {torch.float32: 1e-5, torch.float64: 3e-6}
-"""Relative error that counts as rounding. escnn samples its kernels in float32, and float64 cannot undo that."""
+"""Largest relative error that counts as rounding, by dtype of the network. escnn samples its kernels in float32, which
+limits the accuracy in float64, too."""
 
 
 @torch.no_grad()
@@ -32,22 +33,22 @@ def equivariance_error(
     act_on_output: Action = act_on_scores,
     elements: Sequence[np.ndarray] | None = None,
 ) -> list[float]:
-    """Relative error of f(g x) = g f(x) for each group element.
+    """Return the relative error of f(g x) = g f(x) for each group element g.
 
     Args:
-        function: The network or any function of a batch.
-        batch: Physical inputs, see `actions.act_on_batch`; the more varied, the sharper the check.
-        group: Whose elements to try.
+        function: The network, or any other function f of a batch x.
+        batch: Physical inputs, see `actions.act_on_batch`. The more they vary, the more sensitive the test is.
+        group: Group whose elements are tried.
         act_on_output: How the output should transform: `actions.act_on_scores`, ``act_on_hidden(group)``,
-            ``act_on_parts(OFFSET_PARTS)``, `act_on_invariant`, or your own.
-        elements: Elements as matrices, if not all of the group.
+            ``act_on_parts(OFFSET_PARTS)``, `act_on_invariant`, or a function of your own.
+        elements: Matrices of the elements to try, each of shape (2, 2). None means all elements of the group.
 
     Returns:
-        ``|f(g x) - g f(x)| / |f(x)|`` per element; 0 if a function is exactly equivariant, of order 1 if not at all.
-        Elements that do not map pixels onto pixels interpolate images, which is an error of its own.
+        ``|f(g x) - g f(x)| / |f(x)|`` for each element: 0 if a function is exactly equivariant, of order 1 if it is not
+        equivariant at all. Elements that do not map pixels onto pixels interpolate images, which adds an error.
 
     Raises:
-        ValueError: If the output is zero, such as that of a network whose ReLUs are all shut.
+        ValueError: If the output is zero everywhere, as of a network in which no ReLU is active.
 
     Example:
         >>> network = CenteringClassifier("f", preset="tiny")
@@ -75,19 +76,23 @@ def assert_equivariant(
     elements: Sequence[np.ndarray] | None = None,
     function: Callable[[nn.Module, Batch], Tensor] | None = None,
 ) -> None:
-    """Check a network in train and eval mode, in float32 and float64.
+    """Check that a network is equivariant in train and eval mode, in float32 and float64.
 
     Args:
-        module: The network; it is copied, not changed.
-        batch: Physical inputs.
-        group: What it should commute with.
-        act_on_output: How the output should transform.
-        elements: Elements as matrices; by default all of the group, or, if images or directions are involved, those
-            that map pixels onto pixels.
-        function: What to compute with the module, if not ``module(batch)``, such as its hidden features.
+        module: The network, which is copied and not changed.
+        batch: Physical inputs, see `actions.act_on_batch`.
+        group: Group that the network should commute with.
+        act_on_output: How the output should transform, see `equivariance_error`.
+        elements: Matrices of the elements to try, each of shape (2, 2). None means all elements of the group or, if
+            the batch has images or directions or the output is scores of directions, the elements that map pixels onto
+            pixels.
+        function: Function of the module and a batch that computes the output to check, such as hidden features. None
+            means ``module(batch)``.
 
     Raises:
-        AssertionError: Naming the worst element, mode and dtype.
+        AssertionError: If an error is larger than rounding. The message names the worst element, the mode and the
+            dtype.
+        ValueError: If the output is zero everywhere.
 
     Example:
         >>> network = CenteringClassifier("f", preset="tiny")
