@@ -1,30 +1,33 @@
-"""Changes of a training image that leave the answer alone: where the scene lies in the picture, how it is coloured.
+"""Random changes of training images that do not change the correct output: the scene's place in the image, its colours.
 
-Ten to a hundred pictures do not say that colours and places mean nothing; these say it for them. Both kinds of network
-get the same (docs/decisions.md has what it is worth).
+From ten to a hundred images a network cannot learn that colours and places do not matter, so the training varies them.
+Symmetric networks and CNN baselines get the same augmentation (docs/decisions.md says how much it improves accuracy).
 """
 
 import torch
 from torch import Tensor
 
 GAIN = 0.3
-"""Largest change of a colour channel's contrast, as a share."""
+"""Largest change of a colour channel's contrast, as a share of the contrast."""
 OFFSET = 0.2
-"""Largest change of its brightness; colours are 0..1."""
+"""Largest change of a colour channel's brightness, where colours are 0..1."""
 DEPTH = 0.05
-"""Largest change of all depths of a picture, [m]."""
+"""Largest change of an image's depth, by which all its pixels are shifted together, [m]."""
 MARGIN = 8 / 76
-"""How far a crop may reach beyond the picture's edges, as a share of its side."""
+"""Largest distance by which a crop may reach beyond an image's edges, as a share of the image's side."""
 
 
 def recoloured(image: Tensor) -> Tensor:
-    """Pictures in other light and colours: channels change places, contrast and brightness; depth moves as a whole.
+    """Change the colours and the depth of images at random.
+
+    For each image, the three colour channels are shuffled, the contrast and brightness of each channel are changed
+    (`GAIN`, `OFFSET`), and all depths are shifted by the same distance (`DEPTH`).
 
     Args:
-        image: Shape (B, 4, H, H): colour 0..1, then depth in [m].
+        image: Images, shape (B, 4, H, H): colour 0..1, then depth in [m].
 
     Returns:
-        The same shape.
+        The changed images, of the same shape. Colours may lie outside 0..1.
     """
     count = len(image)
     places = torch.rand(count, 3).argsort(dim=1)  # a random order of the channels
@@ -34,5 +37,5 @@ def recoloured(image: Tensor) -> Tensor:
 
 
 def _uniform(count: int, channels: int) -> Tensor:
-    """Between -1 and 1, shape (B, C, 1, 1)."""
+    """Return random numbers between -1 and 1, shape (count, channels, 1, 1)."""
     return 2 * torch.rand(count, channels, 1, 1) - 1

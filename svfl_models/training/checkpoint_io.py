@@ -1,8 +1,8 @@
-"""Opening what a training has written, with one clear line about what is wrong with a file that is none.
+"""Reading of checkpoints, with a one-line message if a file is not a valid checkpoint.
 
-A checkpoint may come from anybody: nothing in it is run, and it gets no more memory than the file has bytes. PyTorch
-reads it with its restricted unpickler, which builds tensors and plain values only; the archive around it is checked
-before (`svfl_data.system.stored_zip`), the sizes that it declares afterwards.
+A checkpoint may come from anybody. Nothing in it is run, and its tensors get no more memory than the file has bytes.
+PyTorch reads it with its restricted unpickler, which builds tensors and plain values only. The archive around it is
+checked before that (`svfl_data.system.stored_zip`), and the sizes that it declares are checked afterwards.
 """
 
 import warnings
@@ -21,19 +21,22 @@ from svfl_data.system.stored_zip import stored
 
 Module = TypeVar("Module", bound=nn.Module)
 LARGEST = 4096
-"""Largest size that the description of a network may name; ours have widths up to some hundreds."""
+"""Largest integer in the description of a network; the widths of our own networks are at most some hundreds."""
 DEEPEST, LONGEST = 6, 64
-"""Levels of a description, and values in each of its lists."""
+"""Most levels of nesting in the description of a network, and most values in each of its lists, mappings and texts."""
 
 
 def read_marked(path: Path, name: str, version: str, what: str) -> dict[str, Any]:
-    """What a checkpoint holds, its mark checked.
+    """Read a checkpoint and check its mark, which names its format and version.
 
     Args:
-        path: The file.
-        name: Format that it must be marked with.
-        version: Ours, of which the major part must be the file's.
-        what: Which checkpoint it should be, in words.
+        path: File of the checkpoint.
+        name: Name of the format that the checkpoint must be marked with.
+        version: Format version of this release. The file's version must have the same major part.
+        what: Kind of checkpoint that is expected, in words, for the message.
+
+    Returns:
+        The content of the checkpoint.
 
     Raises:
         FormatError: If the file is missing, damaged, of another program or of another version.
@@ -50,7 +53,12 @@ def read_marked(path: Path, name: str, version: str, what: str) -> dict[str, Any
 
 
 def is_marked(path: Path, name: str) -> bool:
-    """Whether a file is marked as a checkpoint of a format; false also if it cannot be read."""
+    """Return whether a file is marked as a checkpoint of a format; false also if the file cannot be read.
+
+    Args:
+        path: File of the checkpoint.
+        name: Name of the format.
+    """
     try:
         mark = _mark(read(path))
     except FormatError:
@@ -59,16 +67,19 @@ def is_marked(path: Path, name: str) -> bool:
 
 
 def rebuilt(kind: type[Module], found: dict[str, Any], path: Path, training: type) -> Module:
-    """The module whose weights and description a checkpoint holds, in eval mode, on the CPU.
+    """Build the module whose description and weights a checkpoint holds.
 
     Args:
-        kind: Its class.
-        found: What `read_marked` has read.
-        path: From where, for the message.
-        training: Class of the configuration that the module was trained with, if it says so.
+        kind: Class of the module.
+        found: Content of the checkpoint, as `read_marked` returns it.
+        path: File of the checkpoint, for the message.
+        training: Class of the training's configuration, which the description may hold.
+
+    Returns:
+        The module, in eval mode, on the CPU.
 
     Raises:
-        FormatError: If the weights do not fit their own description, are not finite, or the description is none.
+        FormatError: If the description is missing or invalid, or the weights do not fit it or are not finite.
     """
     try:
         described, state = found["hyper_parameters"], found["state_dict"]
@@ -81,33 +92,39 @@ def rebuilt(kind: type[Module], found: dict[str, Any], path: Path, training: typ
         module.load_state_dict(state)
     except FormatError:
         raise
-    except Exception as error:  # whatever networks and PyTorch raise when they are given something else
+    except Exception as error:  # networks and PyTorch raise nearly anything if the description is invalid
         raise FormatError(f"{path}: weights and description do not fit each other: {_short(error)}") from error
     return module.eval()
 
 
 def read(path: Path) -> Any:  # noqa: ANN401 - whatever the file holds
-    """What a file of `torch.save` holds: tensors on the CPU and plain values; nothing in it is run.
+    """Read a file that `torch.save` wrote, without running anything in it.
+
+    Args:
+        path: File to read.
+
+    Returns:
+        The content of the file: tensors on the CPU and plain values.
 
     Raises:
-        FormatError: If it is missing, no such file, or damaged.
+        FormatError: If the file is missing, damaged, or not written by `torch.save`.
     """
     if not path.exists():
         raise FormatError(f"{path}: no such file")
     try:
         with stored(path) as archive, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what is wrong is said below
+            warnings.simplefilter("ignore")  # the errors below say what is wrong
             return torch.load(archive.file, map_location="cpu", weights_only=True)
     except FormatError:
         raise
     except BadZipFile as error:
         raise FormatError(f"{path}: not a checkpoint (or one that is cut off): {_short(error)}") from error
-    except Exception as error:  # its unpickler raises nearly anything
+    except Exception as error:  # PyTorch's unpickler raises nearly anything
         raise FormatError(f"{path}: not readable as a checkpoint: {_short(error)}") from error
 
 
 def _check_modest(described: Mapping[str, Any]) -> None:
-    """Refuse a network of sizes that nobody trains, before anything of these sizes is built."""
+    """Refuse a description with sizes that no trained network has, before anything of these sizes is built."""
     inside = [("the description", described["network"], 0)]
     while inside:
         name, value, depth = inside.pop()
@@ -121,7 +138,7 @@ def _check_modest(described: Mapping[str, Any]) -> None:
 
 
 def _check_tensors(state: Mapping[str, Any], path: Path) -> None:
-    """Refuse tensors that are larger than what the file holds of them, and weights that are no numbers."""
+    """Refuse weights that are not plain tensors or not finite, or that declare more numbers than the file holds."""
     for key, tensor in state.items():
         name = printable(key, 80)
         if not isinstance(tensor, Tensor) or tensor.layout != torch.strided or tensor.device.type != "cpu":
@@ -134,19 +151,19 @@ def _check_tensors(state: Mapping[str, Any], path: Path) -> None:
 
 
 def _check_types(module: Module, state: Mapping[str, Tensor]) -> None:
-    """Compare with what was built: PyTorch would convert whatever it is given, complex numbers with a loss."""
+    """Refuse weights whose dtype is not the built module's, because PyTorch would convert them, even with a loss."""
     for name, tensor in module.state_dict().items():
         if name in state and state[name].dtype != tensor.dtype:
             raise ValueError(f"{name} holds {state[name].dtype}, described is {tensor.dtype}")
 
 
 def _check_shapes(kind: type[Module], described: Mapping[str, Any], state: Mapping[str, Tensor]) -> None:
-    """Compare with what the description would build, without memory for it."""
+    """Refuse weights whose shapes are not those of the described network, which is built without memory for that."""
     try:
         with torch.device("meta"):
             built = kind(**described).state_dict()
     except NotImplementedError:
-        return  # symmetric layers compute their kernels as they are built; such networks have the sizes of presets
+        return  # symmetric layers compute kernels when they are built, so need memory; their sizes are those of presets
     for name, tensor in built.items():
         if name in state and state[name].shape != tensor.shape:
             raise ValueError(f"{name} has shape {tuple(state[name].shape)}, described is {tuple(tensor.shape)}")

@@ -1,4 +1,4 @@
-"""How Lightning writes and reads checkpoints here: whole or not at all, and without running what is in them."""
+"""Lightning plugin that writes checkpoints whole or not at all, and reads them without running anything in them."""
 
 import io
 from pathlib import Path
@@ -13,14 +13,14 @@ from svfl_models.training.checkpoint_io import read
 
 
 class WholeCheckpoints(CheckpointIO):
-    """Writes beside the earlier checkpoint and then takes its name.
+    """Checkpoint plugin that writes a new file beside the earlier checkpoint and then renames it into place.
 
-    Lightning's own way writes to the temporary folder first; where that is another file system, it then copies over
-    the earlier checkpoint, and a disk that is full meanwhile costs both.
+    Lightning's own plugin writes to the temporary folder first. Where that is on another file system, it then copies
+    the new file over the earlier checkpoint, and both are lost if the disk becomes full meanwhile.
 
     Args:
-        resumed: The one checkpoint that may be read. Lightning goes on by itself from any file that it finds in its
-            folder under the name ``hpc_ckpt_N.ckpt``.
+        resumed: The only checkpoint that may be read; None means that no checkpoint may be read. Without this limit,
+            Lightning would resume by itself from any file called ``hpc_ckpt_N.ckpt`` that it finds in its folder.
     """
 
     def __init__(self, resumed: Path | None = None) -> None:
@@ -29,8 +29,13 @@ class WholeCheckpoints(CheckpointIO):
     def save_checkpoint(self, checkpoint: dict[str, Any], path: str | Path, storage_options: object = None) -> None:
         """Write a checkpoint.
 
+        Args:
+            checkpoint: Content of the checkpoint.
+            path: File to write.
+            storage_options: Not used; part of Lightning's interface.
+
         Raises:
-            StorageError: If the disk refuses; an earlier checkpoint is untouched.
+            StorageError: If the file cannot be written; an earlier checkpoint then stays as it was.
         """
         buffer = io.BytesIO()
         torch.save(checkpoint, buffer)
@@ -41,9 +46,17 @@ class WholeCheckpoints(CheckpointIO):
     ) -> dict[str, Any]:
         """Read a checkpoint onto the CPU.
 
+        Args:
+            path: File to read.
+            map_location: Not used; part of Lightning's interface.
+            weights_only: Not used; nothing in a file is ever run.
+
+        Returns:
+            The content of the checkpoint.
+
         Raises:
-            TrainingError: If nobody has asked for this one.
-            FormatError: If it is damaged.
+            TrainingError: If `path` is not the checkpoint that this plugin may read.
+            FormatError: If the file is damaged.
         """
         if self._resumed is None or Path(path) != self._resumed:
             raise TrainingError(
@@ -53,5 +66,5 @@ class WholeCheckpoints(CheckpointIO):
         return found
 
     def remove_checkpoint(self, path: str | Path) -> None:
-        """Remove a checkpoint."""
+        """Remove the file of a checkpoint, if it exists."""
         Path(path).unlink(missing_ok=True)

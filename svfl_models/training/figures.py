@@ -1,4 +1,4 @@
-"""What all figures of our programs share: their width and resolution, and small files."""
+"""The width, resolution and compact file format that all figures of our programs share."""
 
 import io
 from pathlib import Path
@@ -13,10 +13,18 @@ DPI = 100
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG; returns the file."""
+    """Write a figure as a PNG file of at most 256 colours, and return the file.
+
+    Args:
+        figure: Figure to write.
+        path: File to write; an existing one is replaced.
+
+    Raises:
+        StorageError: If the file cannot be written.
+    """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)
-    # 256 colours are more than there are in such a figure, and a third of the bytes.
+    # Such a figure has fewer than 256 colours, and a palette of 256 takes a third of the bytes.
     small = io.BytesIO()
     Image.open(buffer).convert("RGB").quantize(256).save(small, format="png", optimize=True)
     write_atomically(path, small.getvalue())

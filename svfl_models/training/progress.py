@@ -1,4 +1,4 @@
-"""Callbacks that write down and show how a training goes."""
+"""Lightning callbacks that record the metrics of a training and show its progress."""
 
 import csv
 import time
@@ -13,21 +13,23 @@ from svfl_models.training.writing import write_rows
 
 COLUMNS = ("epoch", "train_loss", "train_accuracy", "test_loss", "test_accuracy", "seconds")
 QUIET_SECONDS = 10.0
-"""Time between two lines where the output is not a terminal."""
+"""Shortest time between two lines of progress where the output is not a terminal, [s]."""
 
 History = list[dict[str, float]]
 
 
 class MetricsFile(pl.Callback):
-    """One row per epoch, on disk as soon as the epoch is over; without figures of a validation where there was none.
+    """Callback that writes a CSV file with one row per epoch, on disk as soon as the epoch is over.
+
+    Test metrics are left empty in epochs without a validation.
 
     Args:
         path: CSV file to write.
-        columns: What to write down; ``seconds`` is the time of the training.
-        rows: Those of an earlier training that this one continues.
+        columns: Names of the metrics to write; ``seconds`` is the time since the start of the training.
+        rows: Rows of an interrupted training that this one continues.
 
     Attributes:
-        rows: The rows so far.
+        rows: The rows that have been written so far.
     """
 
     def __init__(self, path: Path, columns: Sequence[str] = COLUMNS, rows: Iterable[dict[str, float]] = ()) -> None:
@@ -36,18 +38,18 @@ class MetricsFile(pl.Callback):
         self.start = 0.0
 
     def on_fit_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Start the clock and the file."""
+        """Start the clock, and write the header and the earlier rows to the file."""
         self.start = time.monotonic() - (self.rows[-1]["seconds"] if self.rows else 0.0)
         write_rows(self.path, [self.columns, *map(self._words, self.rows)])
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Append a row."""
+        """Append the row of the epoch that has ended."""
         every = trainer.check_val_every_n_epoch or 1
         tested = trainer.current_epoch % every == every - 1
         figures = {
             name: float(value)
             for name, value in trainer.callback_metrics.items()
-            if name in self.columns and (tested or not name.startswith("test"))  # else a figure of an earlier epoch
+            if name in self.columns and (tested or not name.startswith("test"))  # else it is an earlier epoch's
         }
         seconds = round(time.monotonic() - self.start, 2)
         self.rows.append(self.place(trainer, pl_module) | {"seconds": seconds} | figures)
@@ -55,7 +57,7 @@ class MetricsFile(pl.Callback):
             csv.writer(file).writerow(self._words(self.rows[-1]))
 
     def place(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> dict[str, float]:
-        """Where in the training a row belongs."""
+        """Return the columns that say to which point of the training a row belongs: here the epoch."""
         return {"epoch": trainer.current_epoch}
 
     def _words(self, row: dict[str, float]) -> list[str]:
@@ -63,22 +65,22 @@ class MetricsFile(pl.Callback):
 
 
 class Bar(pl.Callback):
-    """A bar that goes away with its training, whatever ends that.
+    """Callback that removes a progress bar when its training ends, for whatever reason.
 
     Args:
-        bar: To be started and moved on a terminal.
-        console: Where to print.
+        bar: Progress bar, which a subclass starts and updates if the console is a terminal.
+        console: Console that the bar is shown on.
     """
 
     def __init__(self, bar: Progress, console: Console) -> None:
         self.bar, self.console = bar, console
 
     def on_fit_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         self._take_away()
 
     def on_exception(self, trainer: pl.Trainer, pl_module: pl.LightningModule, exception: BaseException) -> None:
-        """Take the bar away, so that the message stands alone."""
+        """Remove the bar, so that only the error message is left."""
         self._take_away()
 
     def _take_away(self) -> None:
@@ -87,11 +89,11 @@ class Bar(pl.Callback):
 
 
 class ProgressLine(Bar):
-    """A progress bar on a terminal, an occasional line elsewhere.
+    """Callback that shows a progress bar on a terminal, and prints an occasional line elsewhere.
 
     Args:
-        epochs: Most epochs there can be.
-        console: Where to print.
+        epochs: Largest number of epochs that the training can have.
+        console: Console to print on.
     """
 
     def __init__(self, epochs: int, console: Console) -> None:
@@ -103,13 +105,13 @@ class ProgressLine(Bar):
         self.task = self.bar.add_task("", total=epochs)
 
     def on_fit_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Show the bar."""
+        """Show the bar, if the console is a terminal."""
         self.next_line = time.monotonic() + QUIET_SECONDS
         if self.console.is_terminal:
             self.bar.start()
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Show the epoch's figures."""
+        """Show loss and accuracy of the epoch that has ended."""
         metrics = trainer.callback_metrics
         loss, accuracy = float(metrics["train_loss"]), float(metrics.get("test_accuracy", 0))
         self.best = max(self.best, accuracy)

@@ -1,4 +1,4 @@
-"""The output folder of a training run: claimed for one configuration, never silently shared by two."""
+"""The output folder of a training run, which belongs to one configuration and is never silently shared by two."""
 
 import errno
 import fcntl
@@ -14,7 +14,7 @@ from svfl_data.system.side_files import read_json
 from svfl_models.training.writing import write_json
 
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
-"""What a file system without locks answers."""
+"""Error numbers with which a file system answers that it has no locks."""
 CONFIG = "config.json"
 CHECKPOINT = "checkpoint.ckpt"
 METRICS = "metrics.csv"
@@ -26,19 +26,21 @@ RESULT = "result.json"
 EVALUATION = "evaluation.json"
 OWN = (CHECKPOINT, METRICS, PREDICTIONS, LEARNING_CURVE, CONFUSION, REPORT, RESULT, EVALUATION)
 WORTH = (CHECKPOINT, RESULT)
-"""Without one of these a run has come to nothing, and its folder may be taken for another."""
+"""Files that make a run worth keeping. A folder with neither may be taken for a run with another configuration."""
 
 
 @contextmanager
 def held(out: Path) -> Iterator[None]:
-    """Keep other processes out of a folder, as long as the context lasts; leftovers of killed ones are cleared away.
+    """Lock a folder against other processes for the duration of the context.
+
+    Unfinished files that killed processes have left in the folder are removed.
 
     Args:
-        out: The folder; it need not exist.
+        out: Folder to lock, which is created if it does not exist.
 
     Raises:
-        TrainingError: If another process works in it.
-        StorageError: If it cannot be created.
+        TrainingError: If another process works in the folder.
+        StorageError: If the folder cannot be created or locked.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -59,21 +61,22 @@ def _lock(descriptor: int, out: Path) -> None:
     except BlockingIOError as error:
         raise TrainingError(f"{out}: another process is working in this folder") from error
     except OSError as error:
-        if error.errno not in NO_LOCKS:  # where there are none, nobody can be kept out
+        if error.errno not in NO_LOCKS:  # without locks, no process can be kept out
             raise StorageError(f"{out}: {error.strerror or error}") from error
 
 
 def claim(out: Path, config: dict[str, Any]) -> None:
-    """Make a folder, which is held, the home of a run and write the run's configuration into it.
+    """Reserve a folder for a run, and write the run's configuration into it.
 
-    A folder is cleared of the files of an earlier run with the same configuration, or of one that came to nothing.
+    The files of an earlier run are removed from the folder if that run had the same configuration, or left neither a
+    checkpoint nor a result (`WORTH`).
 
     Args:
-        out: The folder.
-        config: Configuration of the run, plain values.
+        out: Folder of the run, locked by this process (`held`).
+        config: Configuration of the run, as plain values.
 
     Raises:
-        TrainingError: If the folder belongs to a run with another configuration, to a dataset, or holds files that
+        TrainingError: If the folder belongs to a run with another configuration or to a dataset, or holds files that
             the run would overwrite.
         StorageError: If the folder cannot be written.
     """

@@ -1,4 +1,4 @@
-"""Running Lightning's loop as our programs need it: quietly, with Ctrl-C that arrives, and one line about the disk."""
+"""Running of Lightning's training loop, made quiet, with working Ctrl-C and one-line messages about the disk."""
 
 import logging
 import signal
@@ -27,19 +27,20 @@ def run(
     each_epoch: bool = True,
     **how: Any,  # noqa: ANN401 - whatever Lightning takes
 ) -> None:
-    """Train a module on one device, without Lightning's advertisements; the last whole epoch is kept.
+    """Train a module on one device, without the messages that Lightning prints, and keep the last checkpoint.
 
     Args:
-        module: What to train.
-        data: On what.
-        out: Folder for the checkpoint.
-        callbacks: What else is done on the way.
-        resumed: Checkpoint of an interrupted training to go on from.
-        each_epoch: Whether the checkpoint is written after each epoch; else only where there was a validation, too.
-        how: How long, and how often to validate: further arguments of Lightning's Trainer.
+        module: Module to train.
+        data: Data to train on, and to validate on.
+        out: Folder that the checkpoint is written to.
+        callbacks: Callbacks of Lightning to call during the training.
+        resumed: Checkpoint of an interrupted training to continue. None starts a new training.
+        each_epoch: Whether a checkpoint is written after each epoch. If false, it is written only after epochs with a
+            validation.
+        how: Further arguments of Lightning's Trainer, such as the number of epochs and how often to validate.
 
     Raises:
-        KeyboardInterrupt: If the user stopped it (Lightning itself would end the process with code 1).
+        KeyboardInterrupt: If the user stopped the training (Lightning itself would end the process with code 1).
     """
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
     keep = ModelCheckpoint(
@@ -67,17 +68,20 @@ def run(
             trainer.fit(module, data, ckpt_path=resumed, weights_only=True if resumed else None)
     except SystemExit:
         if trainer.state.status == TrainerStatus.INTERRUPTED:
-            signal.signal(signal.SIGINT, interrupt)  # Lightning has switched Ctrl-C off for good
+            signal.signal(signal.SIGINT, interrupt)  # Lightning has switched Ctrl-C off
             raise KeyboardInterrupt from None
         raise
 
 
 @contextmanager
 def storage_errors(out: Path) -> Iterator[None]:
-    """Turn the disk's refusals into one line that names the folder.
+    """Convert an OSError in the context, such as a full disk, to an error with a one-line message.
+
+    Args:
+        out: Folder to name in the message.
 
     Raises:
-        StorageError: Instead of an OSError, such as a full disk.
+        StorageError: If an OSError was raised in the context.
     """
     try:
         yield
@@ -86,5 +90,5 @@ def storage_errors(out: Path) -> Iterator[None]:
 
 
 def parameter_count(module: nn.Module) -> int:
-    """Number of learned numbers."""
+    """Return how many numbers of a module are learned."""
     return sum(parameter.numel() for parameter in module.parameters() if parameter.requires_grad)
