@@ -1,8 +1,8 @@
-"""A trained network without escnn: as an ordinary PyTorch module, as a ``torch.export`` program, as ONNX.
+"""Export of a trained block-centering network to files that need no escnn: a ``torch.export`` program, or ONNX.
 
-Both file formats take and give what `CenteringClassifier` does, any number of samples at once, and say the rest (axes,
-units, crop, names of the directions) in a JSON text inside the file, named `FACTS`. ``docs/run_exported.py`` runs them
-with neither escnn nor this package.
+Files of both formats have the inputs and outputs of `CenteringClassifier`, for any number of samples at once. A JSON
+text inside the file, named `FACTS`, states axes, units, crop and names of the directions. ``docs/run_exported.py`` runs
+such files with neither escnn nor this package.
 """
 
 import copy
@@ -30,7 +30,7 @@ from svfl_models.programs.program import TOLERANCE, from_bytes
 from svfl_models.symmetry.ordinary import plain
 
 FACTS = "svfl_centering.json"
-"""Name, inside an exported file, of what the program does not say itself."""
+"""Name of a text inside an exported file that holds the facts which the program itself does not state, see `facts`."""
 FORMAT_VERSION = "1.0"
 CONTENTS = {
     "image": "red, green, blue in 0..1, then depth in [m]; rows run downwards",
@@ -39,21 +39,21 @@ CONTENTS = {
 
 
 def save_program(classifier: CenteringClassifier, path: Path, view: str = "camera") -> float:
-    """Write a network as a ``torch.export`` program, which `program.read` opens, and `torch.export.load`, too.
+    """Write a network as a ``torch.export`` program, which `program.read` and `torch.export.load` can open.
 
-    `program.Program` is called with the inputs in their order; PyTorch's own takes a dictionary of them.
+    A `program.Program` is called with the inputs in their order; PyTorch's own program takes a dictionary of them.
 
     Args:
-        classifier: The network.
-        path: The file; replaced if it exists, once the new one has been tried.
-        view: How the images of its training were seen, one of `svfl_data.sampling.centering_samples.VIEWS`.
+        classifier: Network to export, which is not changed.
+        path: File to write. An existing file is replaced after the new one has been tested.
+        view: How the images of the training were seen, one of `svfl_data.sampling.centering_samples.VIEWS`.
 
     Returns:
         Largest difference between the outputs of file and network on random inputs, relative to the largest output.
 
     Raises:
-        TrainingError: If the outputs differ by more than rounding.
-        StorageError: If the disk refuses.
+        TrainingError: If the network cannot be exported, or the outputs differ by more than rounding.
+        StorageError: If the file cannot be written.
     """
     buffer = io.BytesIO()
     torch.export.save(_program(classifier), buffer, extra_files={FACTS: json.dumps(facts(classifier, view), indent=2)})
@@ -70,21 +70,31 @@ def save_program(classifier: CenteringClassifier, path: Path, view: str = "camer
 
 
 def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera") -> float:
-    """Write a network as ONNX, its inputs by their names; otherwise as `save_program`.
+    """Write a network as ONNX, which takes its inputs by their names.
+
+    Args:
+        classifier: Network to export, which is not changed.
+        path: File to write. An existing file is replaced after the new one has been tested.
+        view: How the images of the training were seen, one of `svfl_data.sampling.centering_samples.VIEWS`.
+
+    Returns:
+        Largest difference between the outputs of file and network on random inputs, relative to the largest output.
 
     Raises:
-        TrainingError: Also if the packages for it are missing.
+        TrainingError: If the packages for ONNX are missing, the network cannot be exported, or the outputs differ by
+            more than rounding.
+        StorageError: If the file cannot be written.
     """
     try:
         import onnxruntime
-        import onnxscript  # noqa: F401 - torch asks for it later, in more words
+        import onnxscript  # noqa: F401 - torch needs it later, and would say so in a longer message
     except ImportError as error:
         raise TrainingError(
             f"ONNX needs a package that is missing here ({error}); run: pip install 'svfl[onnx]'"
         ) from error
-    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it misses torchvision, which nothing here needs
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # warns of missing torchvision, not needed here
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*LeafSpec", category=FutureWarning)  # torch about itself
+        warnings.filterwarnings("ignore", message=".*LeafSpec", category=FutureWarning)  # about torch's own code
         program = torch.onnx.export(
             _program(classifier),
             input_names=list(inputs(classifier)),
@@ -106,14 +116,17 @@ def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera")
 
 Saver = Callable[[CenteringClassifier, Path, str], float]
 SAVERS: dict[str, Saver] = {".pt2": save_program, ".onnx": save_onnx}
-"""How a network is written, by the suffix of the file."""
+"""Functions that export a network, by the suffix of the file that they write."""
 
 
 def saver(path: Path) -> Saver:
-    """The function that writes what a file's suffix names: `save_program` or `save_onnx`.
+    """Return the function that writes the format of a file: `save_program` or `save_onnx`.
+
+    Args:
+        path: File to write, whose suffix is one of `SAVERS`.
 
     Raises:
-        UsageError: If the suffix names neither.
+        UsageError: If the suffix is none of these.
     """
     if path.suffix not in SAVERS:
         raise UsageError(
@@ -123,7 +136,14 @@ def saver(path: Path) -> Saver:
 
 
 def inputs(classifier: CenteringClassifier) -> dict[str, tuple[int, ...]]:
-    """Names and shapes of what a network looks at, without the number of samples."""
+    """Return the shapes of a network's inputs by their names, without the number of samples.
+
+    Args:
+        classifier: Network that takes images, wrench windows or both.
+
+    Raises:
+        TrainingError: If the network is built on a latent encoder, which cannot be exported.
+    """
     trunk = classifier.trunk
     if isinstance(trunk, LatentTrunk):
         raise TrainingError("a classifier on a latent encoder cannot be exported; those of V, F and V+F can")
@@ -136,7 +156,15 @@ def inputs(classifier: CenteringClassifier) -> dict[str, tuple[int, ...]]:
 
 
 def facts(classifier: CenteringClassifier, view: str = "camera") -> dict[str, Any]:
-    """What one must know to run an exported network, as plain values."""
+    """Return the facts that are needed to run an exported network, as plain values.
+
+    Args:
+        classifier: Network that is exported.
+        view: How the images of the training were seen, one of `svfl_data.sampling.centering_samples.VIEWS`.
+
+    Raises:
+        TrainingError: If the network is built on a latent encoder, which cannot be exported.
+    """
     size = classifier.trunk.image_size
     means = (
         "scores of the directions"
@@ -167,7 +195,18 @@ def facts(classifier: CenteringClassifier, view: str = "camera") -> dict[str, An
 
 
 def random_batch(classifier: CenteringClassifier, samples: int) -> Batch:
-    """Random inputs of the size that a network was trained on."""
+    """Return random inputs with the mean and scale of the inputs that a network was trained on.
+
+    Args:
+        classifier: Network that takes the inputs.
+        samples: Number of samples.
+
+    Returns:
+        The inputs by name, in physical units. They are the same in every call.
+
+    Raises:
+        TrainingError: If the network is built on a latent encoder, which cannot be exported.
+    """
     generator, normalization = torch.Generator().manual_seed(0), classifier.trunk.normalization
     batch = {name: torch.randn(samples, *shape, generator=generator) for name, shape in inputs(classifier).items()}
     if "image" in batch:
@@ -191,17 +230,17 @@ def _program(classifier: CenteringClassifier) -> ExportedProgram:
 
 @torch.no_grad()
 def _tried(classifier: CenteringClassifier, run: Callable[[Batch], Tensor], path: Path) -> float:
-    """How far what was exported is from its network, for one sample and for several.
+    """Return the largest relative difference between the outputs of an export and its network, on 1 and 16 samples.
 
     Raises:
-        TrainingError: If that is more than rounding.
+        TrainingError: If the difference is more than rounding.
     """
     batch = random_batch(classifier, 16)
     expected = copy.deepcopy(classifier).to("cpu").eval()(batch)
-    size = expected.abs().max().clamp(min=torch.finfo(torch.float32).tiny)  # a network can say zero to everything
+    size = expected.abs().max().clamp(min=torch.finfo(torch.float32).tiny)  # all outputs can be zero
     alone = run({name: values[:1] for name, values in batch.items()})
     difference = torch.cat([run(batch) - expected, alone - expected[:1]])
-    worst = float(difference.abs().max() / size)  # NaN if there is one
+    worst = float(difference.abs().max() / size)  # NaN if an output is NaN
     if not worst < TOLERANCE:
         raise TrainingError(f"{path}: not written, its outputs differ from the network's by {worst:.1g} (relative)")
     return worst

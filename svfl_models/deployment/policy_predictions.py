@@ -1,4 +1,4 @@
-"""What a cloned policy would do at every observation of an episode, and which part of the picture it sees there."""
+"""Actions of a cloned policy at every observation of an episode, and the part of the image that the policy sees."""
 
 from collections.abc import Iterator
 
@@ -18,17 +18,21 @@ from svfl_models.networks.image_crops import crop_at, crop_side, scaled
 from svfl_models.programs.exported_policy import ExportedPolicy
 
 AT_ONCE = 256
-"""Observations in memory as numbers at a time."""
+"""Number of observations whose images are converted to float and held in memory at a time."""
 NO_JOINTS = np.zeros(0, np.float32)
-"""No policy looks at joints."""
+"""Empty joint positions, because no policy uses joints."""
 
 
 def of_module(module: CloningModule, name: str) -> Network:
-    """A policy as ``svfl-train bc`` has trained it.
+    """Return the function that predicts the actions of a policy, as ``svfl-train bc`` has trained it.
 
     Args:
-        module: The policy.
-        name: What to call it.
+        module: The trained policy.
+        name: Name of the policy in predictions.
+
+    Returns:
+        A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode lacks the
+        policy's camera, or the camera's images have another size than in training.
     """
     policy = ActingPolicy(module.policy, module.deployment, module.view).eval()
 
@@ -48,11 +52,17 @@ def of_module(module: CloningModule, name: str) -> Network:
 
 
 def of_program(policy: ExportedPolicy, name: str) -> Network:
-    """A policy that was exported; which part of the picture it sees, the file does not tell.
+    """Return the function that predicts the actions of an exported policy.
+
+    Its predictions do not say which part of the image the policy sees, because the file does not state it.
 
     Args:
-        policy: The policy.
-        name: What to call it.
+        policy: The exported policy.
+        name: Name of the policy in predictions.
+
+    Returns:
+        A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode has no
+        camera with depth.
     """
 
     def network(episode: Episode) -> Prediction:
@@ -70,14 +80,14 @@ def of_program(policy: ExportedPolicy, name: str) -> Network:
 
 
 def _camera_of(module: CloningModule, episode: Episode) -> Camera:
-    """The camera that a policy looks at.
+    """Return the camera of an episode whose images a policy takes.
 
     Raises:
-        DatasetError: If it is not recorded, or its pictures are of another size.
+        DatasetError: If this camera is not recorded with depth, or its images have another size than in training.
     """
     wanted, side = module.deployment.camera, module.deployment.image_side
     found = {name: camera for name, camera in episode.cameras.items() if camera.has("depth")}
-    if found and not wanted:  # it does not look
+    if found and not wanted:  # the policy uses no images
         return next(iter(found.values()))
     if wanted not in found:
         have = ", ".join(found) or "none"
@@ -93,12 +103,12 @@ def _camera_of(module: CloningModule, episode: Episode) -> Camera:
 
 
 def _rows(episode: Episode, camera: Camera) -> list[int]:
-    """The latest picture at every observation."""
+    """Return the index of the camera's latest frame at every observation."""
     return [max(0, latest(camera.t_ns, t_ns)) for t_ns in episode.t_ns]
 
 
 def _observations(episode: Episode, camera: Camera) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
-    """Image, wrench and proprio as `ActingPolicy` takes them, some observations at a time."""
+    """Yield image, wrench and proprio as `ActingPolicy` takes them, for up to `AT_ONCE` observations at a time."""
     rows = np.array(_rows(episode, camera))
     for first in range(0, len(rows), AT_ONCE):
         some = slice(first, first + AT_ONCE)
@@ -111,7 +121,17 @@ def _observations(episode: Episode, camera: Camera) -> Iterator[tuple[Tensor, Te
 
 
 def _looked_at(module: CloningModule, image: Tensor, proprio: Tensor) -> tuple[Tensor, Tensor]:
-    """What the network sees of pictures, (B, H, W, 3), uint8, and its edges left, top, right, bottom, (B, 4), [px]."""
+    """Return the part of images that the network sees, and where it lies.
+
+    Args:
+        module: The trained policy.
+        image: Images of the camera, shape (B, 4, H, H): colour 0..1, then depth in [m].
+        proprio: Gripper opening 0..1, TCP x, y, z [m], yaw [rad], in the base frame, shape (B, 5).
+
+    Returns:
+        Colours of the cropped and scaled images, shape (B, size, size, 3), uint8, and the left, top, right and bottom
+        edges of the crops, shape (B, 4), [px].
+    """
     height, size, deployment = image.shape[-1], module.policy.trunk.image_size, module.deployment
     side = crop_side(height, size)
     corner = torch.full((len(image), 2), (height - side) // 2)

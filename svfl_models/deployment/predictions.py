@@ -1,4 +1,4 @@
-"""What a trained network thinks of every observation of an episode, for ``svfl-data view --checkpoint``."""
+"""Predictions of a trained network at every observation of an episode, for ``svfl-data view --checkpoint``."""
 
 from pathlib import Path
 
@@ -25,8 +25,15 @@ from svfl_models.programs import exported_policy
 def load(file: Path) -> Network:
     """Open a checkpoint of ``svfl-train centering`` or of ``svfl-train bc``.
 
+    Args:
+        file: File of the checkpoint.
+
+    Returns:
+        A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode has no
+        camera that the network can use.
+
     Raises:
-        FormatError: If it is neither.
+        FormatError: If the file is neither kind of checkpoint.
     """
     if is_policy(file):
         return cloning.of_module(load_policy(file), _name(file))
@@ -35,22 +42,29 @@ def load(file: Path) -> Network:
 
 
 def load_exported(file: Path) -> Network:
-    """Open a policy that was exported as a ``.pt2``.
+    """Open a policy that was exported as a ``.pt2`` file.
+
+    Args:
+        file: File of the policy.
+
+    Returns:
+        A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode has no
+        camera with depth.
 
     Raises:
-        FormatError: If it is none.
+        FormatError: If the file is not an exported policy.
     """
     return cloning.of_program(exported_policy.load(file), _name(file))
 
 
 def _name(file: Path) -> str:
-    """Enough of a file's place to tell runs apart."""
+    """Return the last two parts of a file's path, which are enough to tell runs apart."""
     return "/".join(file.parts[-2:])
 
 
 @torch.inference_mode()
 def _directions(module: CenteringModule, episode: Episode, name: str) -> Prediction:
-    """Directions that a classifier predicts; one that gives offsets has no probabilities, only a direction."""
+    """Predict directions by a classifier; one that predicts offsets gives a direction, but no probabilities."""
     trained = configuration(module)
     camera = _camera(episode)
     batch = _batch(episode, camera, trained.view, trained.image_size, trained.window)
@@ -62,7 +76,10 @@ def _directions(module: CenteringModule, episode: Episode, name: str) -> Predict
 
 
 def _batch(episode: Episode, camera: Camera, view: str, size: int, window: int) -> Batch:
-    """Every observation as `centering_samples` makes samples of the last one, cropped as for testing."""
+    """Return a batch of all observations, each made as `centering_samples` makes the sample of an episode's last one.
+
+    Images are cropped as for testing.
+    """
     steps, axes = range(len(episode.t_ns)), camera.image_axes
     images = torch.from_numpy(np.stack([_image(episode, camera, view, step) for step in steps]))
     wrench = np.stack([wrench_window(episode, step, window)[0] for step in steps])
@@ -77,7 +94,7 @@ def _batch(episode: Episode, camera: Camera, view: str, size: int, window: int) 
 
 
 def _image(episode: Episode, camera: Camera, view: str, step: int) -> NDArray[np.float32]:
-    """Colour 0..1, then depth [m], (4, H, W)."""
+    """Return the image of an observation, shape (4, H, W): colour 0..1, then depth in [m]."""
     if view == "top":
         above = topdown(episode, steps=step, size=camera.color.shape[1])
         color, depth = above.color, above.depth * np.float32(above.view.depth_scale)
@@ -89,10 +106,10 @@ def _image(episode: Episode, camera: Camera, view: str, step: int) -> NDArray[np
 
 
 def _camera(episode: Episode) -> Camera:
-    """The camera that networks look at.
+    """Return the first camera of an episode that has depth, whose images networks take.
 
     Raises:
-        DatasetError: If there is none with depth.
+        DatasetError: If no camera has depth.
     """
     camera = next((camera for camera in episode.cameras.values() if camera.has("depth")), None)
     if camera is None:

@@ -1,14 +1,16 @@
 """A trained policy as one file that runs without the code that trained it: a ``torch.export`` program.
 
-The program takes what a policy sees at one step and gives what it does:
+The program takes the observation of one step and returns an action. Its inputs, in their order, are:
 
-- ``image`` (1, 4, H, W) float32: RGB 0..1, then depth in [m], 0 where nothing was seen;
-- ``wrench`` (1, 64, 6) float32: the last readings, latest last, tared, [N] and [N m], base axes, about the sensor
+- ``image`` (1, 4, H, W) float32: RGB 0..1, then depth in [m], which is 0 where nothing was seen;
+- ``wrench`` (1, 64, 6) float32: the last readings, latest last, tared, [N] and [N m], in base axes, about the sensor
   origin;
-- ``proprio`` (1, 5) float32: gripper opening 0..1, TCP x, y, z [m], yaw [rad], base;
-- out: (1, 5), gripper opening 0..1, dx, dy, dz [m], dtheta [rad], base axes.
+- ``proprio`` (1, 5) float32: gripper opening 0..1, TCP x, y, z [m], yaw [rad], in the base frame.
 
-Cropping, normalisation and the change to image axes are part of the program. A file is never unpickled (`program`).
+Its output has shape (1, 5): gripper opening 0..1, dx, dy, dz [m], dtheta [rad], in base axes.
+
+Cropping, normalisation and the change to image-aligned axes are part of the program. A file is never unpickled (see
+`program`).
 """
 
 import io
@@ -30,29 +32,35 @@ from svfl_models.programs.program import Program, from_bytes, read
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
 FACTS = "svfl_policy.json"
-"""Name, inside the file, of what the program does not say itself."""
+"""Name of a text inside the file that holds the facts which the program itself does not state, see `Facts`."""
 ACTION = (1, 5)
 
 
 class Facts(msgspec.Struct):
-    """Content of `FACTS`."""
+    """Content of the text `FACTS` in the file of a policy.
+
+    Attributes:
+        depth_scale: Metres per unit of the cameras' depth images, above 0.
+    """
 
     depth_scale: Annotated[float, msgspec.Meta(gt=0)]
 
 
 def save(network: nn.Module, file: Path, image_size: tuple[int, int], depth_scale: float = 1e-4) -> None:
-    """Export a network, in eval mode, as a policy.
+    """Export a network, in eval mode, as the file of a policy.
 
     Args:
-        network: Maps image, wrench and proprio to an action, shapes as above.
-        file: Where to; its name must end in ``.pt2``.
+        network: Network that maps image, wrench and proprio to an action, with the shapes that this module's
+            docstring lists. It is moved to the CPU and put into eval mode.
+        file: File to write, whose name must end in ``.pt2``.
         image_size: Height and width of the images, [px].
-        depth_scale: Metres per unit of the depth that the cameras give.
+        depth_scale: Metres per unit of the cameras' depth images.
 
     Raises:
-        TrainingError: If the network does not take or give these shapes, does what a policy's file may not say
-            (`operators`), or has weights that are not finite.
-        StorageError: If the disk refuses; a file that was there before is untouched.
+        TrainingError: If the network does not take or return these shapes, uses operators that an exported policy may
+            not use (see `operators`), or has weights that are not finite.
+        FormatError: If `depth_scale` is not above 0.
+        StorageError: If the file cannot be written; an earlier file then stays as it was.
     """
     content = exported(network, image_size, depth_scale)
     opened(content, str(file))
@@ -60,10 +68,17 @@ def save(network: nn.Module, file: Path, image_size: tuple[int, int], depth_scal
 
 
 def exported(network: nn.Module, image_size: tuple[int, int], depth_scale: float = 1e-4) -> bytes:
-    """What `save` writes.
+    """Export a network, in eval mode, and return the content of the file that `save` writes.
+
+    Args:
+        network: Network that maps image, wrench and proprio to an action, see `save`. It is moved to the CPU and put
+            into eval mode.
+        image_size: Height and width of the images, [px].
+        depth_scale: Metres per unit of the cameras' depth images.
 
     Raises:
-        TrainingError: As `save`, but for what only `opened` finds out.
+        TrainingError: If the network does not take image, wrench and proprio, or does not return an action. Forbidden
+            operators and weights that are not finite are found by `opened` only.
     """
     inputs = tuple(torch.zeros(shape) for shape in _shapes(image_size))
     try:
@@ -81,16 +96,24 @@ def exported(network: nn.Module, image_size: tuple[int, int], depth_scale: float
 
 
 def opened(content: bytes, name: str) -> "ExportedPolicy":
-    """A policy from what `exported` gave.
+    """Open a policy from the content that `exported` returned.
+
+    Args:
+        content: Content of the file.
+        name: Name of the policy in messages.
 
     Raises:
-        TrainingError: If it is none that could be loaded again.
+        TrainingError: If the content could not be loaded again as a program.
+        FormatError: If the inputs, outputs or facts of the program are not those of a policy.
     """
     return ExportedPolicy(*from_bytes(content, FACTS), name)
 
 
 def load(file: Path) -> "ExportedPolicy":
-    """Load a policy onto this machine's device.
+    """Load a policy onto `DEVICE`: the GPU if there is one, otherwise the CPU.
+
+    Args:
+        file: File of the policy (``.pt2``).
 
     Raises:
         FormatError: If the file is missing, damaged, or not a policy.
@@ -99,23 +122,23 @@ def load(file: Path) -> "ExportedPolicy":
 
 
 class ExportedPolicy:
-    """A policy: called with an observation, it gives an action (5,), float32.
+    """A policy that, when called with an observation, returns an action, shape (5,), float32.
 
     Attributes:
-        size: Height and width of the images that it takes, [px].
-        program: What runs, on `DEVICE`.
+        size: Height and width of the images that the policy takes, [px].
+        program: Program that computes the action, on `DEVICE`.
     """
 
     def __init__(self, program: Program, facts: str, name: str) -> None:
-        """Check what the program takes and gives, and bring it to the device.
+        """Check the inputs, outputs and facts of a program, and move it to `DEVICE`.
 
         Args:
-            program: The program.
-            facts: `Facts` as JSON.
-            name: What to call it in messages.
+            program: Program that computes the action.
+            facts: JSON text of the program's `Facts`.
+            name: Name of the policy in messages.
 
         Raises:
-            FormatError: If its inputs, outputs or facts are other ones.
+            FormatError: If the inputs, outputs or facts are not those of a policy.
         """
         inputs, outputs = program.inputs, program.outputs
         image = inputs[0] if inputs else ()
@@ -134,10 +157,16 @@ class ExportedPolicy:
 
     @torch.inference_mode()
     def __call__(self, seen: Observation) -> NDArray[np.float32]:
-        """Act on an observation.
+        """Return the action for an observation.
+
+        Args:
+            seen: Observation, of which the first camera's image is used.
+
+        Returns:
+            The action, shape (5,), float32: gripper opening 0..1, dx, dy, dz [m], dtheta [rad], in base axes.
 
         Raises:
-            TrainingError: If the pictures are of another size than in training, or the action is not finite.
+            TrainingError: If the image has another size than in training, or the action is not finite.
         """
         frame = next(iter(seen.frames.values()))
         if frame.depth.shape != self.size:

@@ -1,7 +1,7 @@
-"""What an exported program may do: PyTorch's operators that compute with tensors and touch nothing else.
+"""List of the operators that an exported program may use: operators of PyTorch that only compute with tensors.
 
-A program names its operators in text. Nothing is looked up that is not in this list: no function of Python, and no
-operator that reads files, prints, changes what it is given, or shows memory that nobody has written.
+A program names its operators in text, and only names on this list are looked up. The list has no functions of Python,
+and no operators that read files, print, change their arguments, or return memory that was never written.
 """
 
 from collections.abc import Callable
@@ -54,19 +54,27 @@ zeros.default zeros_like.default
 """
 _PREFIX = "torch.ops.aten."
 _ALSO = {"detach_.default": "detach.default"}
-"""Names that export writes for what changes nothing, and the operator that does the same."""
+"""Operators that `torch.export` writes although they change nothing, and the allowed operators that do the same."""
 _CHECKS = f"{_PREFIX}_assert_tensor_metadata.default"
 
 Operator = Callable[..., Any]
 
 
 def is_check(target: str) -> bool:
-    """Whether a step of a program only checks its own tensors, and gives nothing."""
+    """Return whether a step of a program only checks tensors, and produces no value.
+
+    Args:
+        target: Name of the step's operator.
+    """
     return target == _CHECKS
 
 
 def operator(target: str) -> Operator | None:
-    """The operator of a name such as ``torch.ops.aten.relu.default``; None if programs may not use it."""
+    """Return the operator of a name, or None if programs may not use it.
+
+    Args:
+        target: Name of the operator, such as ``torch.ops.aten.relu.default``.
+    """
     name = target.removeprefix(_PREFIX)
     name = _ALSO.get(name, name)
     if not target.startswith(_PREFIX) or name not in _ALLOWED:

@@ -1,6 +1,7 @@
-"""Running an exported program step by step, with operators from a list and nothing else (`operators`).
+"""Running of an exported program step by step, with operators from a list only (see `operators`).
 
-This, `program_file` and `operators` need PyTorch and msgspec, not escnn and not the networks of this package.
+The modules `program`, `program_file` and `operators` need PyTorch and msgspec, but neither escnn nor the networks of
+this package.
 """
 
 import io
@@ -20,7 +21,7 @@ from svfl_models.programs.operators import is_check, operator
 from svfl_models.programs.program_file import DTYPES, Input, Named, ProgramFile, Size, Step
 
 LARGEST = 2**28
-"""Most numbers that a program may hold at once for one sample."""
+"""Most numbers that the tensors of a program may hold at the same time, for one sample."""
 MEMORY_FORMATS = {
     1: torch.contiguous_format,
     2: torch.channels_last,
@@ -28,30 +29,31 @@ MEMORY_FORMATS = {
     4: torch.preserve_format,
 }
 TOLERANCE = 1e-5
-"""Largest difference between an exported file and its network, relative to the largest output, that is rounding."""
+"""Largest difference between the outputs of an exported file and of its network that counts as rounding, relative to
+the largest output."""
 INFINITE = ("Infinity", "-Infinity")
 KEYWORD = 2
 META = torch.device("meta")
 
 
 class _Value(str):
-    """Name of a value that a step gives, where an operator takes it."""
+    """Name of a tensor, where an operator takes this tensor as an argument."""
 
     __slots__ = ()
 
 
 class Program:
-    """An exported program: called with its inputs in their order, it gives its outputs.
+    """An exported program that, when called with its inputs in their order, returns its outputs.
 
     Args:
-        file: What it is read from.
+        file: File that the program is read from.
 
     Attributes:
-        inputs: Shape of each input; 1 where it takes any number.
-        outputs: Shape of each output, for such inputs.
+        inputs: Shape of each input. A size is 1 where the program takes any size.
+        outputs: Shape of each output, for inputs of these shapes.
 
     Raises:
-        ValueError: If it uses an operator that it may not, fits together badly, or needs too much memory.
+        ValueError: If the program uses an operator that is not allowed, is inconsistent, or needs too much memory.
     """
 
     def __init__(self, file: ProgramFile) -> None:
@@ -76,12 +78,12 @@ class Program:
         self.outputs = [tuple(left[name].shape) for name in self._outputs]
 
     def to(self, device: torch.device) -> "Program":
-        """Bring it to a device; returns itself."""
+        """Move the program to a device, and return the program itself."""
         self._device, self._kept = device, {name: tensor.to(device) for name, tensor in self._kept.items()}
         return self
 
     def __call__(self, *inputs: Tensor) -> list[Tensor]:
-        """Run it, on inputs on its device."""
+        """Run the program on inputs that are on its device, and return its outputs."""
         values = self._kept | dict(zip(self._inputs, inputs, strict=True))
         for step in self._steps:
             step(values, self._device)
@@ -90,10 +92,10 @@ class Program:
         return [values[name] for name in self._outputs]
 
     def _check_memory(self, values: dict[str, Tensor]) -> dict[str, Tensor]:
-        """Go through all steps with shapes only; returns what is left at the end.
+        """Run all steps on tensors without data, and return the tensors that are left at the end.
 
         Raises:
-            ValueError: If too much would be held at once.
+            ValueError: If the tensors would hold more than `LARGEST` numbers at the same time.
         """
         together = sum(value.numel() for value in values.values())
         for step in self._steps:
@@ -106,10 +108,11 @@ class Program:
 
 
 class _Step:
-    """One operator at work.
+    """One step of a program: an operator with its arguments.
 
     Attributes:
-        last: Names of the values that no later step needs.
+        names: Names of the values that the step produces.
+        last: Names of the values that no later step needs, and that are deleted after this step.
     """
 
     def __init__(self, step: Step) -> None:
@@ -125,7 +128,7 @@ class _Step:
 
     @property
     def needs(self) -> set[str]:
-        """Names of the values that it takes."""
+        """Names of the values that the step takes."""
         found: set[str] = set()
         for value in (*self._positional, *self._keywords.values()):
             found |= {str(one) for one in (value if isinstance(value, list) else [value]) if isinstance(one, _Value)}
@@ -142,11 +145,14 @@ def read(path: Path | str, text: str) -> tuple[Program, str]:
     """Read a program, and a text that was exported with it.
 
     Args:
-        path: The file.
-        text: Name of the text.
+        path: File of the program (``.pt2``).
+        text: Name of the text inside the file.
+
+    Returns:
+        The program, on the CPU, and the content of the text.
 
     Raises:
-        FormatError: If the file is missing, damaged, no program, or one that may not be run.
+        FormatError: If the file is missing, damaged, not a program, or a program that may not be run.
     """
     path = Path(path)
     if not path.exists():
@@ -161,10 +167,17 @@ def read(path: Path | str, text: str) -> tuple[Program, str]:
 
 
 def from_bytes(content: bytes, text: str) -> tuple[Program, str]:
-    """As `read`, of a network that was exported just now.
+    """Read a program and a text from the content of a file, for a network that was just exported.
+
+    Args:
+        content: Content of the file.
+        text: Name of the text inside the file.
+
+    Returns:
+        The program, on the CPU, and the content of the text.
 
     Raises:
-        TrainingError: If it does what a program may not.
+        TrainingError: If the program may not be run, for instance because of its operators.
     """
     try:
         return _read(Stored(io.BytesIO(content)), text)
@@ -183,7 +196,7 @@ def _words(error: Exception) -> str:
 
 
 def _let_go(steps: list[_Step], kept: set[str]) -> None:
-    """Tell each step which values it is the last to need."""
+    """Tell each step after which of its values no later step needs them; values in `kept` are never deleted."""
     needed = set(kept)
     for step in reversed(steps):
         step.last = sorted((step.needs | set(step.names)) - needed)
@@ -191,7 +204,7 @@ def _let_go(steps: list[_Step], kept: set[str]) -> None:
 
 
 def _filled(value: object, values: dict[str, Any], device: torch.device) -> object:
-    """An argument with names replaced by what they stand for."""
+    """Return an argument in which names of values are replaced by the values, and a device by the program's."""
     if isinstance(value, _Value):
         return values[value]
     if isinstance(value, list):
@@ -200,7 +213,7 @@ def _filled(value: object, values: dict[str, Any], device: torch.device) -> obje
 
 
 def _plain(argument: dict[str, Any]) -> object:
-    """An argument of an operator, from the schema's union."""
+    """Return an operator's argument as a Python value, a list of such values, or the name of a tensor (`_Value`)."""
     ((kind, value),) = argument.items()
     match kind:
         case "as_none":
@@ -226,7 +239,7 @@ def _plain(argument: dict[str, Any]) -> object:
         case "as_layout":
             return torch.strided
         case "as_device":
-            return torch.device("cpu")  # replaced by that of the program
+            return torch.device("cpu")  # replaced by the program's device in `_filled`
     raise ValueError(f"it has an argument of kind {kind}")
 
 

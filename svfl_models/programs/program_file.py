@@ -1,8 +1,8 @@
-"""What a ``torch.export`` program is made of, read from its file without pickle and without PyTorch's own reader.
+"""The contents of a ``torch.export`` program, read from its file without pickle and without PyTorch's own reader.
 
 `torch.export.load` unpickles whatever a file holds, evaluates its symbolic expressions as Python, and runs compiled
 libraries in it. Here the file is an archive of stored members, of which three kinds are read: the graph, which is JSON
-of a declared form; weights and constants, which are raw numbers; and texts. Everything else in it is left alone.
+of a declared form; weights and constants, which are raw numbers; and texts. All other members are ignored.
 
 The form is that of ``torch/_export/serde/schema.py``, version 8 (PyTorch 2.13).
 """
@@ -26,22 +26,22 @@ KNOWN = ("models/", "data/weights/", "data/constants/", "data/sample_inputs/", E
 KNOWN_ALONE = ("archive_format", "archive_version", "byteorder")
 SCHEMA = 8
 LARGEST_TEXT = 64 * 2**20
-"""Most bytes of JSON that are parsed."""
+"""Most bytes of a JSON member that is parsed."""
 DTYPES = {
     1: torch.uint8, 2: torch.int8, 3: torch.int16, 4: torch.int32, 5: torch.int64, 6: torch.float16, 7: torch.float32,
     8: torch.float64, 12: torch.bool, 13: torch.bfloat16,
 }  # fmt: skip
-"""Types of numbers by the schema's code."""
+"""PyTorch's types of numbers by their codes in the schema."""
 
 
 class Named(msgspec.Struct):
-    """A reference to a tensor."""
+    """A reference to a tensor by its name."""
 
     name: str
 
 
 class Argument(msgspec.Struct):
-    """A value that is given to an operator by the name of its parameter; `kind` 2 is a keyword."""
+    """An argument of an operator, with the name of its parameter; `kind` 2 means a keyword argument."""
 
     name: str
     arg: dict[str, Any]
@@ -49,7 +49,7 @@ class Argument(msgspec.Struct):
 
 
 class Step(msgspec.Struct):
-    """An operator, what it is given, and names for what it gives."""
+    """A step of a program: the name of an operator, its arguments, and the names of its results."""
 
     target: str
     inputs: list[Argument]
@@ -57,14 +57,14 @@ class Step(msgspec.Struct):
 
 
 class Size(msgspec.Struct):
-    """A number that is known, or an expression of the number of samples, of which only an example counts."""
+    """A size: a known number or an expression, such as one of the number of samples, which is never evaluated."""
 
     as_int: int | None = None
     as_expr: Any = None
 
 
 class Meta(msgspec.Struct):
-    """Form of a tensor."""
+    """The form of a tensor: code of its type of numbers (`DTYPES`), sizes, strides and offset in its storage."""
 
     dtype: int
     sizes: list[Size]
@@ -73,41 +73,41 @@ class Meta(msgspec.Struct):
 
 
 class Graph(msgspec.Struct):
-    """The steps of a program, and the form of its inputs."""
+    """The steps of a program, and the forms of its tensors by name."""
 
     nodes: list[Step]
     tensor_values: dict[str, Meta]
 
 
 class UserValue(msgspec.Struct):
-    """An input or output of a program."""
+    """An input or output of a program that the user gives or gets."""
 
     arg: dict[str, Any]
 
 
 class Parameter(msgspec.Struct):
-    """An input that is a weight."""
+    """An input that is a learned weight of the network."""
 
     arg: Named
     parameter_name: str
 
 
 class Buffer(msgspec.Struct):
-    """An input that is a number of the network which does not learn."""
+    """An input that is a buffer of the network: a tensor that is stored with the weights but not learned."""
 
     arg: Named
     buffer_name: str
 
 
 class Constant(msgspec.Struct):
-    """An input that never changes."""
+    """An input that is a constant tensor."""
 
     arg: Named
     tensor_constant_name: str
 
 
 class Input(msgspec.Struct, forbid_unknown_fields=True):
-    """One of these."""
+    """An input of a program, of one of four kinds: exactly one of the fields is expected to be set."""
 
     user_input: UserValue | None = None
     parameter: Parameter | None = None
@@ -116,40 +116,40 @@ class Input(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Output(msgspec.Struct, forbid_unknown_fields=True):
-    """Programs that change their own buffers give other kinds, too; those are refused."""
+    """An output of a program; other kinds, which programs that change their own buffers have, are refused."""
 
     user_output: UserValue
 
 
 class Signature(msgspec.Struct):
-    """What goes in and comes out."""
+    """The inputs and outputs of a program."""
 
     input_specs: list[Input]
     output_specs: list[Output]
 
 
 class GraphModule(msgspec.Struct):
-    """Graph and signature."""
+    """The graph and the signature of a program."""
 
     graph: Graph
     signature: Signature
 
 
 class Version(msgspec.Struct):
-    """Of the schema."""
+    """The version of the schema."""
 
     major: int
 
 
 class Program(msgspec.Struct):
-    """Content of `GRAPH`."""
+    """The content of the member `GRAPH`."""
 
     graph_module: GraphModule
     schema_version: Version
 
 
 class Payload(msgspec.Struct):
-    """Where the numbers of a weight are."""
+    """The place and form of a weight's or constant's numbers: member of the archive, whether pickled, and form."""
 
     path_name: str
     use_pickle: bool
@@ -157,23 +157,24 @@ class Payload(msgspec.Struct):
 
 
 class Payloads(msgspec.Struct):
-    """Content of the second entries of `PAYLOADS`."""
+    """The content of the members that are the second entries of `PAYLOADS`, by names of weights or constants."""
 
     config: dict[str, Payload]
 
 
 class ProgramFile:
-    """An exported program's file.
+    """The file of an exported program.
 
     Args:
-        archive: The file.
+        archive: Archive that the file consists of.
 
     Attributes:
-        program: Its graph and signature.
+        program: Graph, signature and schema version of the program.
         tensors: Weights, buffers and constants by name, on the CPU.
 
     Raises:
-        ValueError: If it is something else, or holds something that it should not; msgspec's errors are of this kind.
+        ValueError: If the file is not an exported program, or holds something that it should not. The errors of msgspec
+            are of this kind.
         KeyError: If a member is missing.
         zipfile.BadZipFile: If a member is damaged.
     """
@@ -195,7 +196,11 @@ class ProgramFile:
             self.tensors |= self._payloads(folder, msgspec.json.decode(self._read(config), type=Payloads))
 
     def text(self, name: str) -> str:
-        """A text that was put in beside the program."""
+        """Return the text that was exported with the program under a name.
+
+        Raises:
+            KeyError: If there is no such text.
+        """
         return self._read(EXTRA + name).decode()
 
     def _read(self, inside: str) -> bytes:
@@ -219,7 +224,7 @@ class ProgramFile:
 
 
 def _tensor(name: str, content: bytearray, meta: Meta) -> Tensor:
-    """A view of a payload; tensors that share one share it here, too."""
+    """Return a tensor as a view of its member's bytes, so that tensors which share a member share memory here, too."""
     dtype = DTYPES.get(meta.dtype)
     if dtype is None:
         raise ValueError(f"{name} is of no type that is read (code {meta.dtype})")
