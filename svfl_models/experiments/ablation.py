@@ -1,4 +1,4 @@
-"""Ablations: the torque's type, augmentation instead of symmetry, the view, and the sensor's noise."""
+"""Ablation experiment: the torque's type, augmentation instead of symmetry, the view, and the sensor's noise."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -34,13 +34,20 @@ VARIANTS = {
     "CNN, view from above": (CNN | {"view": "top"}, ("v", "vf")),
     "CNN, crops only": (CNN | {"augment": False}, ("v", "vf")),
 }
-"""Name -> what deviates, and the inputs for which that means something."""
+"""The variants by name: the settings in which each deviates, and the encoders for which the deviation has an effect."""
 NOISES = (0.0, 1.0, 3.0, 10.0, 30.0)
-"""In multiples of the sensor's own noise."""
+"""Levels of the noise that is added to readings, in multiples of the sensor's own noise."""
 
 
 def cells(base: TrainingConfig, train_samples: Sequence[int]) -> list[TrainingConfig]:
-    """The configurations, all with seed 0; the noise is varied for the largest training set."""
+    """Return the configurations of the experiment, all with seed 0.
+
+    The noise is varied for the largest training set only.
+
+    Args:
+        base: Recipe that the configurations deviate from.
+        train_samples: Sizes of the training set.
+    """
     variants = [
         replace(base, encoder=encoder, train_samples=count, **changes)
         for changes, encoders in VARIANTS.values()
@@ -53,28 +60,43 @@ def cells(base: TrainingConfig, train_samples: Sequence[int]) -> list[TrainingCo
         for network in (SVFL, CNN)
         for noise in NOISES
     ]
-    return list(dict.fromkeys([*variants, *noisy]))  # without noise is among the variants
+    return list(dict.fromkeys([*variants, *noisy]))  # runs with noise 0 are variants, too
 
 
 def usual(results: Results) -> dict[str, Any]:
-    """Settings that a variant has unless it deviates in them: those of the first run."""
+    """Return the settings that a variant has unless it deviates in them, which are those of the first run."""
     return {name: getattr(results.runs[0].config, name) for name in ("torque", "view", "augment", "rotate")}
 
 
 def variant(results: Results, name: str, encoder: str) -> list[Cell]:
-    """Cells of a variant and an input, by training samples; none where it means nothing."""
+    """Return the cells of a variant for one encoder, in the order of the numbers of training samples.
+
+    Args:
+        results: Runs of the experiment.
+        name: Name of the variant, one of `VARIANTS`.
+        encoder: Inputs of the network, one of `inputs.ENCODERS`.
+
+    Returns:
+        The cells; none if the variant's deviation has no effect for this encoder.
+    """
     changes, encoders = VARIANTS[name]
     return results.find(encoder=encoder, **(usual(results) | {"noise": 0.0} | changes)) if encoder in encoders else []
 
 
 def noise_cells(results: Results, encoder: str, network: dict[str, Any]) -> list[Cell]:
-    """Cells of an input and a network, by noise."""
+    """Return the cells of one encoder and network with the largest training set, in the order of the noise levels.
+
+    Args:
+        results: Runs of the experiment.
+        encoder: Inputs of the network, one of `inputs.ENCODERS`.
+        network: Settings of the network, `SVFL` or `CNN`.
+    """
     most = max(results.values("train_samples"))
     return results.find(encoder=encoder, train_samples=most, **usual(results), **network)
 
 
 def body(results: Results) -> str:
-    """Both tables."""
+    """Return the page between title and recipe, in Markdown: the tables of the variants and of the noise."""
     counts = results.values("train_samples")
     rows = []
     for name in VARIANTS:
@@ -122,7 +144,15 @@ def _noise_table(results: Results) -> str:
 
 
 def draw(results: Results, folder: Path) -> list[Path]:
-    """The figure: a panel for every training set, and one for the noise."""
+    """Write the figures of the variants, with a panel for every training set, and of the noise.
+
+    Args:
+        results: Runs of the experiment.
+        folder: Folder to write to.
+
+    Returns:
+        The files of the figures.
+    """
     counts = results.values("train_samples")
     figure, axes = panels(1, len(counts), 4.4)
     for panel, count in zip(axes, counts, strict=True):

@@ -1,4 +1,4 @@
-"""Visual acuity: how much force helps where the image is coarse."""
+"""Visual acuity experiment, which measures how much force helps where the image is coarse."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,7 +16,14 @@ SIZES = (64, 32, 16, 8)
 
 
 def cells(base: TrainingConfig, train_samples: Sequence[int]) -> list[TrainingConfig]:
-    """The configurations, all with seed 0; force alone, which sees no image, for comparison."""
+    """Return the configurations of the experiment, all with seed 0.
+
+    The networks that take force alone, and so no image, are for comparison.
+
+    Args:
+        base: Recipe that the configurations deviate from.
+        train_samples: Sizes of the training set.
+    """
     found = []
     for count in train_samples:
         for group in MODELS.values():
@@ -27,7 +34,7 @@ def cells(base: TrainingConfig, train_samples: Sequence[int]) -> list[TrainingCo
 
 
 def body(results: Results) -> str:
-    """The table."""
+    """Return the page between title and recipe, in Markdown: the table of accuracy by image size."""
     rows = []
     for count in results.values("train_samples"):
         for encoder in ("v", "vf", "f"):
@@ -51,7 +58,15 @@ F sees no image: its accuracy is the same in all columns.
 
 
 def draw(results: Results, folder: Path) -> list[Path]:
-    """The figure, of the largest training set."""
+    """Write the figure of accuracy against image size, for the largest training set.
+
+    Args:
+        results: Runs of the experiment.
+        folder: Folder to write to.
+
+    Returns:
+        The file of the figure, in a list.
+    """
     count = max(results.values("train_samples"))
     figure, axes = panels(1, 2, 4.0)
     for panel, (model, group) in zip(axes, MODELS.items(), strict=True):

@@ -1,6 +1,7 @@
-"""Many clonings side by side: tasks, networks, numbers of demonstrations and seeds, each trained and tried once.
+"""The policies of a table of behaviour cloning: by task, network, number of demonstrations and seed.
 
-Light to import, for a worker unpickles its first run before it knows what it needs.
+Each policy is trained and evaluated once. This module is light to import, because a worker unpickles its first run
+before it knows which libraries it needs.
 """
 
 from collections.abc import Sequence
@@ -15,17 +16,17 @@ from svfl_models.experiments.runs.folder import RUNS, finished
 from svfl_models.training import run_folder
 
 GROUPS = {"svfl": "D4", "cnn": "none"}
-"""The two networks that are compared -> group."""
+"""Symmetry groups of the two networks that are compared, by name of the network."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One policy: how it is trained and tried, and where it lies; a `worker.Job`.
+    """One policy of a table, as a `worker.Job`: how it is trained and evaluated, and its folder.
 
     Attributes:
-        config: Of its training.
-        folder: Of its checkpoint, metrics, result and evaluation.
-        trials: Episodes that it is tried in.
+        config: Configuration of the training.
+        folder: Folder of the policy's checkpoint, metrics, result and evaluation.
+        trials: Number of episodes that the policy is evaluated in.
     """
 
     config: CloningConfig
@@ -34,19 +35,26 @@ class Run:
 
     @property
     def task(self) -> str:
-        """Name of its dataset's folder."""
+        """Name of the task, which is the name of the dataset's folder."""
         return Path(self.config.data).name
 
     @property
     def cost(self) -> float:
-        """The same for all, since all take as many steps: they are done in their order."""
+        """Relative duration of the run, which is 1 for all runs, because all take the same number of steps.
+
+        The runs are therefore done in the order in which they are listed.
+        """
         return 1.0
 
     def outcome(self) -> dict[str, Any] | None:
-        """What its training and its evaluation found; None unless both are done.
+        """Return the results of training and evaluation, or None unless both are finished.
+
+        Returns:
+            The numbers of `cloning.train.Result` by name, and ``success``, which says for each trial whether it
+            succeeded.
 
         Raises:
-            TrainingError: If its folder holds a run with another configuration, finished or not.
+            TrainingError: If the folder holds a run with another configuration, finished or not.
         """
         done = finished(self.folder)
         begun = done["config"] if done else _read(self.folder / run_folder.CONFIG)
@@ -56,16 +64,23 @@ class Run:
         return {**done["result"], "success": success} if done and len(success) == self.trials else None
 
     def words(self) -> str | None:
-        """How often it succeeded; None unless it is trained and tried."""
+        """Return the success rate of the policy in words, or None unless it is trained and evaluated.
+
+        Raises:
+            TrainingError: If the folder holds a run with another configuration, finished or not.
+        """
         found = self.outcome()
         return f"{sum(found['success']) / self.trials:.0%} of {self.trials}" if found else None
 
     def __call__(self) -> None:
-        """Do what is left: an interrupted training goes on after its last whole epoch.
+        """Train and evaluate the policy, as far as that is not done yet.
+
+        An interrupted training continues after its last whole epoch.
 
         Raises:
-            TrainingError: If its data cannot serve, which may serve other policies, or its training diverges.
-            StorageError: If the disk refuses.
+            TrainingError: If the policy cannot be trained on its data, or the training diverges. Other policies may
+                still succeed.
+            StorageError: If a file cannot be written.
         """
         import torch
         from rich.console import Console
@@ -89,20 +104,22 @@ class Run:
 def runs(
     base: CloningConfig, data: Sequence[str], episodes: Sequence[int], seeds: int, trials: int, out: Path
 ) -> list[Run]:
-    """Every policy of a table; those of fewer demonstrations train for more epochs, so that all take as many steps.
+    """Return every policy of a table.
 
-    All first seeds come first, so that a table that was stopped shows something of everything.
+    Policies with fewer demonstrations are trained for more epochs, so that all take the same number of steps. All
+    policies with the first seed come first, so that an interrupted table already has results for every task.
 
     Args:
-        base: What all have in common; its epochs are those of the largest number of demonstrations.
+        base: Configuration that all policies have in common. Its number of epochs is for the largest number of
+            demonstrations.
         data: Dataset folders, one for each task.
-        episodes: Numbers of demonstrations.
-        seeds: 0 to this number, exclusive.
-        trials: Episodes that each policy is tried in.
+        episodes: Numbers of demonstrations to learn from.
+        seeds: Number of seeds; they are 0 to `seeds` - 1.
+        trials: Number of episodes that each policy is evaluated in.
         out: Folder of the table.
 
     Raises:
-        UsageError: If datasets have the same name.
+        UsageError: If several dataset folders have the same name.
     """
     tasks = [Path(folder).name for folder in data]
     if twice := sorted({task for task in tasks if tasks.count(task) > 1}):
@@ -128,12 +145,12 @@ def _read(file: Path) -> dict[str, Any] | None:
 
 @dataclass(frozen=True)
 class Rate:
-    """How often policies of several seeds succeeded.
+    """Success rate of policies that differ in the seed only.
 
     Attributes:
-        by_seed: Share of each, 0..1.
-        successes: Of all together.
-        trials: Of all together.
+        by_seed: Share of successful trials for each seed, 0..1.
+        successes: Number of successful trials of all seeds together.
+        trials: Number of trials of all seeds together.
     """
 
     by_seed: list[float]
@@ -142,18 +159,21 @@ class Rate:
 
     @classmethod
     def of(cls, outcomes: Sequence[dict[str, Any]]) -> "Rate":
-        """From the outcomes of the seeds."""
+        """Return the success rate of policies from their outcomes, see `Run.outcome`."""
         tried = [one["success"] for one in outcomes]
         return cls([sum(one) / len(one) for one in tried], sum(map(sum, tried)), sum(map(len, tried)))
 
     @property
     def share(self) -> float:
-        """Of all trials, 0..1."""
+        """Share of all trials that were successful, 0..1."""
         return self.successes / self.trials
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Of `share`, 95 %, for scenes drawn anew; seeds' differences are not in it."""
+        """Bounds of the 95 % confidence interval of `share`, 0..1, for newly drawn scenes.
+
+        The interval does not include the differences between seeds.
+        """
         from svfl_data.reports.success_rate import wilson
 
         return wilson(self.successes, self.trials)

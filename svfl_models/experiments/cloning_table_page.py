@@ -1,4 +1,4 @@
-"""The page of a table of clonings: success by task and network, learning curves, and how it was made."""
+"""The page of a table of behaviour cloning: success by task and network, learning curves, and how it was made."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,10 +22,16 @@ FEWER = "\n- These are the epochs with {most} demonstrations; with fewer there a
 
 
 class Table:
-    """Finished runs, by task, number of demonstrations and network.
+    """The runs of a table, looked up by task, number of demonstrations and network.
 
     Args:
-        runs: All of them, tried equally often.
+        runs: All runs of the table, finished or not, with the same number of trials each.
+
+    Attributes:
+        runs: All runs of the table.
+        trials: Number of episodes that each policy is evaluated in.
+        tasks: Names of the tasks, in the order of the runs.
+        counts: Numbers of demonstrations, in increasing order.
     """
 
     def __init__(self, runs: Sequence[Run]) -> None:
@@ -34,18 +40,39 @@ class Table:
         self.counts = sorted({run.config.episodes for run in runs})
 
     def find(self, task: str, count: int, model: str) -> list[tuple[Run, dict[str, Any]]]:
-        """The seeds that are finished, with their outcomes."""
+        """Return the finished runs of all seeds, each with its outcome.
+
+        Args:
+            task: Name of the task.
+            count: Number of demonstrations.
+            model: Kind of network, ``svfl`` or ``cnn``.
+        """
         wanted = [run for run in self.runs if (run.task, run.config.episodes, run.config.model) == (task, count, model)]
         return [(run, outcome) for run in wanted if (outcome := run.outcome())]
 
     def rate(self, task: str, count: int, model: str) -> Rate | None:
-        """Success over the finished seeds; None if there is none."""
+        """Return the success rate over the finished seeds, or None if no seed is finished.
+
+        Args:
+            task: Name of the task.
+            count: Number of demonstrations.
+            model: Kind of network, ``svfl`` or ``cnn``.
+        """
         found = [outcome for _, outcome in self.find(task, count, model)]
         return Rate.of(found) if found else None
 
 
 def write(table: Table, command: str, out: Path) -> tuple[str, list[Path]]:
-    """Write page, figures and ``runs.csv``; returns the page and the files."""
+    """Write the page, its figures and ``runs.csv``.
+
+    Args:
+        table: Runs of the table.
+        command: Command line that makes the table again.
+        out: Folder to write to.
+
+    Returns:
+        The page in Markdown, and the files that were written: page, figures and ``runs.csv``.
+    """
     words = "\n\n".join(
         ["# Behaviour cloning: success in simulation", _success(table), _errors(table), _how(table, command)]
     )
@@ -81,7 +108,7 @@ def _rate_words(rate: Rate | None) -> list[str]:
 
 
 def _errors(table: Table) -> str:
-    """How near the policies come to what held-out demonstrations do, and what they cost."""
+    """Return the section on errors on held-out demonstrations, with numbers of parameters and training times."""
     rows = []
     for task in table.tasks:
         for model in GROUPS:
@@ -141,7 +168,7 @@ def _bar(panel: Axes, place: float, rate: Rate, model: str, label: bool) -> None
 
 
 def _draw_curves(table: Table, file: Path) -> Path:
-    """Loss while learning: of the demonstrations that are learned from, and of those that are held out."""
+    """Draw the loss by epoch, for the demonstrations that are learned from and for those that are held out."""
     figure, axes = panels(1, len(table.tasks), 3.4)
     for panel, task in zip(axes, table.tasks, strict=True):
         for model in GROUPS:

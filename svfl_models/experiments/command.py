@@ -1,4 +1,4 @@
-"""An experiment from its options to its page: claim the folder, train what is missing, show what there is."""
+"""Running of an experiment from its options to its page: claim the folder, train missing runs, write the results."""
 
 import argparse
 import importlib
@@ -32,31 +32,41 @@ SUMMARY = "summary.csv"
 
 
 class Experiment(Protocol):
-    """What the module of an experiment defines."""
+    """Protocol of the modules that define an experiment.
+
+    Attributes:
+        TITLE: Title of the experiment's page.
+    """
 
     TITLE: str
 
     def cells(self, base: TrainingConfig, train_samples: Sequence[int], **given: object) -> list[TrainingConfig]:
-        """The configurations, all with seed 0; `given` is what only this experiment asks for."""
+        """Return the configurations of the experiment, all with seed 0.
+
+        Args:
+            base: Recipe that the configurations deviate from.
+            train_samples: Sizes of the training set.
+            given: Arguments that only this experiment takes.
+        """
 
     def body(self, results: Results) -> str:
-        """The page between title and recipe, in Markdown."""
+        """Return the page between title and recipe, in Markdown."""
 
     def draw(self, results: Results, folder: Path) -> list[Path]:
-        """Write the figures that the page shows."""
+        """Write the figures that the page shows to a folder, and return their files."""
 
 
 def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
-    """Do an experiment, or what is left of it, and print its page.
+    """Do the unfinished runs of an experiment, write its results and print its page.
 
     Args:
         arguments: Options of the command, see `commands.experiments`.
-        usual_samples: Sizes of the training set if none are asked for.
+        usual_samples: Sizes of the training set if the options name none.
 
     Raises:
-        TrainingError: If the folder holds something else, or at the end if runs failed.
-        SvflError: If the data cannot serve.
-        KeyboardInterrupt: If the user stopped it; finished runs are kept.
+        TrainingError: If the folder does not belong to this experiment, or, at the end, if runs failed.
+        SvflError: If the data cannot be used, or a file cannot be written.
+        KeyboardInterrupt: If the user stopped the experiment; finished runs are kept.
     """
     name = arguments.experiment
     experiment = cast(Experiment, importlib.import_module(f"svfl_models.experiments.{name}"))
@@ -101,7 +111,14 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
 
 
 def publish(name: str, out: Path, pictures: Sequence[Path], docs: Path) -> None:
-    """Copy page, figures and summary to where documentation keeps them, under names that stay."""
+    """Copy page, figures and summary of an experiment to a folder.
+
+    Args:
+        name: Name of the experiment, which names the copied page and summary.
+        out: Folder of the experiment.
+        pictures: Files of the figures.
+        docs: Folder to copy to, which is created if it does not exist.
+    """
     docs.mkdir(parents=True, exist_ok=True)
     for file in (out / f"{name}.md", *pictures):
         copy_file(file, docs / file.name)
@@ -109,7 +126,13 @@ def publish(name: str, out: Path, pictures: Sequence[Path], docs: Path) -> None:
 
 
 def command_line(arguments: argparse.Namespace, samples: Sequence[int], usual_samples: Sequence[int]) -> str:
-    """The command that gives the same numbers: only the options on which they depend."""
+    """Return the command line that gives the same numbers, with only those options on which they depend.
+
+    Args:
+        arguments: Options of the command.
+        samples: Sizes of the training set.
+        usual_samples: Sizes of the training set if the options name none.
+    """
     words = ["svfl-train", f"centering-{arguments.experiment}", "--data", str(arguments.data)]
     usual = TrainingConfig("")
     words += ["--separate-test", str(arguments.separate_test)] if arguments.separate_test else []
@@ -128,15 +151,15 @@ def command_line(arguments: argparse.Namespace, samples: Sequence[int], usual_sa
 
 
 def usable_cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of CPU cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
 def _given(arguments: argparse.Namespace) -> dict[str, object]:
-    """What an experiment asks for besides the recipe: pretrained encoders, or nothing.
+    """Return the arguments that only some experiments take: pretrained encoders and their uses, or nothing.
 
     Raises:
-        FormatError: If a checkpoint is none of a latent pretraining.
+        FormatError: If a file is not the checkpoint of a latent model.
     """
     if "latents" not in arguments:
         return {}
@@ -145,14 +168,22 @@ def _given(arguments: argparse.Namespace) -> dict[str, object]:
 
 
 def _check_labelled(dataset: Dataset) -> None:
-    """Refuse what no run can learn from or be tested on, before a folder is claimed for it."""
+    """Refuse a dataset that has no episodes, or whose first episode is no labelled sample, before a folder is claimed.
+
+    Raises:
+        SvflError: If the dataset has no episodes, or its first episode cannot be used as a sample.
+    """
     if not dataset.indices:
         raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
     sample_of(dataset.read(dataset.indices[0]))
 
 
 def _check_enough(episodes: int, train: int, base: TrainingConfig) -> None:
-    """Refuse what every run of a column would refuse."""
+    """Refuse sizes of the training set for which the dataset has too few episodes.
+
+    Raises:
+        DatasetError: If `train` and the test samples together are more than the dataset's episodes.
+    """
     if train + base.test_samples > episodes:
         raise DatasetError(
             f"{base.data} has {episodes} samples; {base.test_samples} for testing and {train} for training are "

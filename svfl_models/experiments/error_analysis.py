@@ -1,4 +1,4 @@
-"""Where networks err: near the border of two classes, at long or short offsets, or in one class more than in others."""
+"""Analysis of errors: by angle to the border of two classes, by length of the offset, and by class."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,19 +23,19 @@ BORDER_DEG = np.arange(0, 50, 5)
 LENGTH_MM = np.arange(0, 105, 5)
 MOST_DEG = 180.0
 FEW = 20
-"""Fewer predictions than this do not make a point."""
+"""Least number of predictions in a bin for which an accuracy is given."""
 
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """Predictions of all runs of a cell.
+    """Predictions of all finished runs of a cell, on S samples in total.
 
     Attributes:
-        samples: ``separate_test`` where there are any, otherwise ``test``.
-        direction: True classes, shape (S,).
-        predicted: Predicted classes, shape (S,).
+        samples: Set that the samples are from: ``separate_test`` if the runs were tested on one, otherwise ``test``.
+        direction: True direction classes, shape (S,).
+        predicted: Predicted direction classes, shape (S,).
         border_deg: Angle between the true offset and the nearest border of two classes, shape (S,), [deg].
-        length_mm: Of the true offset, shape (S,), [mm].
+        length_mm: Length of the true offset, shape (S,), [mm].
     """
 
     samples: str
@@ -46,7 +46,7 @@ class Predictions:
 
     @classmethod
     def of(cls, cell: Cell) -> "Predictions":
-        """Read those of the finished runs, see `evaluate.write_predictions`."""
+        """Read the predictions of a cell's finished runs, which `evaluate.write_predictions` has written."""
         rows = []
         for run in cell.runs:
             if run.result:
@@ -66,7 +66,16 @@ class Predictions:
         )
 
     def accuracy_by(self, values: np.ndarray, edges: np.ndarray) -> list[tuple[float, float, int, float]]:
-        """Lower and upper edge, number of predictions and accuracy, [%], of the bins that are not too empty."""
+        """Return the accuracy by bins of a quantity.
+
+        Args:
+            values: Quantity of each sample, shape (S,), such as `border_deg`.
+            edges: Edges of the bins, in increasing order and in the unit of `values`.
+
+        Returns:
+            Lower edge, upper edge, number of predictions and accuracy, [%], of each bin with at least `FEW`
+            predictions.
+        """
         last = values == edges[-1]  # belongs to the last bin
         place = np.where(last, len(edges) - 2, np.digitize(values, edges) - 1)
         right = self.predicted == self.direction
@@ -81,16 +90,18 @@ class Predictions:
 
     @property
     def confusion(self) -> np.ndarray:
-        """Counts by true (row) and predicted (column) direction, shape (4, 4)."""
+        """Numbers of samples by true (row) and predicted (column) direction, shape (4, 4)."""
         counts = np.zeros((4, 4), dtype=int)
         np.add.at(counts, (self.direction, self.predicted), 1)
         return counts
 
     @property
     def reading_error_deg(self) -> float:
-        """How well the direction is read, in one number: the standard deviation of a normal error of the angle that
-        would put as many samples across their nearest border, [deg].
-        """  # noqa: D205
+        """Standard deviation of a normal error of the angle that would cause as many wrong predictions, [deg].
+
+        This error would move as many samples across their nearest border as the network predicts wrongly. It says in
+        one number how accurately the network reads the direction.
+        """
         wrong = float(np.mean(self.predicted != self.direction))
         low, high = 0.0, MOST_DEG
         while high - low > 1e-3:
@@ -101,7 +112,12 @@ class Predictions:
 
 
 def section(cells: Sequence[Cell], picture: str) -> str:
-    """Accuracy against the distance from the border, in words, as a table and as a picture."""
+    """Return the section of a page on accuracy by angle from the border of two classes, in Markdown.
+
+    Args:
+        cells: Cells to compare, with the same number of training samples.
+        picture: Name of the file of the section's figure, see `draw`.
+    """
     rows, edges, readings = [], list(pairwise(BORDER_DEG)), []
     for cell in cells:
         one = Predictions.of(cell)
@@ -129,7 +145,15 @@ those of blocks that the gripper hides from the camera: up for down, and down fo
 
 
 def draw(cells: Sequence[Cell], path: Path) -> Path:
-    """Accuracy against border distance and offset length, and a confusion matrix for each cell, as PNG."""
+    """Write a figure of accuracy by angle from the border and by length of the offset, and of confusion matrices.
+
+    Args:
+        cells: Cells to compare, at most three.
+        path: PNG file to write.
+
+    Returns:
+        The file.
+    """
     figure = Figure(figsize=(WIDTH_IN, 7.2), layout="constrained")
     grid = figure.add_gridspec(2, 6, height_ratios=(1, 1.05))
     border = figure.add_subplot(grid[0, :3])

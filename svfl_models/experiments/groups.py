@@ -1,4 +1,4 @@
-"""Symmetry groups: what each costs and gains."""
+"""Symmetry group experiment, which measures the accuracy and the training time of each group."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,7 +19,12 @@ GROUPS = ("none", "C4", "D4", "C8", "D8", "D12")
 
 
 def cells(base: TrainingConfig, train_samples: Sequence[int]) -> list[TrainingConfig]:
-    """The configurations, all with seed 0."""
+    """Return the configurations of the experiment, all with seed 0.
+
+    Args:
+        base: Recipe that the configurations deviate from.
+        train_samples: Sizes of the training set.
+    """
     return [
         replace(base, encoder=encoder, group=group, train_samples=count)
         for encoder in ENCODERS
@@ -29,7 +34,7 @@ def cells(base: TrainingConfig, train_samples: Sequence[int]) -> list[TrainingCo
 
 
 def body(results: Results) -> str:
-    """The table."""
+    """Return the page between title and recipe, in Markdown: the table of accuracy and training time by group."""
     counts = results.values("train_samples")
     header = ["input", "group", "parameters"]
     for count in counts:
@@ -58,7 +63,15 @@ depends on the machine and on what else it does.
 
 
 def draw(results: Results, folder: Path) -> list[Path]:
-    """The figure: accuracy against time, a point for every cell."""
+    """Write the figure of accuracy against training time, with a point for every cell.
+
+    Args:
+        results: Runs of the experiment.
+        folder: Folder to write to.
+
+    Returns:
+        The file of the figure, in a list.
+    """
     counts = results.values("train_samples")
     figure, axes = panels(1, 3, 4.0)
     for panel, encoder in zip(axes, ENCODERS, strict=True):

@@ -1,4 +1,4 @@
-"""Pretrained latent models beside symmetric and plain networks: what is pretraining worth with few labels?"""
+"""Latent experiment, which compares pretrained latent models with networks that learn from few labels only."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -15,18 +15,18 @@ from svfl_models.training.figures import save
 
 TITLE = "Block centering: pretrained latent models"
 SHARE_OF_EPOCHS = {"frozen": 1.0, "fine-tuned": 0.3, "from-scratch": 0.3}
-"""How a latent encoder is used -> epochs, as a share of the other networks'."""
+"""Number of epochs by use of a latent encoder, as a share of the epochs of the other networks."""
 STYLES = {"frozen": ("^:", "#cc79a7"), "fine-tuned": ("o-", "#009e73"), "from-scratch": ("x--", "#555555")}
 
 
 @dataclass(frozen=True)
 class Row:
-    """One network.
+    """One row of the table, which is one network.
 
     Attributes:
-        name: For the table.
-        latent: What it builds on, if anything.
-        cells: By training samples.
+        name: Name of the network in the table.
+        latent: Pretrained encoder that the network is built on; None for a network without one.
+        cells: Cells of the network, in the order of the numbers of training samples.
     """
 
     name: str
@@ -37,13 +37,14 @@ class Row:
 def cells(
     base: TrainingConfig, train_samples: Sequence[int], latents: Sequence[Latent] = (), uses: Sequence[str] = USES
 ) -> list[TrainingConfig]:
-    """The configurations, all with seed 0.
+    """Return the configurations of the experiment, all with seed 0.
 
     Args:
-        base: Recipe.
+        base: Recipe that the configurations deviate from.
         train_samples: Sizes of the training set.
-        latents: Pretrained encoders; the control without pretraining has the architecture of the first of each kind.
-        uses: How to use them, some of `config.USES`.
+        latents: Pretrained encoders. The control without pretraining has the architecture of the first encoder of each
+            kind.
+        uses: Ways to use the encoders, some of `config.USES`.
     """
     networks = [replace(base, group=group) for group in MODELS.values()]
     for place, latent in enumerate(latents):
@@ -56,7 +57,7 @@ def cells(
 
 
 def table_rows(results: Results) -> list[Row]:
-    """The networks, in the order of the runs."""
+    """Return the rows of the table, one per network, in the order of the runs."""
     checkpoints = {(latent.model, latent.sha256) for latent in _latents(results)}
     models = [model for model, _ in checkpoints]
     found = []
@@ -71,7 +72,7 @@ def table_rows(results: Results) -> list[Row]:
 
 
 def body(results: Results) -> str:
-    """The table, and where the latents come from."""
+    """Return the page between title and recipe, in Markdown: the table, and what the encoders were pretrained on."""
     counts = results.values("train_samples")
     lines = []
     for row in table_rows(results):
@@ -118,7 +119,7 @@ encoder, which costs up to fifty times as much as a step of its head.
 
 
 def _uses(uses: Iterable[str], encoder_rate: float, head_rate: float) -> str:
-    """What the uses that occur mean."""
+    """Return a list in Markdown that explains each use of an encoder that occurs in the experiment."""
     words = {
         "frozen": f"""\
 - frozen: the encoder stays as its pretraining left it, and only the linear layer learns. {VIEWS} crops of every sample
@@ -131,7 +132,15 @@ def _uses(uses: Iterable[str], encoder_rate: float, head_rate: float) -> str:
 
 
 def draw(results: Results, folder: Path) -> list[Path]:
-    """The figure: a panel for each kind of encoder, with SVFL and CNN in all of them."""
+    """Write the figure of accuracy by training samples: a panel for each kind of encoder, with SVFL and CNN in each.
+
+    Args:
+        results: Runs of the experiment.
+        folder: Folder to write to.
+
+    Returns:
+        The file of the figure, in a list.
+    """
     counts = results.values("train_samples")
     found = table_rows(results)
     kinds = list(dict.fromkeys(latent.model for latent in _latents(results)))
@@ -161,7 +170,7 @@ def _latents(results: Results) -> list[Latent]:
 
 
 def _sources(results: Results) -> list[list[str]]:
-    """A row for each checkpoint."""
+    """Return the rows of the table of pretrainings, one for each checkpoint."""
     rows = {
         latent.sha256: [NAMES[latent.model], pretraining(latent), f"`{latent.checkpoint}`", f"`{latent.sha256[:12]}`"]
         for latent in _latents(results)

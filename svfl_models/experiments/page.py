@@ -1,4 +1,4 @@
-"""Words and tables for the Markdown pages of experiments."""
+"""Texts and tables for the Markdown pages of experiments."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,38 +11,48 @@ from svfl_models.experiments.results import SEPARATE_TEST_SET, TEST_SPLIT, VARIE
 
 TESTS = (TEST_SPLIT, SEPARATE_TEST_SET)
 MODELS = {"svfl": "D4", "cnn": "none"}
-"""The two networks that the paper compares -> group."""
+"""Symmetry groups of the two networks that the paper compares, by name of the network."""
 
 
 def heading(config: TrainingConfig) -> str:
-    """Input and network of a cell, e.g. ``V+F SVFL``."""
+    """Return the encoder and the network of a configuration in words, e.g. ``V+F SVFL``."""
     return f"{NAMES[config.encoder]} {NAMES[config.model]}"
 
 
 def markdown(header: Sequence[object], rows: Sequence[Sequence[object]]) -> str:
-    """A Markdown table."""
+    """Return a table in Markdown.
+
+    Args:
+        header: Names of the columns.
+        rows: Cells of each row; their text is not escaped.
+    """
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
 
 
 def tests(results: Results) -> tuple[str, ...]:
-    """The test sets there are."""
+    """Return the names of an experiment's test sets: the test split and, if there is one, the separate test set."""
     return TESTS if results.tested_separately else TESTS[:1]
 
 
 def accuracy_words(cell: Cell, test: str) -> str:
-    """Accuracy of a cell on a test set, in per cent, with its standard error."""
+    """Return the accuracy of a cell on a test set in words, in per cent, with its standard error.
+
+    Args:
+        cell: Cell of an experiment.
+        test: Name of the test set, one of `TESTS`.
+    """
     return cell.words(cell.on(test))
 
 
 def how(command: str, results: Results, about: dict[str, Any], seeds: int) -> str:
-    """How an experiment was made: command, seeds, test sets, recipe, cost.
+    """Return the section on how an experiment was made, in Markdown: command, seeds, test sets, recipe and time.
 
     Args:
-        command: That makes it again.
-        results: Its runs.
-        about: See `folder.describe`.
-        seeds: How many.
+        command: Command line that makes the experiment again.
+        results: Runs of the experiment.
+        about: Common properties of the runs, as `folder.describe` returns them.
+        seeds: Number of seeds.
     """
     varied = [name for name in about["recipe"] if len(results.values(name)) > 1]
     recipe = {name: value for name, value in about["recipe"].items() if name not in (*VARIED, *varied, "seed", "data")}
@@ -67,5 +77,9 @@ def how(command: str, results: Results, about: dict[str, Any], seeds: int) -> st
 
 
 def duration(seconds: float) -> str:
-    """A time in words."""
+    """Return a duration in words, in minutes or seconds.
+
+    Args:
+        seconds: Duration, [s].
+    """
     return f"{seconds / 60:.0f} minutes" if seconds >= 600 else f"{seconds:.0f} s"

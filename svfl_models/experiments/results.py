@@ -1,4 +1,4 @@
-"""What finished runs have in common: cells of equal configuration, with mean and standard error over the seeds."""
+"""Results of an experiment: runs of equal configuration form cells, with mean and standard error over the seeds."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,19 +13,19 @@ from svfl_models.training.writing import write_rows
 NOTHING = "-"
 TEST_SPLIT, SEPARATE_TEST_SET = "test split", "separate test set"
 VARIED = ("encoder", "group", "train_samples", "torque", "view", "image_size", "augment", "rotate", "noise")
-"""What an experiment may vary; the rest of a configuration is the recipe."""
+"""Settings that an experiment may vary; the other settings of a configuration are the recipe."""
 RESULTS = ("test_accuracy", "best_test_accuracy", "separate_test_accuracy", "epochs", "seconds", "parameters")
 
 
 @dataclass(frozen=True)
 class Run:
-    """One training run.
+    """One training run of an experiment.
 
     Attributes:
-        name: Within its experiment.
-        config: What was trained.
-        folder: Where it is.
-        result: Its numbers, see `report.Result`; None if it has not finished.
+        name: Name of the run within its experiment.
+        config: Configuration of the training.
+        folder: Folder of the run.
+        result: Numbers of the run by name, see `report.Result`; None if the run has not finished.
     """
 
     name: str
@@ -39,9 +39,9 @@ class Mean:
     """Mean of a few measurements.
 
     Attributes:
-        mean: Arithmetic mean.
-        error: Standard error of it: sample standard deviation / sqrt(count); None with a single measurement.
-        count: Measurements.
+        mean: Arithmetic mean of the measurements.
+        error: Standard error of the mean: sample standard deviation / sqrt(count); None for a single measurement.
+        count: Number of measurements.
     """
 
     mean: float
@@ -50,7 +50,7 @@ class Mean:
 
     @classmethod
     def of(cls, values: Sequence[float]) -> "Mean | None":
-        """Of measurements; None if there are none."""
+        """Return the mean of measurements, or None if there are no measurements."""
         if not values:
             return None
         count = len(values)
@@ -69,39 +69,44 @@ class Cell:
     """Runs that differ in nothing but the seed.
 
     Attributes:
-        config: Their configuration, with seed 0.
-        runs: Finished or not.
+        config: Configuration of the runs, with seed 0.
+        runs: The runs, finished or not.
     """
 
     config: TrainingConfig
     runs: tuple[Run, ...]
 
     def mean(self, name: str, factor: float = 1.0) -> Mean | None:
-        """Of a number of the finished runs, times a factor; None where no run has it."""
+        """Return the mean of a result over the finished runs, or None if no run has this result.
+
+        Args:
+            name: Name of the result, such as one of `RESULTS`.
+            factor: Factor that each value is multiplied by.
+        """
         values = [run.result[name] for run in self.runs if run.result]
         return Mean.of([factor * value for value in values if value is not None])
 
     @property
     def test(self) -> Mean | None:
-        """Accuracy on the test split, [%]."""
+        """Mean accuracy on the test split, [%]; None if no run has finished."""
         return self.mean("test_accuracy", 100)
 
     @property
     def separate(self) -> Mean | None:
-        """Accuracy on the separate test set, [%]."""
+        """Mean accuracy on the separate test set, [%]; None if no finished run was tested on one."""
         return self.mean("separate_test_accuracy", 100)
 
     def on(self, test: str) -> Mean | None:
-        """Accuracy on one of the test sets, `TEST_SPLIT` or `SEPARATE_TEST_SET`, [%]."""
+        """Return the mean accuracy on a test set, `TEST_SPLIT` or `SEPARATE_TEST_SET`, [%]; None if there is none."""
         return self.test if test == TEST_SPLIT else self.separate
 
     @property
     def seconds(self) -> Mean | None:
-        """Time of a training, [s]."""
+        """Mean time of a training, [s]; None if no run has finished."""
         return self.mean("seconds")
 
     def words(self, mean: Mean | None) -> str:
-        """A mean of this cell for a table; says so if runs are missing."""
+        """Return a mean of this cell in words for a table, with the number of seeds if runs are missing."""
         if mean is None:
             return NOTHING
         return str(mean) if mean.count == len(self.runs) else f"{mean} ({mean.count} of {len(self.runs)} seeds)"
@@ -111,8 +116,11 @@ class Results:
     """The runs of an experiment, looked up by configuration.
 
     Args:
-        configs: Of the runs, by name.
-        folder: That holds a folder for each of them.
+        configs: Configurations of the runs by their names.
+        folder: Folder that holds a folder for each run, under the name of the run.
+
+    Attributes:
+        runs: All runs, finished or not, in the order of `configs`.
     """
 
     def __init__(self, configs: Mapping[str, TrainingConfig], folder: Path) -> None:
@@ -131,13 +139,17 @@ class Results:
         return list(self._cells.values())
 
     def find(self, **settings: object) -> list[Cell]:
-        """The cells whose configuration has these values, such as ``encoder="f"``."""
+        """Return the cells whose configuration has given values, in the order of the runs.
+
+        Args:
+            settings: Values by names of settings, such as ``encoder="f"``.
+        """
         return [
             cell for cell in self.cells if all(getattr(cell.config, name) == value for name, value in settings.items())
         ]
 
     def values(self, setting: str) -> list[Any]:
-        """The values that a setting takes, in the order of the runs."""
+        """Return the different values that a setting has in the experiment, in the order of the runs."""
         return list(dict.fromkeys(getattr(cell.config, setting) for cell in self.cells))
 
     @property
@@ -146,11 +158,17 @@ class Results:
         return any(cell.separate for cell in self.cells)
 
     def seconds(self) -> float:
-        """Training time of all finished runs together, [s]."""
+        """Return the training time of all finished runs together, [s]."""
         return math.fsum(run.result["seconds"] for run in self.runs if run.result)
 
     def write_runs(self, path: Path) -> None:
-        """One row per run, as CSV; accuracies 0..1; empty where a run has not finished."""
+        """Write a CSV file with one row per run.
+
+        Accuracies are 0..1. The results of runs that have not finished are left empty.
+
+        Args:
+            path: File to write.
+        """
         rows: list[list[object]] = [["run", *self._columns(), "seed", *RESULTS]]
         for run in self.runs:
             numbers = [run.result.get(name, "") for name in RESULTS] if run.result else [""] * len(RESULTS)
@@ -158,7 +176,13 @@ class Results:
         write_rows(path, rows)
 
     def write_summary(self, path: Path) -> None:
-        """One row per cell, as CSV; accuracies in per cent, mean and standard error over the seeds."""
+        """Write a CSV file with one row per cell: means over the seeds, and standard errors of the accuracies.
+
+        Accuracies are in per cent, times in [s].
+
+        Args:
+            path: File to write.
+        """
         names = ("test", "test_error", "separate_test", "separate_test_error", "seconds", "parameters")
         rows: list[list[object]] = [[*self._columns(), "seeds", *names]]
         for cell in self.cells:

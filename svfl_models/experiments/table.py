@@ -1,4 +1,4 @@
-"""The paper's table: input and network against the number of training samples."""
+"""Experiment of the paper's table: accuracy by input, network and number of training samples."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +18,12 @@ TITLE = "Block centering: input and symmetry against training samples"
 
 
 def cells(base: TrainingConfig, train_samples: Sequence[int]) -> list[TrainingConfig]:
-    """The configurations, all with seed 0."""
+    """Return the configurations of the experiment, all with seed 0.
+
+    Args:
+        base: Recipe that the configurations deviate from.
+        train_samples: Sizes of the training set.
+    """
     return [
         replace(base, encoder=encoder, group=group, train_samples=count)
         for encoder in ENCODERS
@@ -28,7 +33,7 @@ def cells(base: TrainingConfig, train_samples: Sequence[int]) -> list[TrainingCo
 
 
 def body(results: Results) -> str:
-    """The table with the paper's figures, and where the errors are."""
+    """Return the page between title and recipe, in Markdown: the table with the paper's figures, and the errors."""
     counts = results.values("train_samples")
     rows = []
     for encoder in ENCODERS:
@@ -55,7 +60,15 @@ same samples.
 
 
 def draw(results: Results, folder: Path) -> list[Path]:
-    """The figures."""
+    """Write the figures of accuracy by training samples and of the errors.
+
+    Args:
+        results: Runs of the experiment.
+        folder: Folder to write to.
+
+    Returns:
+        The files of both figures.
+    """
     counts = results.values("train_samples")
     figure, axes = panels(1, 3, 3.7)
     for panel, encoder in zip(axes, ENCODERS, strict=True):
@@ -75,12 +88,23 @@ def draw(results: Results, folder: Path) -> list[Path]:
 
 
 def hardest(results: Results) -> list[Cell]:
-    """The symmetric networks with the most training samples: what they get wrong, more samples would not mend."""
+    """Return the cells of the symmetric networks with the most training samples, whose errors are analysed.
+
+    Their errors are those that remain with the largest training set.
+    """
     return results.find(group=MODELS["svfl"], train_samples=max(results.values("train_samples")))
 
 
 def reaches(cell: Cell, ours: Mean | None) -> bool | None:
-    """Whether an accuracy is at or above the paper's, to the digit that it prints; None if either is missing."""
+    """Return whether an accuracy is at or above the paper's, rounded to the digit that the paper prints.
+
+    Args:
+        cell: Cell whose figure in the paper is compared.
+        ours: Accuracy that we measured, [%].
+
+    Returns:
+        Whether it is, or None if one of the two accuracies is missing.
+    """
     published = _published(cell)
     return None if ours is None or published is None else round(ours.mean, 1) >= published.mean
 
@@ -101,7 +125,7 @@ def _ours(cell: Cell, test: str) -> str:
 
 
 def _verdict(results: Results) -> str:
-    """How many of the SVFL cells reach the paper's, in words."""
+    """Return a text that says how many of the SVFL cells reach the paper's accuracy."""
     symmetric = results.find(group=MODELS["svfl"])
     sentences = []
     for test in tests(results):

@@ -1,4 +1,4 @@
-"""The folder of an experiment: held by one process, claimed for one recipe and one state of the datasets."""
+"""The folder of an experiment: one process locks it, and it belongs to one recipe and one state of the datasets."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,10 +18,16 @@ RUNS = "runs"
 
 
 def content(path: Path | str | None) -> dict[str, Any] | None:
-    """What a dataset is at the moment: its path, number of episodes and a hash of their content.
+    """Return the path, number of episodes and content hash of a dataset, as plain values.
+
+    Args:
+        path: Folder of the dataset. None returns None.
+
+    Returns:
+        The entries ``path``, ``episodes`` and ``sha256``.
 
     Raises:
-        SvflError: If it cannot be read.
+        SvflError: If the dataset cannot be read.
     """
     if path is None:
         return None
@@ -31,12 +37,15 @@ def content(path: Path | str | None) -> dict[str, Any] | None:
 
 
 def describe(name: str, base: TrainingConfig, separate_test: Path | None) -> dict[str, Any]:
-    """What all runs of an experiment have in common: name, recipe and the datasets' content, plain values.
+    """Return what all runs of an experiment have in common, as plain values.
 
     Args:
-        name: Of the experiment.
-        base: Configuration from which the runs deviate.
-        separate_test: Dataset that every network is tested on besides.
+        name: Name of the experiment.
+        base: Recipe: the configuration that the runs deviate from.
+        separate_test: Dataset that every network is tested on, in addition to the test split; None if there is none.
+
+    Returns:
+        The entries ``experiment`` (its name), ``recipe``, ``data`` and ``separate_test`` (see `content`).
 
     Raises:
         SvflError: If a dataset cannot be read.
@@ -47,14 +56,14 @@ def describe(name: str, base: TrainingConfig, separate_test: Path | None) -> dic
 
 @contextmanager
 def held(out: Path) -> Iterator[None]:
-    """Keep other processes out of the folder of an experiment, as long as the context lasts.
+    """Lock the folder of an experiment against other processes for the duration of the context.
 
     Args:
-        out: The folder; it need not exist.
+        out: Folder to lock, which is created if it does not exist.
 
     Raises:
-        TrainingError: If another process works in it.
-        StorageError: If it cannot be created.
+        TrainingError: If another process works in the folder.
+        StorageError: If the folder cannot be created or locked.
     """
     with run_folder.held(out):
         try:
@@ -66,20 +75,21 @@ def held(out: Path) -> Iterator[None]:
 
 @contextmanager
 def claimed(out: Path, about: dict[str, Any]) -> Iterator[None]:
-    """Hold a folder for one experiment, new or begun before, as long as the context lasts.
+    """Lock a folder for one experiment, new or begun before, and write the experiment's description into it.
 
     Args:
-        out: The folder; it need not exist.
-        about: See `describe`.
+        out: Folder of the experiment, which is created if it does not exist. It is locked for the duration of the
+            context.
+        about: Description of the experiment, as `describe` returns it.
 
     Raises:
-        TrainingError: If it holds anything else, or another process works in it.
-        StorageError: If it cannot be created.
+        TrainingError: If the folder holds anything else, or another process works in it.
+        StorageError: If the folder cannot be created, locked or written.
     """
     _check(out, about)
     with held(out):
         if (out / ABOUT).exists():
-            _check(out, about)  # somebody may have worked in it until just now
+            _check(out, about)  # another process may have changed the folder before it was locked
         write_json(out / ABOUT, about)
         yield
 
@@ -95,12 +105,12 @@ def _check(out: Path, about: dict[str, Any]) -> None:
         changes = _changes(found, about)
     except (OSError, FormatError, AttributeError) as error:
         raise TrainingError(f"{file} does not describe an experiment ({error}); choose another --out") from error
-    if changes and any(finished(run) for run in (out / RUNS).glob("*")):  # else nothing of worth is lost
+    if changes and any(finished(run) for run in (out / RUNS).glob("*")):  # else no finished run is lost
         raise TrainingError(f"{out} holds runs with {'; '.join(changes)}; choose another --out or delete it")
 
 
 def _changes(found: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    """What differs, in words."""
+    """Return the differences between two descriptions of an experiment, each in words."""
     if found.get("experiment") != now["experiment"]:
         return [f"experiment {found.get('experiment')!r}, now {now['experiment']!r}"]
     old, new = found.get("recipe", {}), now["recipe"]
@@ -120,7 +130,14 @@ def _changes(found: dict[str, Any], now: dict[str, Any]) -> list[str]:
 
 
 def finished(folder: Path) -> dict[str, Any] | None:
-    """The numbers that a finished run left, see `report.write_report`; None if it has not finished."""
+    """Return the content of a finished run's result file, or None if the run has not finished.
+
+    Args:
+        folder: Folder of the run.
+
+    Returns:
+        At least the entries ``config`` and ``result``, see `report.write_report`.
+    """
     try:
         found = read_json(folder / run_folder.RESULT)
     except (OSError, FormatError):

@@ -1,4 +1,4 @@
-"""Many runs, side by side, each of them once."""
+"""Running of many runs in parallel, each of them once."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -14,18 +14,18 @@ from svfl_models.experiments.runs.progress_bar import Bar
 
 LOG = "workers.log"
 TOLD = 3
-"""So many failed runs are named; of more, the number."""
+"""Largest number of failed runs that an error message names; for the others it gives their number."""
 
 
 class Grid:
-    """Runs of an experiment in its folder.
+    """The runs of an experiment, which are done in parallel.
 
     Args:
-        out: Folder of the experiment, held by this process (`folder.held`).
-        jobs: The runs by name.
+        out: Folder of the experiment, locked by this process (`folder.held`) while runs are done.
+        jobs: Runs of the experiment by name.
 
     Attributes:
-        failed: Why runs failed, by name, in this process.
+        failed: Messages of the runs that failed in this process, by name of the run.
     """
 
     def __init__(self, out: Path, jobs: Mapping[str, Job]) -> None:
@@ -33,24 +33,26 @@ class Grid:
         self.failed: dict[str, str] = {}
 
     def unfinished(self) -> list[str]:
-        """Names of the runs that are still to be done, the longest first: so no core waits for a long one at the end.
+        """Return the names of the runs that are not finished, the longest first.
+
+        In this order no core has to wait for a long run at the end.
 
         Raises:
-            TrainingError: If something else is where a run's files should be.
+            TrainingError: If the folder of a run holds something else.
         """
         names = [name for name, job in self.jobs.items() if job.words() is None]
         return sorted(names, key=lambda name: self.jobs[name].cost, reverse=True)
 
     def run(self, workers: int, console: Console) -> None:
-        """Do what is unfinished; a run that fails is noted in `failed`, and the others go on.
+        """Do the unfinished runs; a run that fails is recorded in `failed`, and the others continue.
 
         Args:
-            workers: Processes. On a machine with GPUs, they take turns in getting one.
-            console: Where progress goes.
+            workers: Number of processes. On a machine with GPUs, the GPUs are assigned to them in turn.
+            console: Console to show the progress on.
 
         Raises:
-            SvflError: If what has happened would happen to every run, such as a full disk.
-            KeyboardInterrupt: If the user stopped it; finished runs are kept.
+            SvflError: If an error occurs that would occur in every run, such as a full disk.
+            KeyboardInterrupt: If the user stopped the runs; finished runs are kept.
         """
         waiting = self.unfinished()
         if not waiting:
@@ -61,10 +63,10 @@ class Grid:
                 bar.ended(name, self._note(name, error))
 
     def raise_failures(self) -> None:
-        """Name the runs that failed, if any did.
+        """Raise an error that names the runs that failed, if any did.
 
         Raises:
-            TrainingError: With their reasons.
+            TrainingError: If runs failed; the message names up to `TOLD` of them, each with its error.
         """
         if not self.failed:
             return

@@ -1,4 +1,4 @@
-"""Shows how far many runs are: a bar on a terminal, a line per run elsewhere."""
+"""Progress of many runs: a bar on a terminal, a line per finished run elsewhere."""
 
 from collections.abc import Iterable, Mapping
 from typing import Self
@@ -13,12 +13,14 @@ DAY_S = 86400.0
 
 
 class Bar:
-    """The bar; a context, since it must leave the terminal as it was.
+    """Progress bar of many runs.
+
+    The bar is a context manager, so that it is always removed from the terminal.
 
     Args:
         jobs: All runs by name.
-        waiting: Names of those that are still to be done.
-        console: Where to show it.
+        waiting: Names of the runs that are still to be done.
+        console: Console to show the progress on.
     """
 
     def __init__(self, jobs: Mapping[str, Job], waiting: Iterable[str], console: Console) -> None:
@@ -31,7 +33,7 @@ class Bar:
             TimeRemainingColumn(),
             TextColumn("{task.description}", markup=False),
         )
-        # By default the speed is that of the last 30 s, in which no run may have ended.
+        # By default the speed is estimated from the last 30 s, in which perhaps no run has ended.
         self.bar = Progress(*columns, console=console, transient=True, speed_estimate_period=DAY_S)
         self.task = self.bar.add_task("", total=sum(self.costs.values()), done=self._done())
 
@@ -45,11 +47,11 @@ class Bar:
             self.bar.stop()
 
     def ended(self, name: str, words: str) -> None:
-        """A run is over.
+        """Show that a run has ended.
 
         Args:
-            name: Of the run.
-            words: How it went.
+            name: Name of the run.
+            words: Outcome of the run in words.
         """
         self.done += 1
         self.bar.update(

@@ -1,4 +1,4 @@
-"""Runs that another experiment has done already: the same configuration on the same data gives the same numbers."""
+"""Reuse of the runs of another experiment, because the same configuration on the same data gives the same numbers."""
 
 import json
 import shutil
@@ -13,19 +13,19 @@ from svfl_models.experiments.runs.folder import ABOUT, RUNS, finished
 
 
 def take_from(other: Path, about: dict[str, Any], out: Path, runs: Mapping[str, TrainingConfig]) -> list[str]:
-    """Copy what another experiment has finished of this one's runs.
+    """Copy those runs of this experiment that another experiment has finished.
 
     Args:
         other: Folder of the other experiment.
-        about: What this one's runs have in common, see `folder.describe`.
-        out: Folder of this one, held by this process.
-        runs: Configurations by name; those that have finished here are left alone.
+        about: Description of this experiment, as `folder.describe` returns it.
+        out: Folder of this experiment, locked by this process.
+        runs: Configurations of this experiment's runs by name. Runs that have finished here are not replaced.
 
     Returns:
         Names of the runs that were copied.
 
     Raises:
-        TrainingError: If there is no experiment, or it is one on other data.
+        TrainingError: If `other` is not the folder of an experiment, or that experiment is on other data.
     """
     try:
         found = read_json(other / ABOUT)
@@ -40,7 +40,7 @@ def take_from(other: Path, about: dict[str, Any], out: Path, runs: Mapping[str, 
     for name, config in runs.items():
         source, target = done.get(_key(config.plain())), out / RUNS / name
         if source and not finished(target):
-            shutil.rmtree(target, ignore_errors=True)  # of a run that was stopped or failed
+            shutil.rmtree(target, ignore_errors=True)  # left by a run that was stopped or failed
             half = target.with_name(f"{name}.copy")
             shutil.rmtree(half, ignore_errors=True)
             shutil.copytree(source, half)

@@ -1,4 +1,4 @@
-"""One block-centering training of an experiment: its name, and how a worker does it."""
+"""One block-centering training of an experiment: its name, and how a worker does the training."""
 
 import shutil
 from collections.abc import Callable
@@ -11,11 +11,20 @@ from svfl_models.experiments.runs.cost import cost
 from svfl_models.experiments.runs.folder import finished
 
 Train = Callable[[TrainingConfig, Path, Path | None], object]
-"""Trains one network into a folder: configuration, folder, separate test set."""
+"""A function that trains one network; it takes the configuration, the folder to write to and the separate test set."""
 
 
 def train(config: TrainingConfig, out: Path, separate_test: Path | None) -> None:
-    """Train one network in silence."""
+    """Train one network on one thread, without any output on the terminal.
+
+    Args:
+        config: Configuration of the training.
+        out: Folder of the run.
+        separate_test: Dataset that the network is tested on, in addition to the test split; None if there is none.
+
+    Raises:
+        SvflError: If the network cannot be trained, or a file cannot be written.
+    """
     import torch
     from rich.console import Console
 
@@ -26,8 +35,16 @@ def train(config: TrainingConfig, out: Path, separate_test: Path | None) -> None
 
 
 def run_name(config: TrainingConfig, base: TrainingConfig) -> str:
-    """Name of a run within its experiment, for people and for its folder: what it deviates in, and the seed."""
-    if config.latent:  # its name tells the rest
+    """Return the name of a run within its experiment, which is also the name of its folder.
+
+    The name consists of the encoder, the group, the number of training samples, the settings in which the run deviates
+    from the recipe, and the seed.
+
+    Args:
+        config: Configuration of the run.
+        base: Recipe of the experiment.
+    """
+    if config.latent:  # the name of the latent encoder implies the other settings
         return f"{config.latent}_{config.train_samples}_seed{config.seed}"
     usual = ("encoder", "group", "train_samples", "seed")
     others = [name for name, value in config.plain().items() if name not in usual and value != getattr(base, name)]
@@ -40,10 +57,10 @@ class Training:
     """A run of an experiment, as a `worker.Job`.
 
     Attributes:
-        config: What is trained, on what.
-        folder: Of the run.
-        separate_test: Dataset that the network is tested on besides.
-        train: Trains it; another one in tests.
+        config: Configuration of the training.
+        folder: Folder of the run.
+        separate_test: Dataset that the network is tested on, in addition to the test split; None if there is none.
+        train: Function that trains the network; tests replace it.
     """
 
     config: TrainingConfig
@@ -53,14 +70,14 @@ class Training:
 
     @property
     def cost(self) -> float:
-        """About how long it takes, see `experiments.cost`."""
+        """Estimated duration of the run in arbitrary units, see `runs.cost.cost`."""
         return cost(self.config)
 
     def words(self) -> str | None:
-        """How accurate the network is; None if it is not finished.
+        """Return the test accuracy of the network in words, or None if the run is not finished.
 
         Raises:
-            TrainingError: If its folder holds a finished run with another configuration.
+            TrainingError: If the folder holds a finished run with another configuration.
         """
         found = finished(self.folder)
         if found is None:
@@ -70,7 +87,7 @@ class Training:
         return f"test accuracy {found['result']['test_accuracy']:.1%}"
 
     def __call__(self) -> None:
-        """Train from the beginning."""
+        """Train the network from the beginning; files of an unfinished run are removed."""
         if self.folder.exists():
-            shutil.rmtree(self.folder)  # of a run that was stopped or failed
+            shutil.rmtree(self.folder)  # left by a run that was stopped or failed
         self.train(self.config, self.folder, self.separate_test)
