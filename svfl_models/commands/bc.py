@@ -1,4 +1,4 @@
-"""``svfl-train bc``: a policy that does what demonstrations do."""
+"""The command ``svfl-train bc``, which trains a policy on demonstrations by behaviour cloning."""
 
 import argparse
 from pathlib import Path
@@ -20,7 +20,11 @@ DEFAULT = CloningConfig(data="")
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command to the command line.
+
+    Args:
+        commands: Commands of ``svfl-train``, to which this one is added.
+    """
     parser = commands.add_parser(
         "bc", help="behaviour cloning: a policy that does what demonstrations do", example=EXAMPLE,
         description="Train the paper's actor on demonstrations. The same command gives the same policy; one that was "
@@ -57,7 +61,14 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Train one policy and print how near it comes on the held-out episodes."""
+    """Train one policy and print its errors on the held-out episodes.
+
+    Args:
+        arguments: Options of the command.
+
+    Raises:
+        SvflError: If the policy cannot be trained on the dataset, or a file cannot be written.
+    """
     options = vars(arguments) | {"data": str(arguments.data), "group": group_of(arguments)}
     out = options.pop("out")
     del options["command"], options["model"]

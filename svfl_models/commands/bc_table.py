@@ -1,4 +1,4 @@
-"""``svfl-train bc-table``: SVFL and CNN cloned on several tasks, and how often they succeed."""
+"""The command ``svfl-train bc-table``, which clones SVFL and CNN policies on several tasks and compares them."""
 
 import argparse
 import shlex
@@ -19,7 +19,11 @@ RECIPE = ("encoder", "view", "preset", "epochs")
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command to the command line.
+
+    Args:
+        commands: Commands of ``svfl-train``, to which this one is added.
+    """
     parser = commands.add_parser(
         "bc-table", help="behaviour cloning on several tasks: SVFL against CNN, success and learning curves",
         example=EXAMPLE,
@@ -44,12 +48,15 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Do the table, or what is left of it, and print its page.
+    """Train and evaluate the unfinished policies of the table, and print its page.
+
+    Args:
+        arguments: Options of the command.
 
     Raises:
-        TrainingError: If the folder holds something else, or at the end if policies failed.
-        SvflError: If there is no such dataset, or the disk refuses.
-        KeyboardInterrupt: If the user stopped it; what is finished is kept, and on the page.
+        TrainingError: If the folder holds something else, or, at the end, if policies failed.
+        SvflError: If a dataset cannot be opened, or a file cannot be written.
+        KeyboardInterrupt: If the user stopped the command; finished policies are kept, and are on the page.
     """
     from rich.console import Console
 
@@ -69,7 +76,7 @@ def run(arguments: argparse.Namespace) -> None:
     jobs = {run.folder.name: run for run in runs}
     grid = Grid(out, jobs)
     for folder in {jobs[name].config.data for name in grid.unfinished()}:
-        Dataset.open(folder)  # a misspelt one is said before anything begins
+        Dataset.open(folder)  # a misspelt folder is reported before anything begins
     with held(out):
         try:
             grid.run(arguments.workers, Console(stderr=True))
@@ -88,7 +95,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _command_line(arguments: argparse.Namespace) -> str:
-    """The command that gives the same numbers."""
+    """Return the command line that gives the same numbers."""
     words = ["svfl-train", "bc-table", "--data", *map(str, arguments.data)]
     if arguments.episodes != [DEFAULT.episodes]:
         words += ["--episodes", *map(str, arguments.episodes)]

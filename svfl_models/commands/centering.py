@@ -1,4 +1,4 @@
-"""``svfl-train centering``: train one block-centering network."""
+"""The command ``svfl-train centering``, which trains one block-centering network."""
 
 import argparse
 from pathlib import Path
@@ -22,11 +22,15 @@ OF_OWN_ENCODERS = {
     "encoder": None, "model": None, "group": None,
     "preset": DEFAULT.preset, "torque": DEFAULT.torque, "image_size": DEFAULT.image_size,
 }  # fmt: skip
-"""Options that mean nothing where a latent encoder is used, and what they are if nobody asks."""
+"""Options that have no effect on a network with a latent encoder, and their values if the user does not give them."""
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command to the command line.
+
+    Args:
+        commands: Commands of ``svfl-train``, to which this one is added.
+    """
     parser = commands.add_parser(
         "centering", help="block centering: which way, or how far, must the gripper move?", example=EXAMPLE,
         description="Train and test one block-centering network; the same command gives the same result.",
@@ -59,7 +63,15 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Train one network and print its result beside the paper's."""
+    """Train one network, and print its result and the paper's.
+
+    Args:
+        arguments: Options of the command.
+
+    Raises:
+        UsageError: If options contradict each other.
+        SvflError: If the network cannot be trained on the dataset, or a file cannot be written.
+    """
     options = vars(arguments) | {"data": str(arguments.data)} | _network(arguments)
     out, separate_test = options.pop("out"), options.pop("separate_test")
     for name in ("command", "model", "use", "latent_rate"):
@@ -90,11 +102,11 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _network(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The settings of a configuration that say which network.
+    """Return the settings of a configuration that describe the network.
 
     Raises:
         UsageError: If options contradict each other.
-        FormatError: If there is no such pretraining.
+        FormatError: If the file given by --latent is not the checkpoint of a latent model.
     """
     if arguments.latent is None:
         if arguments.use:

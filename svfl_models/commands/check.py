@@ -1,4 +1,4 @@
-"""``svfl-train check``: how symmetric a trained network is on real episodes."""
+"""The command ``svfl-train check``, which measures how symmetric a trained network is on real episodes."""
 
 import argparse
 from pathlib import Path
@@ -15,7 +15,11 @@ PRECISIONS = ("32", "64", "bf16")
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command to the command line.
+
+    Args:
+        commands: Commands of ``svfl-train``, to which this one is added.
+    """
     parser = commands.add_parser(
         "check", help="how symmetric a trained network is on real episodes", example=EXAMPLE,
         description="Rotate and mirror real episodes and compare what the network says with what it should say. Ends "
@@ -32,7 +36,15 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Print a row per group element."""
+    """Measure how symmetric a network is, and print a table with a row per group element.
+
+    Args:
+        arguments: Options of the command.
+
+    Raises:
+        TrainingError: If a symmetric network errs by more than rounding where pixels move onto pixels.
+        SvflError: If the checkpoint or the dataset cannot be used.
+    """
     import numpy as np
     from rich.console import Console
     from rich.table import Table

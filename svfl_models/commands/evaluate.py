@@ -1,4 +1,4 @@
-"""``svfl-train evaluate``: how often a trained policy succeeds."""
+"""The command ``svfl-train evaluate``, which measures how often a trained policy succeeds in simulation."""
 
 import argparse
 from pathlib import Path
@@ -11,7 +11,11 @@ EXAMPLE = "svfl-train evaluate out/bc_picking/checkpoint.ckpt --episodes 100 --w
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command to the command line.
+
+    Args:
+        commands: Commands of ``svfl-train``, to which this one is added.
+    """
     parser = commands.add_parser(
         "evaluate", help="how often a trained policy succeeds in simulation", example=EXAMPLE,
         description="Let a policy act in the environment of its task, in scenes that no demonstration has: those of "
@@ -27,7 +31,14 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Evaluate, write and print."""
+    """Evaluate a policy, write the result as JSON and print it.
+
+    Args:
+        arguments: Options of the command.
+
+    Raises:
+        SvflError: If the checkpoint cannot be used, the environment cannot be run, or the file cannot be written.
+    """
     from svfl_models.cloning.evaluate import evaluate  # torch, lightning and escnn take seconds to import
 
     found = evaluate(arguments.checkpoint, arguments.episodes, arguments.seed, arguments.workers)

@@ -1,4 +1,4 @@
-"""``svfl-train centering-table`` and its kin: many trainings, one page."""
+"""The command ``svfl-train centering-table`` and similar ones, each of which makes a page of many trainings."""
 
 import argparse
 import functools
@@ -15,9 +15,9 @@ class Experiment:
     """An experiment that has a command.
 
     Attributes:
-        help: What it does, in a line.
-        train_samples: Sizes of the training set, unless the user asks for others.
-        example: For its help.
+        help: One line of help that says what the experiment compares.
+        train_samples: Sizes of the training set, unless the user gives others.
+        example: Example command lines for the help.
     """
 
     help: str
@@ -53,7 +53,11 @@ COMMANDS = {
 
 
 def add(commands: Commands) -> None:
-    """Put the commands on the command line."""
+    """Add a command for each experiment to the command line.
+
+    Args:
+        commands: Commands of ``svfl-train``, to which these are added.
+    """
     for name, one in COMMANDS.items():
         parser = commands.add_parser(
             f"centering-{name}", help=one.help, example=one.example,
@@ -80,7 +84,16 @@ def add(commands: Commands) -> None:
 
 
 def run(experiment: Experiment, arguments: argparse.Namespace) -> None:
-    """Do the experiment, or what is left of it, and print its page."""
+    """Do the unfinished runs of an experiment, and print its page.
+
+    Args:
+        experiment: Experiment of the command.
+        arguments: Options of the command.
+
+    Raises:
+        SvflError: If the data or the folder cannot be used, a file cannot be written or, at the end, if runs failed.
+        KeyboardInterrupt: If the user stopped the experiment; finished runs are kept.
+    """
     from svfl_models.experiments import command  # torch, lightning and escnn take seconds to import
 
     command.run(arguments, experiment.train_samples)

@@ -1,4 +1,4 @@
-"""``svfl-train export``: a trained network as a file that runs without this package."""
+"""The command ``svfl-train export``, which writes a trained network as a file that runs without this package."""
 
 import argparse
 from pathlib import Path
@@ -13,7 +13,11 @@ svfl-train export out/bc/checkpoint.ckpt --out out/bc/policy.pt2"""
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command to the command line.
+
+    Args:
+        commands: Commands of ``svfl-train``, to which this one is added.
+    """
     parser = commands.add_parser(
         "export", help="write a trained network as a file that runs without svfl and escnn", example=EXAMPLE,
         description="Write a trained block-centering network as a torch.export program (.pt2) or as ONNX (.onnx), or a "
@@ -27,7 +31,15 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Export one network and say how exact the file is."""
+    """Export one network, and print how much the outputs of the file differ from those of the network.
+
+    Args:
+        arguments: Options of the command.
+
+    Raises:
+        UsageError: If the suffix of the file names no format.
+        SvflError: If the checkpoint cannot be read or exported, or the file cannot be written.
+    """
     from svfl_models.centering import checkpoint  # torch, lightning and escnn take seconds to import
     from svfl_models.cloning import acting
     from svfl_models.cloning.checkpoint import is_policy, load_policy

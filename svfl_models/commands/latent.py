@@ -1,4 +1,4 @@
-"""``svfl-train latent``: pretrain one latent model of image, wrench and proprioception."""
+"""The command ``svfl-train latent``, which pretrains one latent model of image, wrench and proprioception."""
 
 import argparse
 from pathlib import Path
@@ -16,7 +16,11 @@ DEFAULT = LatentConfig(data="", model="")
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command to the command line.
+
+    Args:
+        commands: Commands of ``svfl-train``, to which this one is added.
+    """
     parser = commands.add_parser(
         "latent", help="pretrain a latent model (VTT, PoE or concatenation) on expert episodes", example=EXAMPLE,
         description="Pretrain one latent model; the same command gives the same result, interrupted or not.",
@@ -45,7 +49,14 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Pretrain one model and say what came out."""
+    """Pretrain one latent model, and print its size, its losses and its files.
+
+    Args:
+        arguments: Options of the command.
+
+    Raises:
+        SvflError: If the model cannot be trained on the dataset, or a file cannot be read or written.
+    """
     options = vars(arguments) | {"data": str(arguments.data)}
     out, resume = options.pop("out"), options.pop("resume")
     del options["command"]

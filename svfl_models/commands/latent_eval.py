@@ -1,4 +1,4 @@
-"""``svfl-train latent-eval``: what a pretrained latent model is worth."""
+"""The command ``svfl-train latent-eval``, which evaluates a pretrained latent model on held-out episodes."""
 
 import argparse
 from pathlib import Path
@@ -14,7 +14,11 @@ EPISODES = 40
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add the command to the command line.
+
+    Args:
+        commands: Commands of ``svfl-train``, to which this one is added.
+    """
     parser = commands.add_parser(
         "latent-eval", help="evaluate a pretrained latent model on held-out episodes", example=EXAMPLE,
         description="Evaluate reconstruction, contact, alignment, prediction, linear probes, missing modalities, the "
@@ -31,7 +35,14 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Evaluate, write and print."""
+    """Evaluate a latent model, write the report and print its main numbers.
+
+    Args:
+        arguments: Options of the command.
+
+    Raises:
+        SvflError: If the checkpoint or the dataset cannot be used, or a file cannot be written.
+    """
     from rich.console import Console
 
     from svfl_models.latent.checkpoint import read_latent
@@ -40,9 +51,9 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_models.latent.evaluation.pages.tables import compact
 
     out = arguments.out or arguments.checkpoint.with_name(FOLDER)
-    read_latent(arguments.checkpoint)  # nothing is made for a file that is no checkpoint
+    read_latent(arguments.checkpoint)  # no folder is made if the file is not a checkpoint
     report.prepare(out)
-    with Console(stderr=True).status("loading") as status:  # says nothing where nobody is looking
+    with Console(stderr=True).status("loading") as status:  # silent where there is no terminal
         found, samples = evaluate(
             arguments.checkpoint, arguments.data, arguments.episodes, arguments.seed, lambda stage: status.update(stage)
         )

@@ -1,4 +1,4 @@
-"""What the commands share: argument types and options of a training."""
+"""Argument types and options of a training that several commands share."""
 
 import argparse
 import math
@@ -13,7 +13,11 @@ DEFAULT = TrainingConfig(data="")
 
 
 def positive_number(text: str) -> float:
-    """Argument type: a finite number above zero."""
+    """Return the finite number above zero that a text stands for; this is a type of arguments for argparse.
+
+    Raises:
+        argparse.ArgumentTypeError: If the text is not such a number.
+    """
     try:
         value = float(text)
     except ValueError:
@@ -24,7 +28,7 @@ def positive_number(text: str) -> float:
 
 
 def add_data(parser: Parser) -> None:
-    """Add the datasets."""
+    """Add the options that name the datasets, --data and --separate-test, to a parser."""
     parser.add_argument("--data", type=Path, required=True, help="dataset folder written by svfl-collect centering")
     parser.add_argument(
         "--separate-test", type=Path, help="another such dataset, all of it tested too, none of it learned from"
@@ -32,7 +36,7 @@ def add_data(parser: Parser) -> None:
 
 
 def add_recipe(parser: Parser) -> None:
-    """Add how to train: sizes and the stopping rule."""
+    """Add the options that say how to train, such as sizes and the stopping rule, to a parser."""
     add = parser.add_argument
     add("--test-samples", type=positive, default=DEFAULT.test_samples, metavar="N", help="default: %(default)s")
     add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset, help="size of the network (default: %(default)s)")
@@ -46,10 +50,13 @@ def add_recipe(parser: Parser) -> None:
 
 
 def group_of(arguments: argparse.Namespace) -> str:
-    """The group that --model and --group ask for together.
+    """Return the name of the symmetry group that the options --model and --group choose together.
+
+    Args:
+        arguments: Options of the command; both are None if the user does not give them.
 
     Raises:
-        UsageError: If they contradict each other.
+        UsageError: If the two options contradict each other.
     """
     model, group = arguments.model, arguments.group
     if model and group and (model == "cnn") != (group == "none"):
