@@ -46,7 +46,7 @@ def save_program(classifier: CenteringClassifier, path: Path, view: str = "camer
     Args:
         classifier: Network to export, which is not changed.
         path: File to write. An existing file is replaced after the new one has been tested.
-        view: How the images of the training were seen, one of `svfl_data.sampling.centering_samples.VIEWS`.
+        view: View that the network was trained on: ``camera`` for images as taken, ``top`` for the view from above.
 
     Returns:
         Largest difference between the outputs of file and network on random inputs, relative to the largest output.
@@ -75,7 +75,7 @@ def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera")
     Args:
         classifier: Network to export, which is not changed.
         path: File to write. An existing file is replaced after the new one has been tested.
-        view: How the images of the training were seen, one of `svfl_data.sampling.centering_samples.VIEWS`.
+        view: View that the network was trained on: ``camera`` for images as taken, ``top`` for the view from above.
 
     Returns:
         Largest difference between the outputs of file and network on random inputs, relative to the largest output.
@@ -101,7 +101,7 @@ def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera")
             output_names=[_output(classifier)],
             verbose=False,
         )
-    assert program is not None  # None only where it is told to write a file
+    assert program is not None  # it is None only if `export` writes a file
     program.model.metadata_props[FACTS] = json.dumps(facts(classifier, view))
     content = program.model_proto.SerializeToString()
     session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
@@ -160,7 +160,7 @@ def facts(classifier: CenteringClassifier, view: str = "camera") -> dict[str, An
 
     Args:
         classifier: Network that is exported.
-        view: How the images of the training were seen, one of `svfl_data.sampling.centering_samples.VIEWS`.
+        view: View that the network was trained on: ``camera`` for images as taken, ``top`` for the view from above.
 
     Raises:
         TrainingError: If the network is built on a latent encoder, which cannot be exported.

@@ -90,7 +90,7 @@ def _success(table: Table) -> str:
             for model, rate in rates.items():
                 rows.append([escaped(task), count, NAMES[model], *_rate_words(rate)])
             if all(rates.values()) and count == table.counts[-1]:
-                svfl, cnn = (rates[model].share for model in GROUPS)  # type: ignore[union-attr] # all are there
+                svfl, cnn = (rates[model].share for model in GROUPS)  # type: ignore[union-attr] # no rate is None
                 verdicts.append(f"{escaped(task)} {svfl - cnn:+.0%}".replace("%", " points"))
     header = ["task", "demonstrations", "network", "success", "95 % interval", "each seed"]
     return (

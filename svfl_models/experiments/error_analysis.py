@@ -76,7 +76,7 @@ class Predictions:
             Lower edge, upper edge, number of predictions and accuracy, [%], of each bin with at least `FEW`
             predictions.
         """
-        last = values == edges[-1]  # belongs to the last bin
+        last = values == edges[-1]  # these values belong to the last bin
         place = np.where(last, len(edges) - 2, np.digitize(values, edges) - 1)
         right = self.predicted == self.direction
         bins = []

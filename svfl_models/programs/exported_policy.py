@@ -160,7 +160,7 @@ class ExportedPolicy:
         """Return the action for an observation.
 
         Args:
-            seen: Observation, of which the first camera's image is used.
+            seen: Observation of the current step. Of its images, the first camera's is used.
 
         Returns:
             The action, shape (5,), float32: gripper opening 0..1, dx, dy, dz [m], dtheta [rad], in base axes.

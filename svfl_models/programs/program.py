@@ -196,7 +196,7 @@ def _words(error: Exception) -> str:
 
 
 def _let_go(steps: list[_Step], kept: set[str]) -> None:
-    """Tell each step after which of its values no later step needs them; values in `kept` are never deleted."""
+    """Set `last` of each step to the values that no later step needs and that are not in `kept`."""
     needed = set(kept)
     for step in reversed(steps):
         step.last = sorted((step.needs | set(step.names)) - needed)

@@ -1,4 +1,4 @@
-"""How a rotation or reflection of the world acts on batches and on the outputs of networks, in PyTorch.
+"""The action of rotations and reflections of the world on batches and on the outputs of networks, in PyTorch.
 
 These are the laws of `svfl_data.symmetry`, for tensors on any device; tests check that the two agree. They serve to
 augment data and to test and evaluate networks. Nothing here uses escnn, because a network that agrees with escnn's own
@@ -49,7 +49,7 @@ def act_on_batch(matrix: np.ndarray, batch: Batch) -> Batch:
         exact.
 
     Raises:
-        KeyError: If it is not known how an entry transforms.
+        KeyError: If the batch has an entry other than these.
         ValueError: If the batch has directions and the element is neither a quarter turn nor a flip.
     """
     moved = {}

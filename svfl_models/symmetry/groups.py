@@ -9,8 +9,8 @@ from svfl_data.errors import TrainingError
 from svfl_data.symmetry import cyclic, dihedral
 
 TORQUES = ("axial", "polar")
-"""How a torque may transform: as an axial vector, which it is, or as a polar one, as in the paper, which is wrong for
-reflections."""
+"""Allowed ways in which a torque transforms: as an axial vector, which is correct, or as a polar vector, as in the
+paper, which is wrong for reflections."""
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""Many trainings side by side: which to do, in which process, and what has been done before."""
+"""Running of many trainings in parallel: which runs to do, in which process, and which were done before."""

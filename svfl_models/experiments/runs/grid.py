@@ -76,7 +76,7 @@ class Grid:
         raise TrainingError(f"{count} failed ({named}{more}); the same command tries them again")
 
     def _note(self, name: str, error: TrainingError | Died | None) -> str:
-        """Note how a run ended; returns that in words."""
+        """Note how a run ended, and return it in words."""
         if error is None:
             return self.jobs[name].words() or "no result"
         if isinstance(error, Died):
