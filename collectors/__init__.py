@@ -1,7 +1,7 @@
 """Collectors: everything that produces episodes, in simulation and on real robots.
 
-The names below are the public interface, documented and kept stable; all else in this package is private. They are
-loaded when they are first used, and the simulation with them.
+The names below are the public interface: they are documented and kept stable. All other names in this package are
+private. Each public name is loaded when it is first used. `Environment` and `make` load the simulation as well.
 
     >>> import collectors
     >>> dir(collectors)
@@ -10,7 +10,7 @@ loaded when they are first used, and the simulation with them.
 
 from typing import TYPE_CHECKING
 
-import svfl_data  # noqa: F401 - says which extra installs a library that is not there
+import svfl_data  # noqa: F401 - makes the error for a missing library name the extra that installs it
 from svfl_data.system.lazy_names import lazy_names
 
 if TYPE_CHECKING:
@@ -26,6 +26,6 @@ HOMES = {
     "Environment": "environment", "Robot": "recording.loop", "TASKS": "tasks", "make": "environment",
     "record": "recording.loop",
 }  # fmt: skip
-"""The module of every public name."""
+"""Module of each public name, relative to this package."""
 
 __getattr__, __dir__ = lazy_names(__name__, HOMES)

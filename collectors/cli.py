@@ -9,12 +9,12 @@ COMMANDS = (expert, centering, policy, replay, teleop, tags, calibrate)
 
 
 def main() -> int:
-    """Parse the command line and collect; returns the exit code."""
+    """Parse the command line, run the command that it names and return the exit code."""
     return run(build_parser())
 
 
 def build_parser() -> Parser:
-    """The command line of ``svfl-collect``."""
+    """Return the parser of the command line of ``svfl-collect``, with all its commands."""
     root = Parser(
         prog=PROGRAM,
         description="Collect visual-force episodes.",

@@ -33,25 +33,26 @@ View = Literal["camera", "top"]
 
 
 class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
-    """One task with a sparse reward: 1 at success, which ends the episode, 0 before.
+    """One task as a gymnasium environment with a sparse reward: 1 at success, which ends the episode, and 0 before.
 
-    Observation, all float32:
+    An observation is a dictionary of float32 arrays:
 
-    - ``image`` (4, H, W): RGB 0..1, then depth in [m], 0 where nothing was seen. Of the first camera, or seen from
-      straight above if `view` is "top".
-    - ``wrench`` (64, 6): the last readings at 500 Hz, latest last, tared, [N] and [N m], base axes, about the sensor
-      origin.
-    - ``proprio`` (5,): gripper opening 0..1, TCP x, y, z [m], yaw [rad], base.
+    - ``image`` (4, H, W): RGB in 0..1, then depth in [m], which is 0 where nothing was seen. The image is that of the
+      first camera or, if `view` is "top", the same image reprojected to the view from straight above, with the depth
+      measured down from `eye`.
+    - ``wrench`` (64, 6): the last 64 readings at 500 Hz, the latest one last, tared, [N] and [N m], base axes, about
+      the sensor origin.
+    - ``proprio`` (5,): gripper opening 0..1, TCP x, y, z [m], yaw [rad], in base.
 
-    Action, float32 (5,): gripper opening 0..1, dx, dy, dz [m], dtheta [rad], base axes, within the paper's bounds
-    (0.025 m, pi/16); one step is 50 ms. An action outside the bounds is clipped to them; one that is not five finite
-    numbers raises `UsageError`.
+    An action is float32 (5,): gripper opening 0..1, dx, dy, dz [m], dtheta [rad], base axes, within the paper's bounds
+    (0.025 m, pi/16). One step takes 50 ms. An action outside the bounds is clipped to them. An action that is not five
+    finite numbers raises `UsageError`.
 
-    ``info["success"]`` says whether the task is achieved now. Vectors are in base axes: `image_axes` takes them to
-    those of the image (docs/simulation.md).
+    ``info["success"]`` says whether the task is achieved now. Vectors are in base axes: `image_axes` turns them into
+    the axes of the image (docs/simulation.md).
 
-    It works in the process that made it only, and can be neither pickled nor copied: give vectorised environments a
-    function that makes one, as `gymnasium.make_vec` does.
+    The environment works only in the process that made it, and can be neither pickled nor copied. Give a vectorised
+    environment a function that makes an `Environment`, as `gymnasium.make_vec` does.
 
     Example:
         >>> with contextlib.closing(Environment("block_picking")) as env:
@@ -71,18 +72,19 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         eye: float = EYE_M,
         render_mode: str | None = None,
     ) -> None:
-        """Open a world.
+        """Open the simulated world of a task.
 
         Args:
-            task: Name of the task.
-            world: All numbers of the world.
-            view: What ``image`` shows: the first camera's picture, or that reprojected to the view from above.
-            eye: Height from which "top" looks down, base z, [m]; what is higher is not drawn. 0.1 looks under the palm
-                of a gripper that is low over an object.
-            render_mode: None or "rgb_array": what `render` gives.
+            task: Name of the task, one of `collectors.TASKS`.
+            world: Configuration of the world: physics, arm, sensors and cameras. None means ``WorldConfig()``.
+            view: What ``image`` shows: "camera" is the first camera's image, and "top" is that image reprojected to
+                the view from straight above.
+            eye: Height from which the view "top" looks down, base z, [m]. Whatever is higher is not drawn. 0.1 looks
+                under the palm of a gripper that is low over an object.
+            render_mode: With "rgb_array", `render` returns the first camera's colour image. With None it returns None.
 
         Raises:
-            UsageError: If there is no such task or view.
+            UsageError: If no task or view has that name.
         """
         if view not in ("camera", "top"):
             raise UsageError(f"no view {view!r}; there are camera, top")
@@ -110,19 +112,24 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
 
     @property
     def image_axes(self) -> NDArray[np.float64]:
-        """Base (x, y) to image (right, up), (2, 2)."""
+        """Matrix, (2, 2), that turns a vector (x, y) in base axes into (right, up) in the axes of the image."""
         return self.world.camera.image_axes
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
-        """Draw a scene and set it up. The same seed gives the same scene and the same noise.
+        """Draw a scene and set it up. The same seed gives the same scene and the same sensor noise.
 
         Args:
-            seed: Seed of this episode, and of those after it that are begun without one.
-            options: ``{"scene": (seed, index)}`` gives instead the scene with this index among those of this seed in
-                which policies are tried; no demonstration shows one of them. ``{"seed_sequence":
-                numpy.random.SeedSequence}`` gives the scene that is drawn from it, such as a demonstration's.
+            seed: Seed of this episode, and of the later episodes that are begun with None. None continues the random
+                numbers of the last seed.
+            options: ``{"scene": (seed, index)}`` sets up, instead of the scene that `seed` gives, the scene with this
+                index among those in which policies are evaluated with this seed; no demonstration shows one of them.
+                ``{"seed_sequence": numpy.random.SeedSequence}`` sets up the scene of that seed sequence, such as the
+                scene of a demonstration. None means neither.
+
+        Returns:
+            The first observation, and ``info`` with the entry ``success``.
         """
         self.check_process()
         super().reset(seed=seed)
@@ -140,8 +147,15 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
     ) -> tuple[dict[str, NDArray[np.float32]], float, bool, bool, dict[str, Any]]:
         """Carry out an action.
 
+        Args:
+            action: Gripper opening 0..1, dx, dy, dz [m], dtheta [rad], base axes, (5,).
+
+        Returns:
+            The observation after the action, the reward (1.0 at success, otherwise 0.0), whether the episode ended by
+            success, whether it ended by the limit of `MAX_STEPS` steps, and ``info`` with the entry ``success``.
+
         Raises:
-            UsageError: Before the first `reset`, or if the action is not five finite numbers.
+            UsageError: If `step` is called before the first `reset`, or the action is not five finite numbers.
         """
         self.check_process()
         if self.task is None:
@@ -153,14 +167,16 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         return self._observe(), float(success), success, truncated, {"success": success}
 
     def expert(self, noise: float = 1.0, seed: int = 0) -> Moves:
-        """The scripted expert's actions for this episode; ask for the next one after each step.
+        """Return the actions of the scripted expert for this episode, as an iterator.
+
+        Take the next action from the iterator only after `step` has carried out the action before it.
 
         Args:
-            noise: How much demonstrations differ.
-            seed: Seed of the difference.
+            noise: How much demonstrations differ: 0 not at all, 1 as intended, 2 at most.
+            seed: Seed of the differences between demonstrations.
 
         Raises:
-            UsageError: Before the first `reset`.
+            UsageError: If `expert` is called before the first `reset`.
         """
         self.check_process()
         if self.task is None:
@@ -168,14 +184,17 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         return self.task.expert(Gripper(self.world, np.random.default_rng(seed), noise))
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The first camera's colour picture, (H, W, 3) uint8, if `render_mode` is "rgb_array"."""
+        """Return the first camera's latest colour image, (H, W, 3) uint8 RGB.
+
+        Without a `render_mode`, and before the first `reset`, it returns None.
+        """
         self.check_process()
         if self.render_mode is None or self._seen is None:
             return None
         return next(iter(self._seen.frames.values())).color
 
     def close(self) -> None:
-        """Release the world; closing twice is harmless."""
+        """Release the world. Closing it twice does no harm."""
         self.world.close()
 
     def _observe(self) -> dict[str, NDArray[np.float32]]:
@@ -194,15 +213,16 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
 
 
 def make(task: str, world: WorldConfig | None = None, **options: Any) -> Environment:  # noqa: ANN401 - see `Environment`
-    """A task as a gymnasium environment.
+    """Make a task's gymnasium environment.
 
     Args:
-        task: Its name, one of `collectors.TASKS`.
-        world: All numbers of the world: physics, arm, sensors and cameras; the paper's by default.
-        options: Further arguments of `Environment`.
+        task: Name of the task, one of `collectors.TASKS`.
+        world: Configuration of the world: physics, arm, sensors and cameras. None means ``WorldConfig()``, whose
+            numbers are the paper's where the paper gives them.
+        options: Further arguments of `Environment`: `view`, `eye` and `render_mode`.
 
     Raises:
-        UsageError: If there is no such task or view.
+        UsageError: If no task or view has that name.
 
     Example:
         >>> with contextlib.closing(make("block_picking")) as env:
@@ -214,12 +234,12 @@ def make(task: str, world: WorldConfig | None = None, **options: Any) -> Environ
 
 
 def normalised(env: gymnasium.Env) -> gymnasium.Env:
-    """The same environment with actions in -1..1: -1 and 1 are the bounds of each component."""
+    """Return the environment with actions in -1..1, where -1 and 1 are the bounds of each component."""
     return gymnasium.wrappers.RescaleAction(env, np.float32(-1.0), np.float32(1.0))
 
 
 def register() -> None:
-    """Make every task known to gymnasium as ``svfl/<task>-v0``."""
+    """Register every task with gymnasium as ``svfl/<task>-v0``."""
     for task in TASKS:
         gymnasium.register(f"svfl/{task}-v0", "collectors.environment:Environment", kwargs={"task": task})
 

@@ -1,4 +1,4 @@
-"""The Cartesian admittance law: how far the gripper gives way to a force."""
+"""The Cartesian admittance law, which says how far the gripper gives way to a force."""
 
 import math
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ class AdmittanceConfig:
     Rotation is not compliant: the gripper stays vertical and its yaw follows the command.
 
     Attributes:
-        stiffness: K, [N/m].
-        damping: D, [N s/m]; 0.7 of critical, 2 sqrt(K M), with these values.
-        mass: M, [kg]; about twice the gripper's own mass, because the loop must not depend on making the gripper
-            lighter.
-        filter_hz: Corner of the first-order low-pass on the force that drives the law, [Hz]. Without it, a sticking
-            finger and the controller push each other at half the sampling rate.
-        max_deviation: The commanded position is kept this close to the gripper along each axis, [m]; it bounds the
-            force of a blocked gripper to K times this.
+        stiffness: Virtual stiffness K, [N/m].
+        damping: Virtual damping D, [N s/m]. The default is 0.7 of the critical damping 2 sqrt(K M).
+        mass: Virtual mass M, [kg]. The default is about twice the gripper's own mass, because the control loop must not
+            depend on making the gripper lighter than it is.
+        filter_hz: Corner frequency of the first-order low-pass on the force that drives the law, [Hz]. Without the
+            filter, a sticking finger and the controller push against each other at half the sampling rate.
+        max_deviation: Largest distance of the commanded position from the gripper along each axis, [m]. It bounds the
+            force of a blocked gripper to K times this distance.
     """
 
     stiffness: Positive = 2500.0
@@ -35,21 +35,24 @@ class AdmittanceConfig:
 class Admittance:
     """Mass, spring and damper between the reference and the gripper, one per axis, driven by the external force.
 
-    With e the deviation of the gripper from the reference, M e'' + D e' + K e = F. Written in the deviation, not the
-    position, so that a free gripper follows the reference without lag whatever M, D and K are.
+    With e the deviation of the gripper from the reference, the law is M e'' + D e' + K e = F. It is written in the
+    deviation, not the position, so that a free gripper follows the reference without lag whatever M, D and K are.
 
-    `deviation` [m] and `rate` [m/s] are its state, (x, y, z) each, base axes. Plain floats: with three numbers NumPy
-    would take twice as long, 500 times a second.
+    The state is plain floats: for three numbers NumPy would take twice as long, 500 times a second.
 
     Source: Hogan (1985), "Impedance control: an approach to manipulation", part I (the target dynamics); Ott, Mukherjee
     and Nakamura (2010), "Unified impedance and admittance control" (realised by a position-controlled robot).
+
+    Attributes:
+        deviation: Position of the gripper minus that of the reference, (x, y, z), [m], base axes.
+        rate: Time derivative of the deviation, (x, y, z), [m/s], base axes.
     """
 
     def __init__(self, config: AdmittanceConfig, dt: float) -> None:
         """Start at rest on the reference.
 
         Args:
-            config: Stiffness, damping, mass and filter.
+            config: Stiffness, damping, mass and filter of the law.
             dt: Control period, [s].
         """
         self._config = config
@@ -64,12 +67,12 @@ class Admittance:
     def step(self, force: Vector3) -> None:
         """Advance the state by one period.
 
-        Implicit Euler, stable for every positive M, D, K:
+        The period is integrated by implicit Euler, which is stable for every positive M, D and K:
         (M + dt D + dt^2 K) e'_next = M e' + dt (F - K e).
 
         Args:
-            force: What the environment push the gripper with, (x, y, z), [N], base axes; no weight, no inertia of the
-                gripper.
+            force: Force of the environment on the gripper, (x, y, z), [N], base axes, without the weight and the
+                inertia of the gripper.
         """
         c, dt = self._config, self._dt
         axes = zip(force, self._force, self.deviation, self.rate, strict=True)

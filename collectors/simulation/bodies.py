@@ -1,4 +1,4 @@
-"""Bodies made of primitive shapes, or loaded from URDF, in one PyBullet world."""
+"""Bodies in one PyBullet world, made of primitive shapes or loaded from URDF."""
 
 import math
 import tempfile
@@ -13,7 +13,7 @@ from svfl_data.system.own_process import OwnProcess
 Quaternion = tuple[float, float, float, float]
 UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
 RED: Vector3 = (0.8, 0.2, 0.2)
-MAX_PARTS = 16  # MAX_COMPOUND_COLLISION_SHAPES of PyBullet 3.2.7, which dies of more by a segmentation fault
+MAX_PARTS = 16  # MAX_COMPOUND_COLLISION_SHAPES of PyBullet 3.2.7, which ends by a segmentation fault with more parts
 
 
 @dataclass(frozen=True)
@@ -21,10 +21,10 @@ class Box:
     """A box as part of a body.
 
     Attributes:
-        half_extents: Half edge lengths, [m].
-        position: Centre in the body's frame, [m].
-        yaw: Rotation about z in the body's frame, [rad].
-        color: RGB, 0 to 1.
+        half_extents: Half edge lengths along x, y and z of the box, [m].
+        position: Centre of the box in the body's frame, (x, y, z), [m].
+        yaw: Rotation of the box about z in the body's frame, [rad].
+        color: RGB of the box, 0 to 1.
     """
 
     half_extents: Vector3
@@ -38,10 +38,10 @@ class Cylinder:
     """An upright cylinder as part of a body.
 
     Attributes:
-        radius: [m].
-        height: [m].
-        position: Centre in the body's frame, [m].
-        color: RGB, 0 to 1.
+        radius: Radius of the cylinder, [m].
+        height: Height of the cylinder, [m].
+        position: Centre of the cylinder in the body's frame, (x, y, z), [m].
+        color: RGB of the cylinder, 0 to 1.
     """
 
     radius: float
@@ -54,18 +54,18 @@ Part = Box | Cylinder
 
 
 def quat_from_yaw(yaw: float) -> Quaternion:
-    """Rotation by `yaw` [rad] about z, as quat_xyzw."""
+    """Return the rotation by `yaw` [rad] about z as quat_xyzw."""
     return (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
 
 
 class Bodies(OwnProcess):
-    """Puts bodies into one world."""
+    """Adds bodies to one PyBullet world."""
 
     def __init__(self, client: int) -> None:
         """Choose the world.
 
         Args:
-            client: PyBullet client id.
+            client: PyBullet client id of the world.
         """
         self._client = client
 
@@ -81,12 +81,12 @@ class Bodies(OwnProcess):
         """Add a rigid body of one or several parts.
 
         Args:
-            parts: Its shapes, at most `MAX_PARTS`; the body's frame is also its centre of mass.
-            position: Origin of its frame in base, [m].
-            yaw: Rotation about z, [rad].
-            mass: Mass, [kg]; 0 fixes it in place.
-            friction: Coulomb friction; PyBullet multiplies it by the other body's.
-            collide: False for a mark that can only be seen.
+            parts: Shapes of the body, at most `MAX_PARTS`. The origin of the body's frame is its centre of mass.
+            position: Origin of the body's frame in base, (x, y, z), [m].
+            yaw: Rotation of the body about z, [rad].
+            mass: Mass of the body, [kg]; 0 fixes the body in place.
+            friction: Coulomb friction of the body; PyBullet multiplies it by the other body's.
+            collide: Whether other bodies collide with the body; False makes a mark that can only be seen.
 
         Returns:
             The body id.
@@ -107,14 +107,15 @@ class Bodies(OwnProcess):
         """Add a body from URDF.
 
         Args:
-            urdf: A file, or the text of one (mesh paths in a text must be absolute).
-            position: Origin of its base link in base, [m]; `World.pose` is that of its centre of mass.
-            quat_xyzw: Orientation of its base link.
-            fixed: Whether its base link cannot move.
-            scale: Factor on all lengths.
+            urdf: A URDF file, or the text of a URDF, in which mesh paths must be absolute.
+            position: Origin of the body's base link in base, (x, y, z), [m]. `World.pose` instead returns the pose of
+                the body's centre of mass.
+            quat_xyzw: Orientation of the body's base link in base.
+            fixed: Whether the body's base link is fixed in place.
+            scale: Factor on all lengths of the URDF.
 
         Returns:
-            The body id; mass and friction are the URDF's until `set_dynamics`.
+            The body id. The body has the URDF's mass and friction until `set_dynamics` changes them.
         """
         self.check_process()
         if isinstance(urdf, str) and urdf.lstrip().startswith("<"):
@@ -128,13 +129,19 @@ class Bodies(OwnProcess):
         return body
 
     def set_dynamics(self, body: int, link: int = -1, **values: float) -> None:
-        """Set PyBullet's dynamics of a link by its own names, such as ``mass=0.1, lateralFriction=0.6``."""
+        """Set dynamics of a body's link, named as in ``pybullet.changeDynamics``.
+
+        Args:
+            body: Body id.
+            link: Link index; -1 is the base link.
+            values: Values by PyBullet's names, such as ``mass=0.1, lateralFriction=0.6``.
+        """
         self.check_process()
         pybullet.changeDynamics(body, link, **values, physicsClientId=self._client)
 
 
 def _arrays(parts: Sequence[Part], colored: bool) -> dict[str, list]:
-    """The parts as PyBullet's arguments for arrays of visual (with colours) or collision shapes."""
+    """Return PyBullet's arguments for an array of visual shapes, which have colours, or of collision shapes."""
     boxes = [isinstance(part, Box) for part in parts]
     prefix = "visual" if colored else "collision"
     return {

@@ -1,6 +1,7 @@
-"""Which numbers a configuration may hold: checked when it is read from a file, which may be a stranger's.
+"""Bounds of the numbers in a configuration, checked when a configuration is read from a file of unknown origin.
 
-Far beyond what is sensible, but finite: no number can make a simulation run for ever or take all memory.
+The bounds reach far beyond sensible values, but they are finite, so that no number can make a simulation run for ever
+or take all memory.
 """
 
 from typing import Annotated

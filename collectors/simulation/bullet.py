@@ -1,10 +1,10 @@
-"""PyBullet without its greeting: it writes its build time to stderr on import, where a command writes errors only."""
+"""PyBullet, imported without the build time that it writes to stderr, where a command writes only errors."""
 
 import os
 
 _stderr = os.dup(2)
 _nowhere = os.open(os.devnull, os.O_WRONLY)
-os.dup2(_nowhere, 2)  # the greeting comes from C, below sys.stderr
+os.dup2(_nowhere, 2)  # PyBullet writes from C, past sys.stderr
 try:
     import pybullet
 finally:

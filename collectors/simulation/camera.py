@@ -14,17 +14,18 @@ from svfl_data.system.own_process import OwnProcess
 
 @dataclass(frozen=True)
 class CameraConfig:
-    """Where the camera stands and what it sees. The default is the oblique front view of the paper's simulation.
+    """Pose and optics of a camera. The default is the oblique front view of the paper's simulation.
 
     Attributes:
         height: Image height, [px].
         width: Image width, [px].
-        eye: Optical centre in base, [m].
-        target: Point in base on the optical axis, [m]: the workspace centre, which is therefore the image centre.
-        up: Direction in base that is up in the image.
+        eye: Optical centre in base, (x, y, z), [m].
+        target: Point in base on the optical axis, (x, y, z), [m]. The default is the workspace centre, which therefore
+            is the image centre.
+        up: Direction in base that is up in the image, (x, y, z).
         fov_deg: Vertical field of view, [deg].
         near: Nearest visible depth, [m].
-        far: Farthest visible depth, [m]; nothing seen up to there reads 0.
+        far: Farthest visible depth, [m]. A pixel that sees nothing up to this depth reads 0.
         depth_scale: Metres per unit of the stored depth, [m].
     """
 
@@ -39,11 +40,12 @@ class CameraConfig:
     depth_scale: Positive = 1e-4
 
     def __post_init__(self) -> None:
-        """Refuse what is no camera.
+        """Refuse numbers that no camera can have.
 
         Raises:
-            UsageError: If nothing lies between near and far, 16 bits do not reach to far, or the line of sight or `up`
-                has no direction.
+            UsageError: If `near` is not below `far`, the field of view is not between 0 and 180 degrees, 16 bits do not
+                hold a depth of `far`, `eye` and `target` are the same point, or `up` is zero or along the line of
+                sight.
         """
         if self.far > self.depth_scale * np.iinfo(np.uint16).max:
             raise UsageError(f"a depth of {self.far} m in units of {self.depth_scale} m does not fit into 16 bits")
@@ -60,11 +62,11 @@ CAMERAS = {
     "side_left": CameraConfig(eye=(0.55, 0.55, 0.6), up=(0.0, -1.0, 0.0)),
     "side_right": CameraConfig(eye=(0.55, -0.55, 0.6), up=(0.0, 1.0, 0.0)),
 }
-"""Cameras by name, all looking at the workspace centre from 0.8 to 1.2 m; left and right are the robot's."""
+"""Cameras by name. All look at the workspace centre from 0.8 to 1.2 m. Left and right are as seen from the robot."""
 
 
 def calibration(config: CameraConfig) -> Calibration:
-    """Derive intrinsics, pose and image axes from the configuration (pinhole model, square pixels)."""
+    """Derive a camera's intrinsics, pose and image axes from its configuration (pinhole model, square pixels)."""
     focal = 0.5 * config.height / math.tan(0.5 * math.radians(config.fov_deg))
     intrinsics = np.array(
         [[focal, 0.0, 0.5 * (config.width - 1)], [0.0, focal, 0.5 * (config.height - 1)], [0.0, 0.0, 1.0]]
@@ -87,8 +89,8 @@ class Camera(OwnProcess):
         """Place the camera.
 
         Args:
-            config: Pose and optics.
-            client: PyBullet client id of the world it looks at.
+            config: Pose and optics of the camera.
+            client: PyBullet client id of the world that the camera looks at.
         """
         self._config = config
         self._client = client
@@ -103,11 +105,11 @@ class Camera(OwnProcess):
         )
 
     def render(self) -> Frame:
-        """Take one picture.
+        """Render one image.
 
         Returns:
-            Colour (height, width, 3) uint8 RGB, and depth (height, width) uint16 along the optical axis in units of
-            `depth_scale`, 0 where nothing was seen.
+            Frame with the colour, (height, width, 3) uint8 RGB, and the depth along the optical axis, (height, width)
+            uint16 in units of `CameraConfig.depth_scale`, which is 0 where nothing was seen.
         """
         self.check_process()
         c = self._config
@@ -116,7 +118,7 @@ class Camera(OwnProcess):
             c.height,
             self._view,
             self._projection,
-            shadow=0,  # doubles the cost
+            shadow=0,  # shadows would double the cost
             lightDirection=(0.0, 0.0, 1.0),
             renderer=pybullet.ER_TINY_RENDERER,
             flags=pybullet.ER_NO_SEGMENTATION_MASK,

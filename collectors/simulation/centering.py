@@ -1,8 +1,8 @@
-"""Block centering in simulation: which scenes are drawn, and the label of one.
+"""Block centering in simulation: how a scene is drawn, and the label of a scene.
 
-The gripper comes down beside the block's centre so that exactly one finger lands on top of it, as after a grasp that is
-slightly off (Kohler et al., CoRL 2023, appendix "Block Centering"). Felt at the wrist this is an upward force with a
-lever arm along the finger axis; the displacement that would mend the grasp points along the same axis.
+The gripper comes down beside the block's centre so that exactly one finger lands on top of the block, as after a grasp
+that is slightly off (Kohler et al., CoRL 2023, appendix "Block Centering"). The wrist sensor reads this as an upward
+force with a lever arm along the finger axis. The displacement that would correct the grasp points along the same axis.
 """
 
 import math
@@ -15,26 +15,27 @@ from collectors.simulation.world import World
 from svfl_data.symmetry import OFFSET_PARTS, act, border_distance, element, nearest_direction
 
 # Shape of pybullet_data's franka_panda finger (meshes/collision/finger.obj, fully open), relative to the TCP.
-FINGER_SPAN = (0.040, 0.054)  # [m] inner and outer face along the finger axis
-FINGERTIP = 0.0072  # [m] tip below the TCP
-OVERLAP = 0.005  # [m] that the finger reaches over the block at least, and the other one stays clear of it
+FINGER_SPAN = (0.040, 0.054)  # [m] from the TCP to the inner and the outer face of a finger, along the finger axis
+FINGERTIP = 0.0072  # [m] from the TCP down to the fingertip
+OVERLAP = 0.005  # [m] by which one finger at least reaches over the block, and the other at least stays clear of it
 
 
 @dataclass(frozen=True)
 class CenteringConfig:
-    """How scenes are drawn.
+    """Bounds of the random numbers from which a block centering scene is drawn.
 
     Attributes:
-        border_deg: Directions closer than this to the border of two classes are not drawn, [deg]; 0 is the hard
-            version.
+        border_deg: Smallest angle between a drawn direction and the border of two classes, [deg]; 0 is the hard
+            version of the task.
         block_half: Bounds of half the block's edge, [m]; the paper scales a 5 cm cube by 0.75 to 1.25.
-        block_mass: Bounds, [kg].
-        block_friction: Bounds of the lateral friction coefficient.
-        block_turn_deg: Largest yaw of the block against the gripper, [deg].
-        lateral: Bounds of the distance between TCP and block centre, [m], narrowed to where one finger lands.
+        block_mass: Bounds of the block's mass, [kg].
+        block_friction: Bounds of the block's lateral friction coefficient.
+        block_turn_deg: Largest yaw of the block relative to the gripper, [deg].
+        lateral: Bounds of the horizontal distance between TCP and block centre, [m]. The distance is also kept in the
+            range where exactly one finger lands on the block.
         sideways_deg: Largest angle between the finger axis and the direction to the block's centre, [deg].
         push: Bounds of the commanded depth of the fingertips below the block's top, [m].
-        margin: Distance of the block's centre from the border of the workspace, [m].
+        margin: Smallest distance of the block's centre from the border of the workspace, [m].
     """
 
     border_deg: Degrees = 5.0
@@ -50,17 +51,17 @@ class CenteringConfig:
 
 @dataclass(frozen=True)
 class Scene:
-    """One drawn scene; positions and angles in base axes.
+    """One scene of block centering. Positions and angles are in base axes.
 
     Attributes:
-        block_xy: Centre of the block, [m].
-        block_half: Half its edge, [m].
-        block_yaw: Its yaw, [rad].
-        block_mass: [kg].
-        block_friction: Lateral friction coefficient.
-        block_color: Red, green, blue, 0 to 1.
-        gripper_xy: Where the gripper comes down, [m].
-        gripper_yaw: With which yaw, [rad].
+        block_xy: Centre of the block, (x, y), [m].
+        block_half: Half the edge of the block, [m].
+        block_yaw: Yaw of the block, [rad].
+        block_mass: Mass of the block, [kg].
+        block_friction: Lateral friction coefficient of the block.
+        block_color: RGB of the block, 0 to 1.
+        gripper_xy: Point where the gripper comes down, (x, y), [m].
+        gripper_yaw: Yaw of the gripper when it comes down, [rad].
         push: Commanded depth of the fingertips below the block's top, [m].
     """
 
@@ -79,10 +80,10 @@ def draw_scene(rng: np.random.Generator, direction: int, config: CenteringConfig
     """Draw a scene in which the gripper must move in a given image-aligned direction.
 
     Args:
-        rng: Source of all randomness.
-        direction: Class 0..3 (`svfl_data.symmetry.DIRECTIONS`).
-        config: Bounds of everything that is drawn.
-        world: For its workspace and camera axes.
+        rng: Source of all random numbers.
+        direction: Class of the direction, 0..3 (`svfl_data.symmetry.DIRECTIONS`).
+        config: Bounds of all numbers that are drawn.
+        world: World whose workspace and image axes of the first camera are used. Nothing is put into the world.
 
     Returns:
         The scene.
@@ -95,7 +96,7 @@ def draw_scene(rng: np.random.Generator, direction: int, config: CenteringConfig
     yaw = (math.atan2(-finger_axis[0], finger_axis[1]) + np.pi / 2) % np.pi - np.pi / 2
 
     half, turn = rng.uniform(*config.block_half), rng.uniform(-1, 1) * np.deg2rad(config.block_turn_deg)
-    extent = half * (math.cos(turn) + math.sin(abs(turn)))  # of the turned square along the finger axis
+    extent = half * (math.cos(turn) + math.sin(abs(turn)))  # half the width of the turned square along the finger axis
     inner, outer = FINGER_SPAN
     nearest = max(abs(extent - inner) + OVERLAP, config.lateral[0])  # one finger lands, the other passes
     farthest = min(outer + extent - OVERLAP, config.lateral[1])
@@ -117,11 +118,11 @@ def draw_scene(rng: np.random.Generator, direction: int, config: CenteringConfig
 
 @dataclass(frozen=True)
 class Label:
-    """Where the gripper must move, from the true poses.
+    """Displacement that centres the gripper over the block, computed from the true poses.
 
     Attributes:
-        offset: Block centre minus TCP, shape (2,), [m], base axes.
-        direction: Nearest direction in image-aligned axes, 0..3.
+        offset: Block centre minus TCP, (x, y), shape (2,), [m], base axes.
+        direction: Class of the nearest direction in image-aligned axes, 0..3.
         border_deg: Angle between the offset and the nearest border of two classes, [deg].
     """
 
@@ -131,7 +132,12 @@ class Label:
 
 
 def true_label(world: World, block: int) -> Label:
-    """Read the label off the true poses of block and gripper."""
+    """Compute the label from the true poses of the block and the gripper.
+
+    Args:
+        world: World that holds the block.
+        block: Body id of the block.
+    """
     offset = world.pose(block)[:2] - world.tcp[:2]
     in_image = act(world.camera.image_axes, offset, OFFSET_PARTS)
     return Label(offset, int(nearest_direction(in_image)), float(np.rad2deg(border_distance(in_image))))

@@ -1,4 +1,4 @@
-"""The scripted expert of block centering: it fails to grasp in just the way we want to learn from."""
+"""Scripted expert of block centering, which lands on the block with one finger on purpose."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,24 +7,25 @@ from collectors.simulation.centering import Scene
 from svfl_data.schema.robot import Observation
 
 STEP = np.array([0.025, 0.025, 0.025, np.pi / 16])  # bounds of the action: dx, dy, dz [m], dtheta [rad] (paper, 5.1)
-OPEN = 1.0  # gripper opening all along
-CLEAR = 0.030  # [m] between fingertips and block at which the expert slows down: time for the reference to slow down
-SLOW = 0.006  # [m] per step from there on: 0.12 m/s
-ARRIVING = 1  # steps of rest after the last command: at that speed the reference is late by 38 ms
+OPEN = 1.0  # gripper opening in every action
+CLEAR = 0.030  # [m] between fingertips and block where the expert slows down: it leaves the reference time to slow down
+SLOW = 0.006  # [m] per step below that height, which is 0.12 m/s
+ARRIVING = 1  # steps of rest after the last command: at that speed the reference is 38 ms late
 
 
 class CollisionExpert:
-    """Moves above the place, comes down until a finger has met the block, pushes on, and waits until it has arrived.
+    """Policy that moves above the block, comes down until a finger meets the block, pushes on and waits to arrive.
 
-    It counts up what it has commanded: once the block holds the gripper up, the measured height no longer tells.
+    The expert adds up its commands, because the measured height no longer tells the commanded height once the block
+    holds the gripper up.
     """
 
     def __init__(self, scene: Scene, touchdown: float) -> None:
-        """Plan for a scene.
+        """Plan the movement for a scene.
 
         Args:
-            scene: What was drawn.
-            touchdown: TCP height at which the fingertips reach the block's top, [m].
+            scene: Scene in which the expert acts.
+            touchdown: Height of the TCP at which the fingertips reach the block's top, base z, [m].
         """
         self._goal = np.array([*scene.gripper_xy, touchdown - scene.push, scene.gripper_yaw])
         self._slow_from = touchdown + CLEAR
@@ -32,7 +33,7 @@ class CollisionExpert:
         self._rested = 0
 
     def __call__(self, observation: Observation) -> NDArray[np.float32] | None:
-        """Next action, or None when the push is over."""
+        """Return the next action, (5,) float32, or None when the push is over."""
         if self._commanded is None:
             self._commanded = observation.proprio[1:].astype(float)
         left = self._goal - self._commanded
@@ -42,7 +43,7 @@ class CollisionExpert:
         height = self._commanded[2]
         above_place = np.all(np.abs(left[[0, 1, 3]]) < 1e-6)
         if not above_place:
-            left[2] = max(self._slow_from - height, left[2])  # travel, but stay clear of the block
+            left[2] = max(self._slow_from - height, left[2])  # move sideways, but stay clear of the block
         elif height > self._slow_from + 1e-6:
             left[2] = self._slow_from - height
         else:

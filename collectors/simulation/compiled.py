@@ -1,7 +1,7 @@
-"""Functions as machine code, kept in the user's cache or, if there is none, compiled again by every process.
+"""Decorator that compiles functions to machine code, kept in the user's cache folder.
 
-By itself Numba keeps them beside the source file, and fails on import where neither that folder nor the user's home can
-be written.
+Without a cache folder, every process compiles the functions again. By default Numba keeps machine code beside the
+source file, and fails on import where neither that folder nor the user's home can be written.
 """
 
 from collections.abc import Callable
@@ -15,15 +15,15 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 def compiled(function: Function) -> Function:
-    """Decorator: compile a function at its first call.
+    """Decorate a function so that Numba compiles it at its first call.
 
     Floats are added and multiplied in the order of the source, without fused operations, so that every processor
     computes the same.
     """
     folder = cache_folder("numba")
-    settings: Any = numba.config  # whose attributes come from the environment
+    settings: Any = numba.config  # typed as Any because its attributes are set from environment variables
     usual = settings.CACHE_DIR
-    settings.CACHE_DIR = str(folder or "")  # read when a function is decorated
+    settings.CACHE_DIR = str(folder or "")  # Numba reads it when a function is decorated
     try:
         return cast(Function, numba.njit(cache=folder is not None)(function))
     finally:

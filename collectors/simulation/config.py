@@ -1,4 +1,4 @@
-"""Every number of the simulated world, in one place."""
+"""Configuration of the simulated world, with all its numbers in one place."""
 
 import math
 from dataclasses import dataclass, field
@@ -14,28 +14,33 @@ from svfl_data.sampling.windows import WINDOW
 
 @dataclass(frozen=True)
 class WorldConfig:
-    """Every number of the simulated world. Base frame = robot base = world frame, z up, table top at z = 0.
+    """All numbers of the simulated world.
+
+    The base frame is the frame of the robot's base and the world frame. Its z axis points up, and the table top is at
+    z = 0.
 
     Attributes:
-        physics_dt_ns: Time of one physics step and between two readings, [ns] (500 Hz).
-        physics_steps: Physics steps in one action (25 of 2 ms = 20 Hz).
-        max_acceleration: Largest acceleration of the reference along each axis, [m/s^2]; the yaw takes as long to reach
-            its full speed. The wrist feels 1.01 kg of gripper: 3.3 N, and up to 4.4 N while the joints settle.
-        smoothing_steps: Physics steps of the moving average that bounds the jerk to 2 max_acceleration / its time.
-        settle_steps: Steps of rest, without action, after a reset.
-        tare_readings: Readings averaged by `World.tare`.
-        workspace: Bounds of the commanded TCP (x, y, z), [m]; the lowest z lets the fingers press on the table.
-        max_yaw: Bound of the commanded yaw, [rad]; with a two-finger gripper +-pi/2 are all directions.
-        home: TCP position after reset, [m]; yaw 0, gripper open.
+        physics_dt_ns: Time of one physics step, which is also the time between two readings, [ns] (500 Hz).
+        physics_steps: Physics steps in one action (25 steps of 2 ms are 20 Hz).
+        max_acceleration: Largest acceleration of the reference along each axis, [m/s^2]. The yaw takes the same time to
+            reach its full speed. By default the inertia of the gripper, 1.01 kg, reads 3.3 N at the wrist, and up to
+            4.4 N while the joints settle.
+        smoothing_steps: Length of the reference's moving average, in physics steps. It bounds the jerk to
+            2 max_acceleration divided by the time of the average.
+        settle_steps: Steps at 20 Hz for which the arm rests after a reset, without an action.
+        tare_readings: Number of readings that `World.tare` averages.
+        workspace: Bounds of the commanded TCP (x, y, z) in base, [m]. The lowest z lets the fingers press on the table.
+        max_yaw: Largest absolute commanded yaw, [rad]. For a two-finger gripper, -pi/2 to pi/2 holds all directions.
+        home: TCP position after a reset, base (x, y, z), [m]. The yaw then is 0 and the gripper is open.
         max_move: Largest |dx|, |dy|, |dz| of an action, [m].
         max_turn: Largest |dtheta| of an action, [rad].
         table_friction: Coulomb friction of the table; PyBullet multiplies it by the object's.
         table_color: RGB of the table, 0 to 1.
         solver_iterations: Iterations of the contact solver in a physics step.
-        panda: The arm.
-        admittance: The compliance of the gripper.
-        noise: The wrist sensor's noise.
-        cameras: The cameras, by name; the first one is what a policy sees.
+        panda: Configuration of the arm.
+        admittance: Compliance of the gripper.
+        noise: Noise of the wrist sensor.
+        cameras: Configuration of each camera, by name. A policy sees the first camera.
     """
 
     physics_dt_ns: Nanoseconds = 2_000_000
@@ -58,10 +63,11 @@ class WorldConfig:
     cameras: dict[str, CameraConfig] = field(default_factory=lambda: {"front": CameraConfig()})
 
     def __post_init__(self) -> None:
-        """Refuse what no world can be made of.
+        """Refuse numbers that no world can have.
 
         Raises:
-            UsageError: If the workspace is empty or its home is outside, or rest is too short for a window of readings.
+            UsageError: If the workspace is empty, `home` is outside the workspace, or the rest after a reset has fewer
+                readings than a wrench window or than `tare_readings`.
         """
         if not all(low < high for low, high in self.workspace):
             raise UsageError(f"a workspace has a low and a higher bound of x, y and z, got {self.workspace}")

@@ -1,4 +1,4 @@
-"""The reference between two 20 Hz actions: the pose that a free gripper has, with bounded acceleration and jerk."""
+"""The reference: the pose that a free gripper has between two 20 Hz actions, with bounded acceleration and jerk."""
 
 import math
 from collections import deque
@@ -8,29 +8,34 @@ Pose = tuple[float, ...]  # (x, y, z, theta)
 
 
 class Reference:
-    """Follows the commanded pose as fast as a bound on its acceleration allows, then smooths by a moving average.
+    """Pose that follows the commanded pose as fast as bounds on its acceleration and jerk allow.
 
-    The commanded pose moves at constant speed during a tick. A tracker goes after it: in every physics step it takes
-    the largest speed from which it can still stop at the commanded pose, changing its velocity by no more than the
-    bound. The moving average over a time T then bounds the jerk to twice the acceleration over T. Both add no
-    overshoot, and both end exactly at the commanded pose. At constant speed v the reference is late by the way that
-    stopping takes, v^2 / (2 a), and by v T / 2.
+    The commanded pose moves at constant speed during an action. A tracker follows the commanded pose: in every physics
+    step the tracker takes the largest speed from which it can still stop at the commanded pose, and changes its
+    velocity by no more than the bound a. A moving average of the tracker over a time T then bounds the jerk to 2 a / T.
+    Neither the tracker nor the average overshoots, and both end exactly at the commanded pose. At constant speed v the
+    reference is behind the commanded pose by the stopping distance, v^2 / (2 a), plus v T / 2.
 
     Distances and speeds are measured as the largest of the four components, each in units of the bound of an action.
-    So the bound holds for each component, and a movement along a straight line stays on it, with the yaw in proportion.
+    So the bound holds for each component, and a movement along a straight line stays on the line, with the yaw in
+    proportion.
 
     Sources: Zanasi, Guarino Lo Bianco and Tonielli (2000), "Nonlinear filters for the generation of smooth
     trajectories" (the tracker); Biagiotti and Melchiorri (2012), "FIR filters for online trajectory planning with
     time- and frequency-domain specifications" (the average).
+
+    Attributes:
+        pose: Reference pose now, in base, (x, y, z, theta), [m] and [rad].
     """
 
     def __init__(self, pose: Sequence[float], bound: Sequence[float], acceleration: float, smoothing: int) -> None:
         """Start at rest.
 
         Args:
-            pose: Where, (x, y, z, theta), [m] and [rad].
+            pose: Start pose in base, (x, y, z, theta), [m] and [rad].
             bound: Largest |dx|, |dy|, |dz| [m] and |dtheta| [rad] of an action.
-            acceleration: Largest change of the motion in a physics step from one to the next, in units of `bound`.
+            acceleration: Largest change, from one physics step to the next, of the motion in a physics step, in units
+                of `bound`.
             smoothing: Length of the moving average, in physics steps.
         """
         self._bound = tuple(bound)
@@ -41,14 +46,14 @@ class Reference:
 
     @property
     def tracker(self) -> Pose:
-        """Pose before the moving average, (x, y, z, theta), [m] and [rad]: where `pose` is going."""
+        """Pose before the moving average, in base, (x, y, z, theta), [m] and [rad], to which `pose` is moving."""
         return self._tracked[-1]
 
     def step(self, aim: Sequence[float]) -> Pose:
-        """Move on by one physics step.
+        """Move the reference on by one physics step.
 
         Args:
-            aim: Commanded pose now, (x, y, z, theta), [m] and [rad].
+            aim: Commanded pose now, in base, (x, y, z, theta), [m] and [rad].
 
         Returns:
             Motion of `pose` in this step, (dx, dy, dz, dtheta), [m] and [rad].
@@ -66,13 +71,16 @@ class Reference:
         return tuple(after - at for after, at in zip(self.pose, before, strict=True))
 
     def _fastest(self, way: float) -> float:
-        """Largest motion in a step from which one can stop within `way`, giving up the acceleration in every step."""
+        """Return the largest motion in a step from which the tracker, braking in every step, can stop within `way`."""
         a = self._acceleration
         steps = max(1, math.ceil(0.5 * (math.sqrt(1.0 + 8.0 * way / a) - 1.0)))
         return way / steps + 0.5 * a * (steps - 1)
 
     def _faster(self, speed: float, change: float, part: float) -> float:
-        """A component's next speed: all gain speed in proportion, which keeps lines straight, but each brakes alone."""
+        """Return the next speed of a component.
+
+        All components gain speed in proportion, which keeps lines straight, but each component brakes independently.
+        """
         if speed * change < 0.0:
             return speed + min(max(change, -self._acceleration), self._acceleration)
         return speed + part * change

@@ -24,18 +24,24 @@ from svfl_data.schema.robot import Calibration, Observation
 from svfl_data.system.own_process import OwnProcess
 
 RENEWED = 1000
-"""Resets after which the world is built anew: PyBullet keeps the shapes of removed bodies, up to 0.1 MB a reset."""
+"""Number of resets after which the world is built anew.
+
+PyBullet keeps the shapes of removed bodies, up to 0.1 MB per reset.
+"""
 LEAD = 4.0
-"""Times the way that stopping takes: how far the command may be ahead of a free gripper, which needs 3.8 of them when
-it turns back at full speed."""
+"""Largest distance of the command ahead of a free gripper, in stopping distances from full speed.
+
+A free gripper that turns back at full speed needs 3.8 stopping distances.
+"""
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
 
 
 @dataclass(frozen=True)
 class _Home:
-    """A world at rest, as `World.reset` brings it back: what PyBullet keeps by a number, and what it does not.
+    """State of a world at rest, to which `World.reset` returns.
 
-    Restoring PyBullet's state alone would not do: motor torques and our controllers are not in it.
+    PyBullet's own state, which it keeps under the number `state`, is not enough: it holds neither motor torques nor the
+    controllers.
     """
 
     state: int
@@ -47,9 +53,9 @@ class _Home:
 
 
 class World(OwnProcess):
-    """One PyBullet world in this process, with its own client: others are not disturbed.
+    """One PyBullet world with its own client, which does not disturb other worlds in the same process.
 
-    It works in the process that made it only, and can be neither pickled nor copied.
+    A `World` works only in the process that made it, and can be neither pickled nor copied.
 
     ```python
     with World(WorldConfig()) as world:
@@ -59,13 +65,20 @@ class World(OwnProcess):
         world.step([1.0, 0.0, 0.0, -0.02, 0.0])
         observation = world.observe()
     ```
+
+    Attributes:
+        config: All numbers of the world.
+        bodies: Object that adds bodies to the world.
+        tare_offset: Wrench that is subtracted from the readings of an observation, (6,), [N] and [N m]. It is zero
+            after a reset until `tare`.
     """
 
     def __init__(self, config: WorldConfig | None = None) -> None:
-        """Open a PyBullet client; `reset` builds the world.
+        """Open a PyBullet client. The first `reset` builds the world.
 
         Args:
-            config: All numbers; the defaults are the paper's where it gives them.
+            config: All numbers of the world. None means ``WorldConfig()``, whose numbers are the paper's where the
+                paper gives them.
         """
         self.config = config or WorldConfig()
         self._dt = self.config.physics_dt_ns * 1e-9
@@ -94,7 +107,7 @@ class World(OwnProcess):
 
     @property
     def client(self) -> int:
-        """PyBullet's client id, for what `World` does not offer.
+        """PyBullet client id of the world, for calls to PyBullet that `World` does not offer.
 
         Raises:
             UsageError: If the world is closed, or belongs to another process.
@@ -105,17 +118,18 @@ class World(OwnProcess):
         return self._client
 
     def close(self) -> None:
-        """Release the client; the world cannot be used afterwards. Closing twice is harmless."""
+        """Release the PyBullet client, after which the world cannot be used. Closing it twice does no harm."""
         self.check_process()
         if self._client >= 0:
             pybullet.disconnect(self._client)
             self._client = -1
 
     def reset(self, seed: int) -> None:
-        """Empty table, arm at home, gripper open, clock at 0, then a moment of rest.
+        """Bring the world to its start: an empty table, the arm at home and at rest, the gripper open.
 
-        Built from nothing the first time and brought back from then on. Nothing survives from before, so the same seed
-        and actions give the same bytes in any process, whatever the world was used for before.
+        The clock starts at 0 before the rest, whose readings are kept. The first reset builds the world, and later
+        resets restore it. Nothing survives from before, so the same seed and actions give the same bytes in any
+        process, whatever the world was used for before.
 
         Args:
             seed: Seed of the sensor noise, >= 0.
@@ -144,7 +158,7 @@ class World(OwnProcess):
         self.tare_offset = np.zeros(6, np.float32)
 
     def _build(self) -> "_Home":
-        """Build table and arm, rest, and remember the state of everything."""
+        """Build the table and the arm, let the arm rest, and return the state of the world."""
         c = self.config
         pybullet.setGravity(*GRAVITY, physicsClientId=self.client)
         pybullet.setPhysicsEngineParameter(
@@ -179,15 +193,15 @@ class World(OwnProcess):
         friction: float,
         color: Vector3 = RED,
     ) -> int:
-        """Add a box; `bodies` adds other shapes.
+        """Add a box. Use `bodies` to add other shapes.
 
         Args:
-            half_extents: Half edge lengths, [m].
-            position: Centre in base, [m].
-            yaw: Rotation about z, [rad].
-            mass: Mass, [kg]; 0 fixes the box in place.
+            half_extents: Half edge lengths of the box, (x, y, z), [m].
+            position: Centre of the box in base, (x, y, z), [m].
+            yaw: Rotation of the box about z, [rad].
+            mass: Mass of the box, [kg]; 0 fixes the box in place.
             friction: Coulomb friction of the box; PyBullet multiplies it by the other body's.
-            color: RGB, 0 to 1.
+            color: RGB of the box, 0 to 1.
 
         Returns:
             The body id, for `pose` and `finger_contacts`.
@@ -195,10 +209,10 @@ class World(OwnProcess):
         return self.bodies.add([Box(half_extents, color=color)], position, yaw, mass, friction)
 
     def tare(self) -> None:
-        """Set `tare_offset` (6,) [N, N m] to the mean of the last `tare_readings` readings. Readings stay raw.
+        """Set `tare_offset`, (6,), [N] and [N m], to the mean of the last `WorldConfig.tare_readings` readings.
 
-        Meant for right after `reset` (and after objects were added): the arm is at home and at rest. A load that
-        touches the gripper now will be missing from every tared reading.
+        The readings in `wrench` stay raw. Call `tare` right after `reset`, or after objects were added, while the arm
+        is at home and at rest. A load that touches the gripper during the tare is missing from every tared reading.
         """
         self.check_process()
         self.tare_offset = self.wrench[-self.config.tare_readings :].mean(axis=0, dtype=np.float64).astype(np.float32)
@@ -206,13 +220,13 @@ class World(OwnProcess):
     def step(self, action: ArrayLike) -> None:
         """Carry out one action: 25 physics steps of 2 ms, each with one control update and one reading.
 
-        The commanded pose moves by the action from the last commanded pose (not from the measured one, so that a push
-        can be kept up or increased). The reference follows it with bounded acceleration and jerk, and the gripper
-        follows the reference.
+        The commanded pose moves by the action from the last commanded pose, not from the measured pose, so that a push
+        can be kept up or increased. The reference follows the commanded pose with bounded acceleration and jerk, and
+        the gripper follows the reference.
 
         Args:
-            action: Gripper opening 0..1, dx, dy, dz [m], dtheta [rad] in base, (5,); clipped to the bounds of an
-                action, then to the workspace.
+            action: Gripper opening 0..1, dx, dy, dz [m], dtheta [rad], base axes, (5,). The action is clipped to the
+                bounds of an action, and the commanded pose to the workspace.
 
         Raises:
             UsageError: If the action is not five finite numbers.
@@ -230,30 +244,30 @@ class World(OwnProcess):
 
     @property
     def action_bound(self) -> NDArray[np.float64]:
-        """Largest |dx|, |dy|, |dz| [m] and |dtheta| [rad] of an action, (4,)."""
+        """Largest absolute values of an action's dx, dy, dz [m] and dtheta [rad], (4,)."""
         c = self.config
         return np.array([c.max_move, c.max_move, c.max_move, c.max_turn])
 
     def within(self, target: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Keep an (x, y, z, theta), (4,) [m] and [rad], inside the workspace."""
+        """Clip a pose (x, y, z, theta) in base, (4,), [m] and [rad], to the workspace and the largest yaw."""
         position = np.clip(target[:3], self._bounds[:, 0], self._bounds[:, 1])
         return np.array([*position, np.clip(target[3], -self.config.max_yaw, self.config.max_yaw)])
 
     def _limit(self, target: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Keep a commanded (x, y, z, theta) inside the workspace, near the reference where the gripper is held up."""
+        """Clip a commanded (x, y, z, theta) to the workspace and, where the gripper is held up, near the reference."""
         low, high = np.transpose(self._leash(LEAD))
         return self.within(np.array([*np.clip(target[:3], low, high), target[3]]))
 
     def _aim(self, commanded: Sequence[float]) -> Sequence[float]:
-        """Where the reference goes: to the commanded pose, but not on and on where the gripper is held up."""
+        """Return the pose that the reference moves to: the commanded pose, limited where the gripper is held up."""
         leash = zip(commanded, self._leash(1.0), strict=False)
         return [*(min(max(to, low), high) for to, (low, high) in leash), commanded[3]]
 
     def _leash(self, times: float) -> list[tuple[float, float]]:
-        """Bounds of x, y, z about the reference, (3, 2), [m]: `times` the way that stopping from full speed takes.
+        """Return bounds of x, y, z about the reference, (3, 2), [m], at `times` the stopping distance from full speed.
 
-        Where the gripper is held up, less is left in that direction, nothing when the gripper is `max_deviation`
-        behind.
+        Where the gripper is held up, the bound in that direction is nearer to the reference. It leaves no distance when
+        the gripper is `max_deviation` behind the reference.
         """
         reach = self.config.admittance.max_deviation
         stretch = times * self._stopping / reach
@@ -265,11 +279,11 @@ class World(OwnProcess):
         return [(track - way(reach + at - gripper), track + way(reach - at + gripper)) for track, at, gripper in places]
 
     def _advance(self, commanded: Sequence[float], opening: float) -> tuple[float, ...]:
-        """One physics step: move the reference, command the arm, simulate, feel.
+        """Carry out one physics step: move the reference, command the arm, simulate, and read the wrench.
 
         Args:
-            commanded: Commanded (x, y, z, theta) now, [m] and [rad].
-            opening: Commanded gripper opening.
+            commanded: Commanded (x, y, z, theta) now, in base, [m] and [rad].
+            opening: Commanded gripper opening, 0 closed to 1 open.
 
         Returns:
             The physical wrench on the gripper, six numbers, [N] and [N m], base axes, about the sensor origin.
@@ -285,7 +299,7 @@ class World(OwnProcess):
         pybullet.stepSimulation(physicsClientId=self.client)
         panda.read()
         wrench = wrench_from_reaction(panda.reaction)
-        # What of the force is neither the weight nor the inertia of the gripper: F - m (g - a).
+        # External force, without the weight and the inertia of the gripper: F - m (g - a).
         fx, fy, fz = (
             felt - panda.gripper_mass * (g - (now - last) / dt)
             for felt, g, now, last in zip(wrench[:3], GRAVITY, panda.gripper_velocity, before, strict=True)
@@ -294,10 +308,14 @@ class World(OwnProcess):
         return wrench
 
     def observe(self, render: bool = True) -> Observation:
-        """Render and read the state after the latest step.
+        """Render the cameras and read the state after the latest step.
 
         Args:
-            render: Whether to take pictures; without, `frames` is empty and the step costs about half.
+            render: Whether to render the cameras. Without images, `frames` is empty and a step takes about half the
+                time.
+
+        Returns:
+            The observation, whose wrench window is tared.
         """
         self.check_process()
         panda = self._panda
@@ -310,7 +328,7 @@ class World(OwnProcess):
         )
 
     def _window(self) -> NDArray[np.float32]:
-        """The last 64 readings, tared, (64, 6)."""
+        """Return the last 64 readings, tared, (64, 6), [N] and [N m]."""
         chunks, readings = [], 0
         for chunk in reversed(self._wrenches):
             chunks.append(chunk)
@@ -327,13 +345,13 @@ class World(OwnProcess):
 
     @property
     def wrench_t_ns(self) -> NDArray[np.int64]:
-        """Time of each reading since reset, (M,), [ns]; the first is one physics step after the reset."""
+        """Time of each reading since reset, (M,), [ns]. The first reading is one physics step after the reset."""
         count = sum(map(len, self._wrenches))
         return np.arange(1, count + 1, dtype=np.int64) * self.config.physics_dt_ns
 
     @property
     def workspace(self) -> NDArray[np.float64]:
-        """Bounds of the commanded TCP x, y, z in base, (3, 2), [m]."""
+        """Lower and upper bounds of the commanded TCP x, y, z in base, (3, 2), [m]."""
         return self._bounds
 
     @property
@@ -343,10 +361,10 @@ class World(OwnProcess):
 
     @property
     def camera(self) -> Calibration:
-        """Calibration of the first camera, whose picture a policy sees.
+        """Calibration of the first camera, whose image a policy sees.
 
         Raises:
-            UsageError: If the world has none.
+            UsageError: If the world has no camera.
         """
         if not self._cameras:
             raise UsageError("this World has no camera; name one in WorldConfig.cameras")
@@ -354,17 +372,17 @@ class World(OwnProcess):
 
     @property
     def robot(self) -> int:
-        """Body id of the Panda, for tasks that reach into PyBullet by `client`."""
+        """Body id of the Panda, for tasks that call PyBullet with `client`."""
         return self._panda.body
 
     @property
     def target(self) -> NDArray[np.float64]:
-        """Commanded TCP x, y, z [m] and theta [rad] in base, (4,): where a free gripper comes to rest."""
+        """Commanded TCP x, y, z [m] and theta [rad] in base, (4,), at which a free gripper comes to rest."""
         return self._target.copy()
 
     @property
     def reference(self) -> NDArray[np.float64]:
-        """TCP x, y, z [m] and theta [rad] in base, (4,), on the way to the target: where a free gripper is now."""
+        """Reference TCP x, y, z [m] and theta [rad] in base, (4,), at which a free gripper is now."""
         return np.array(self._reference.pose)
 
     @property
@@ -373,21 +391,21 @@ class World(OwnProcess):
         return np.array([*self._panda.position, *self._panda.quat])
 
     def pose(self, body: int) -> NDArray[np.float64]:
-        """True pose of a body in base: position [m] and quat_xyzw, (7,)."""
+        """Return the true pose of a body in base: position of its centre of mass [m] and quat_xyzw, (7,)."""
         position, quat_xyzw = pybullet.getBasePositionAndOrientation(body, physicsClientId=self.client)
         return np.array([*position, *quat_xyzw])
 
     def yaw(self, body: int) -> float:
-        """True yaw of an upright body in base, [rad], in (-pi, pi]."""
+        """Return the true yaw of an upright body in base, [rad], in (-pi, pi]."""
         x, y, z, w = self.pose(body)[3:]
         return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
     def holds(self, body: int) -> bool:
-        """Whether both fingers press on the body now."""
+        """Return whether both fingers press on a body now."""
         return all(self.finger_contacts(body))
 
     def finger_contacts(self, body: int) -> tuple[bool, bool]:
-        """Whether the left and the right finger press on the body now."""
+        """Return whether the left finger, and whether the right finger, presses on a body now."""
         left, right = (self._presses(finger, body) for finger in (LEFT_FINGER, RIGHT_FINGER))
         return left, right
 
@@ -395,4 +413,4 @@ class World(OwnProcess):
         contacts: Sequence[tuple] = pybullet.getContactPoints(
             self._panda.body, body, linkIndexA=link, physicsClientId=self.client
         )
-        return any(contact[9] > 0.0 for contact in contacts)  # 9: normal force
+        return any(contact[9] > 0.0 for contact in contacts)  # field 9 is the normal force

@@ -1,22 +1,24 @@
-"""The six-axis force-torque sensor between flange and gripper."""
+"""The simulated six-axis force-torque sensor between the arm's flange and the gripper."""
 
 from collections.abc import Sequence
 
 from collectors.simulation.bullet import pybullet
 
-# In this mode PyBullet reports the reaction at a joint in base axes and about the joint's origin; without it, in the
-# axes and about the centre of mass of the child link. Found by experiment (pybullet 3.2.7), held by the tests.
+# In this mode PyBullet reports the reaction at a joint in base axes and about the joint's origin. Without it, PyBullet
+# reports the reaction in the axes of the child link and about its centre of mass. This was found by experiment
+# (pybullet 3.2.7), and a test checks it.
 FEEDBACK_MODE = pybullet.JOINT_FEEDBACK_IN_JOINT_FRAME | pybullet.JOINT_FEEDBACK_IN_WORLD_SPACE
 
 
 def wrench_from_reaction(reaction: Sequence[float]) -> tuple[float, ...]:
-    """Turn the joint reaction into what a sensor in that joint reads: the load on the gripper.
+    """Turn the reaction of a joint into the reading of a sensor in that joint, which is the load on the gripper.
 
-    PyBullet gives the force of the parent (flange) on the child (gripper). The sensor feels the opposite: everything
-    that the environment, gravity and the gripper's own inertia put on it, F_external + m g - m a.
+    PyBullet gives the force of the parent (flange) on the child (gripper). The sensor reads the opposite: the force of
+    the environment, gravity and the gripper's own inertia on the gripper, F_external + m g - m a.
 
     Args:
-        reaction: Force and torque of the flange on the gripper, six numbers, [N] and [N m].
+        reaction: Force and torque of the flange on the gripper, six numbers, [N] and [N m], base axes, about the
+            sensor origin.
 
     Returns:
         Load on the gripper, six numbers, [N] and [N m], base axes, about the sensor origin (`panda_hand_joint`).

@@ -1,1 +1,1 @@
-"""Simulated arms: kinematics, joint servo, the Panda."""
+"""Simulated arms: the kinematics, the joint servo and the Panda."""

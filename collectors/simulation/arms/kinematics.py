@@ -1,7 +1,8 @@
-"""The arm's inner loop as machine code: what is computed 500 times a second from a few dozen numbers.
+"""The arm's inner control loop, compiled to machine code because it runs 500 times a second.
 
-NumPy needs 20 us for this, mostly to make arrays of seven numbers; compiled it takes 3 us. Numba compiles at the first
-use on a machine, which takes some seconds, and keeps the result (`compiled`).
+The loop computes with a few dozen numbers. NumPy needs 20 us for it, mostly to make arrays of seven numbers; the
+compiled code takes 3 us. Numba compiles the loop at its first use on a machine, which takes some seconds, and keeps the
+result (`collectors.simulation.compiled`).
 """
 
 import numpy as np
@@ -17,18 +18,18 @@ Nine = tuple[float, ...]
 def joint_motion(
     jacobian: NDArray[np.float64], motion: NDArray[np.float64], posture: NDArray[np.float64], damping: float
 ) -> NDArray[np.float64]:
-    """Differential inverse kinematics with a wish for the redundant joint.
+    """Return the joint motion for a small motion of the TCP, by differential inverse kinematics.
 
-    dq = J# dx + (I - J# J) dq_posture with the damped pseudo-inverse J# = J^T (J J^T + damping^2 I)^-1; the inverse by
-    Cholesky's decomposition.
+    dq = J# dx + (I - J# J) dq_posture with the damped pseudo-inverse J# = J^T (J J^T + damping^2 I)^-1. The inverse is
+    computed by Cholesky decomposition. The second term moves the redundant joint without moving the gripper.
 
     Source: Siciliano, Sciavicco, Villani, Oriolo (2009), "Robotics: Modelling, Planning and Control", section 3.5.
 
     Args:
         jacobian: Geometric Jacobian of the TCP, (6, 7), linear rows first, base axes.
-        motion: Small motion of the TCP, (6,), [m] and [rad].
-        posture: Joint motion that is done as far as the gripper does not notice, (7,), [rad].
-        damping: Keeps the step finite near singular postures, [m] and [rad].
+        motion: Small motion of the TCP, (6,), [m] and [rad], base axes.
+        posture: Joint motion that is carried out as far as it does not move the gripper, (7,), [rad].
+        damping: Damping that keeps the joint motion finite near singular postures, [m] and [rad].
 
     Returns:
         Joint motion, (7,), [rad].
@@ -64,7 +65,7 @@ def joint_motion(
 
 @compiled
 def jacobian_array(linear: tuple[Nine, Nine, Nine], angular: tuple[Nine, Nine, Nine]) -> NDArray[np.float64]:
-    """PyBullet's Jacobian of nine joints as an array of the arm's seven, (6, 7), linear rows first."""
+    """Return the arm's seven columns of PyBullet's Jacobian of nine joints, (6, 7), linear rows first."""
     out = np.empty((6, 7))
     for i in range(3):
         for k in range(7):
@@ -74,15 +75,15 @@ def jacobian_array(linear: tuple[Nine, Nine, Nine], angular: tuple[Nine, Nine, N
 
 @compiled
 def gripper_velocity(jacobian: NDArray[np.float64], rates: Nine, above: float) -> tuple[float, float, float]:
-    """Velocity of a point above the TCP of a gripper that points down.
+    """Return the velocity of a point above the TCP of a gripper that points down.
 
     Args:
-        jacobian: (6, 7), base axes.
+        jacobian: Geometric Jacobian of the TCP, (6, 7), linear rows first, base axes.
         rates: Joint rates, [rad/s], of which the first seven are the arm's.
         above: Height of the point above the TCP, [m].
 
     Returns:
-        (x, y, z), [m/s].
+        Velocity (x, y, z), [m/s], base axes.
     """
     v = np.zeros(6)
     for i in range(6):
@@ -103,21 +104,24 @@ def servo_acceleration(
     gains: tuple[float, float, float, float, float],
     dt: float,
 ) -> Seven:
-    """Joint commands that follow the TCP, and accelerations that follow the commands; see `servo.Servo`.
+    """Move joint commands on so that they follow the TCP command, and return accelerations that follow the commands.
+
+    `servo.Servo` explains the control law.
 
     Args:
-        jacobian: Geometric Jacobian of the TCP, (6, 7), base axes.
-        motion: Commanded motion of the TCP in this step, [m] and [rad], base axes.
-        error: Commanded minus present pose of the TCP, [m] and [rad], base axes.
+        jacobian: Geometric Jacobian of the TCP, (6, 7), linear rows first, base axes.
+        motion: Commanded motion of the TCP in this step, six numbers, [m] and [rad], base axes.
+        error: Commanded minus present pose of the TCP, six numbers, [m] and [rad], base axes.
         joints: Present joint angles, [rad], of which the first seven are the arm's.
-        rates: Their rates, [rad/s].
-        commanded: Commanded joint angles, (7,), [rad]; moved on.
-        commanded_rates: Their rates, (7,), [rad/s]; replaced.
-        gains: Bandwidth [rad/s], damping ratio, correction, damping of the kinematics, posture rate [1/s].
+        rates: Present joint rates, [rad/s], of which the first seven are the arm's.
+        commanded: Commanded joint angles, (7,), [rad]. The function moves them on in place.
+        commanded_rates: Commanded joint rates of the last step, (7,), [rad/s]. The function replaces them in place.
+        gains: Bandwidth [rad/s], damping ratio, correction, damping of the inverse kinematics, and posture rate [1/s],
+            as in `servo.ServoConfig`.
         dt: Control period, [s].
 
     Returns:
-        Joint accelerations, seven, [rad/s^2].
+        Joint accelerations, seven numbers, [rad/s^2].
     """
     bandwidth, damping_ratio, correction, ik_damping, posture_rate = gains
     wanted, posture = np.empty(6), np.empty(7)
@@ -139,5 +143,5 @@ def servo_acceleration(
     return (out[0], out[1], out[2], out[3], out[4], out[5], out[6])
 
 
-# Elbow-up posture in which Franka's own examples start; it decides which way the elbow points.
+# Elbow-up posture in which Franka's own examples start, [rad]. It decides which way the elbow points.
 POSTURE = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)

@@ -1,4 +1,4 @@
-"""The Franka Emika Panda with its gripper, in PyBullet: loading, reading and driving it."""
+"""The Franka Emika Panda with its gripper in PyBullet: how it is loaded, read and driven."""
 
 import math
 import re
@@ -19,13 +19,13 @@ from collectors.simulation.bullet import pybullet
 from collectors.simulation.grippers.panda_hand import Gripper, GripperConfig
 
 ARM = range(7)
-SENSOR_JOINT = 8  # panda_hand_joint, fixed: the wrist sensor sits here
+SENSOR_JOINT = 8  # panda_hand_joint, a fixed joint where the wrist sensor is
 LEFT_FINGER, RIGHT_FINGER = 9, 10
 TCP_LINK = 11  # panda_grasptarget, 0.105 m below the sensor
 MOVING = (*ARM, LEFT_FINGER, RIGHT_FINGER)
 SENSED = (*MOVING, SENSOR_JOINT)
 STILL = (0.0,) * len(MOVING)
-DISTAL = (SENSOR_JOINT, LEFT_FINGER, RIGHT_FINGER)  # the links that hang on the sensor
+DISTAL = (SENSOR_JOINT, LEFT_FINGER, RIGHT_FINGER)  # the links that the sensor carries
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,14 @@ class PandaConfig:
     """Numbers of the robot.
 
     Attributes:
-        friction: Coulomb friction of the fingers; PyBullet multiplies it by the object's.
-        pad_stiffness: Stiffness of one contact point of the robot's surface, [N/m]: rubber, not steel.
-        pad_damping: Damping of one contact point, [N s/m].
-        full_meshes: Draw the arm with its fine visual meshes, for pictures; about eight times slower.
-        servo: The arm's inner loop.
-        gripper: The fingers' drive.
+        friction: Coulomb friction of the robot's surface, fingers included; PyBullet multiplies it by the object's.
+        pad_stiffness: Stiffness of one contact point of the robot's surface, [N/m]. The default is that of rubber, not
+            steel.
+        pad_damping: Damping of one contact point of the robot's surface, [N s/m].
+        full_meshes: Whether to draw the arm with its fine visual meshes, which look better in images and are about
+            eight times slower to render.
+        servo: Gains of the arm's inner control loop.
+        gripper: Numbers of the gripper's drive.
     """
 
     friction: NotNegative = 1.0
@@ -55,17 +57,21 @@ FINGER_BOXES = (((0.0175, 0.0142, 0.0348), (0.0071, 0.0364)), ((0.0208, 0.0238, 
 
 
 def urdf_text(full_meshes: bool) -> str:
-    """The Panda's URDF with absolute mesh paths, arm and palm drawn with the coarse collision meshes.
+    """Return the Panda's URDF with absolute mesh paths.
 
-    The software renderer's cost is the number of triangles: about 100,000 in the fine meshes, 4,656 here. The fingers
-    keep their fine meshes: a person must recognise them.
+    By default the arm and the palm are drawn with the coarse collision meshes, because the cost of the software
+    renderer grows with the number of triangles: about 100,000 in the fine meshes, and 4,656 in the coarse ones. The
+    fingers keep their fine meshes, so that a person recognises them.
 
-    The fingers collide as boxes of the mesh's size. The tips of the mesh, tilted by 0.3 mm, touch a flat block with
-    one corner, on the same side of both fingers, which turns the lever arm felt at the wrist by 6 degrees: a gripper
-    that is not its own mirror image.
+    The fingers collide as boxes of the mesh's size. The tips of the mesh are tilted by 0.3 mm and touch a flat block
+    with one corner, on the same side of both fingers. This turns the lever arm that the wrist sensor reads by 6
+    degrees, so that the gripper would not be its own mirror image.
 
-    The stops of the fingers are moved out by 1 mm, so that an open or closed gripper does not lean on them: PyBullet's
-    joint stops falsify the wrist readings by up to 3 %.
+    The stops of the fingers are moved out by 1 mm, so that an open or closed gripper does not press on them:
+    PyBullet's joint stops falsify the wrist readings by up to 3 %.
+
+    Args:
+        full_meshes: Whether the arm and the palm are drawn with their fine visual meshes.
     """
     folder = Path(pybullet_data.getDataPath()) / "franka_panda"
     text = (folder / "panda.urdf").read_text()
@@ -86,27 +92,32 @@ def urdf_text(full_meshes: bool) -> str:
 
 
 class Panda:
-    """One Panda in one PyBullet world, its base at the origin; everything in base axes, [m] and [rad].
+    """One Panda in one PyBullet world, with its base at the origin.
 
-    The state after the latest physics step:
+    The attributes below, but for `body` and `gripper_mass`, are the state after the latest physics step. The state is
+    kept as tuples, as PyBullet returns and accepts it, because conversion to arrays 500 times a second costs more than
+    the computations with them.
 
-    - `joints`, `rates`: seven arm joints [rad], left and right finger [m], and their rates;
-    - `position` and `quat` (xyzw): pose of the TCP;
-    - `gripper_velocity`: velocity (x, y, z) of the centre of mass of gripper and fingers, [m/s];
-    - `reaction`: raw joint reaction at the sensor, six numbers, see `wrist_sensor`.
-
-    It is kept as tuples, as PyBullet gives and takes it: converting to arrays 500 times a second costs more than what
-    is done with them.
+    Attributes:
+        body: Body id of the robot.
+        gripper_mass: Mass of the gripper and its fingers, which the sensor carries, [kg].
+        joints: Angles of the seven arm joints, [rad], then positions of the left and the right finger, [m].
+        rates: Rates of the seven arm joints, [rad/s], then of the left and the right finger, [m/s].
+        position: TCP position in base, (x, y, z), [m].
+        quat: TCP orientation in base, quat_xyzw.
+        gripper_velocity: Velocity of the centre of mass of gripper and fingers, (x, y, z), [m/s], base axes.
+        reaction: Raw joint reaction at the sensor, six numbers, [N] and [N m], base axes (see
+            `collectors.simulation.wrist_sensor`).
     """
 
     def __init__(self, config: PandaConfig, client: int, dt: float, home: NDArray[np.float64]) -> None:
-        """Load the robot and put it at home at once, gripper down with yaw 0, gripper open.
+        """Load the robot and place it at home, with the gripper open and pointing down with yaw 0.
 
         Args:
-            config: Surface and gains.
-            client: PyBullet client id.
-            dt: Physics step, [s].
-            home: TCP position, (3,), [m].
+            config: Numbers of the robot.
+            client: PyBullet client id of the world.
+            dt: Time of a physics step, [s].
+            home: TCP position in base, (3,), [m].
         """
         self._client = client
         self._dt = dt
@@ -127,12 +138,12 @@ class Panda:
             pybullet.changeDynamics(
                 body,
                 link,
-                linearDamping=0.0,  # no air drag: it would show in the wrist readings
+                linearDamping=0.0,  # no air drag, which would show in the wrist readings
                 angularDamping=0.0,
                 jointDamping=0.0,
                 lateralFriction=config.friction,
-                # The URDF's 0.1 at the fingers is a torque that PyBullet's joint reaction leaves out: a mug held by its
-                # handle read 14 % wrong in force and 80 % in torque.
+                # The URDF's 0.1 at the fingers causes a torque that PyBullet's joint reaction leaves out. With it, the
+                # readings of a mug held by its handle were wrong by 14 % in force and by 80 % in torque.
                 spinningFriction=0.0,
                 rollingFriction=0.0,
                 contactStiffness=config.pad_stiffness,
@@ -147,7 +158,7 @@ class Panda:
         return body
 
     def _measure_gripper(self) -> None:
-        """Mass of what hangs on the sensor, and the height of its centre of mass above the TCP when pointing down."""
+        """Measure the gripper's mass, and the height of its centre of mass above the TCP when it points down."""
         masses, depths = [], []
         for link, joint_depth in zip(DISTAL, (0.0, 0.0584, 0.0584), strict=True):  # depths of panda.urdf
             info = pybullet.getDynamicsInfo(self.body, link, physicsClientId=self._client)
@@ -159,7 +170,7 @@ class Panda:
     def _place(self, position: NDArray[np.float64]) -> None:
         joints = np.array([*POSTURE, self._stroke, self._stroke])
         x, y, z = position.tolist()
-        for _ in range(50):  # Newton; converged to rounding after about 10
+        for _ in range(50):  # Newton's method, which converges to rounding after about 10 iterations
             for joint, value in zip(MOVING, joints, strict=True):
                 pybullet.resetJointState(self.body, joint, value, physicsClientId=self._client)
             self.read(forward_kinematics=True)
@@ -169,7 +180,8 @@ class Panda:
         """Read the state from the simulator.
 
         Args:
-            forward_kinematics: Recompute the link poses; needed only after joints were set without a physics step.
+            forward_kinematics: Whether PyBullet recomputes the link poses, which is needed only after joints were set
+                without a physics step.
         """
         states = pybullet.getJointStates(self.body, SENSED, physicsClientId=self._client)
         positions, rates, reactions, _ = zip(*states, strict=True)
@@ -186,25 +198,25 @@ class Panda:
 
     @property
     def theta(self) -> float:
-        """Yaw of the gripper, [rad], in (-pi, pi]; 0 when the fingers open along base y."""
+        """Yaw of the gripper, [rad], in (-pi, pi]. It is 0 when the fingers open along base y."""
         x, y, _, _ = self.quat
         return math.atan2(2.0 * x * y, x * x - y * y)
 
     @property
     def opening(self) -> float:
-        """Gripper opening, 0 closed to 1 open."""
+        """Measured gripper opening, 0 closed to 1 open."""
         return (self.joints[7] + self.joints[8]) / (2.0 * self._stroke)
 
     def drive(self, pose: Sequence[float], motion: Sequence[float], opening: float) -> None:
         """Set the motor torques of the next physics step.
 
-        The torques are those that give the wanted joint accelerations to the robot alone (inverse dynamics, gravity
-        included); a load is felt as a disturbance.
+        The torques give the wanted joint accelerations to the robot alone (inverse dynamics, gravity included). A load
+        acts on the robot as a disturbance.
 
         Args:
-            pose: Where the TCP should be now, (x, y, z, theta), [m] and [rad].
-            motion: How it should move in this step, (dx, dy, dz, dtheta), [m] and [rad].
-            opening: Wanted gripper opening, 0 to 1.
+            pose: Wanted TCP pose now, in base, (x, y, z, theta), [m] and [rad].
+            motion: Wanted motion of the TCP in this step, base axes, (dx, dy, dz, dtheta), [m] and [rad].
+            opening: Wanted gripper opening, 0 closed to 1 open.
         """
         dx, dy, dz, dtheta = motion
         acceleration = self._servo.acceleration(
@@ -223,6 +235,6 @@ class Panda:
         )
 
     def _error(self, x: float, y: float, z: float, theta: float) -> tuple[float, float, float, float, float, float]:
-        """Wanted minus present TCP pose, six numbers, [m] and [rad]."""
+        """Return the wanted minus the present TCP pose, six numbers, [m] and [rad], base axes."""
         at = self.position
         return (x - at[0], y - at[1], z - at[2], *rotation_error(theta, self.quat))

@@ -1,4 +1,4 @@
-"""From a pose and velocity of the tool centre point (TCP) to joint accelerations: the position-controlled arm."""
+"""Control of the arm by position: from a pose and motion of the tool centre point (TCP) to joint accelerations."""
 
 import math
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from collectors.simulation.bounds import NotNegative, Positive, Share
 
 @dataclass(frozen=True)
 class ServoConfig:
-    """Numbers of the arm's inner loop.
+    """Gains of the arm's inner control loop.
 
     Attributes:
         bandwidth: Natural frequency of every joint about its commanded angle, [rad/s].
-        damping_ratio: Damping of that motion, relative to critical.
-        correction: Fraction of the TCP's pose error that is added to the joint command in each physics step: it takes
-            out the give of the joints under load and the drift of the differential kinematics.
+        damping_ratio: Damping of a joint's motion about its commanded angle, relative to the critical damping.
+        correction: Fraction of the TCP's pose error that is added to the joint command in each physics step. It removes
+            the deflection of the joints under load and the drift of the differential kinematics.
         ik_damping: Damping of the differential inverse kinematics, [m] and [rad].
-        posture_rate: How fast the elbow returns to its posture without moving the gripper, [1/s].
+        posture_rate: Rate at which the elbow returns to its posture without moving the gripper, [1/s].
     """
 
     bandwidth: Positive = 60.0
@@ -31,10 +31,14 @@ class ServoConfig:
 
 
 def rotation_error(theta: float, quat: tuple[float, float, float, float]) -> tuple[float, float, float]:
-    """Small rotation vector in base axes that turns a gripper at `quat` into one pointing down with yaw `theta`, [rad].
+    """Return the small rotation vector, base axes, [rad], from a gripper's orientation to pointing down with a yaw.
 
     The wanted orientation is Rz(theta) Rx(pi), as quat_xyzw (cos theta/2, sin theta/2, 0, 0). The vector is twice the
-    vector part of the product wanted * conjugate(quat); exact to second order.
+    vector part of the product wanted * conjugate(quat), which is exact to second order.
+
+    Args:
+        theta: Wanted yaw, [rad].
+        quat: Present orientation of the gripper in base, quat_xyzw.
     """
     c, s = math.cos(0.5 * theta), math.sin(0.5 * theta)
     x, y, z, w = quat
@@ -43,18 +47,19 @@ def rotation_error(theta: float, quat: tuple[float, float, float, float]) -> tup
 
 
 class Servo:
-    """Joint commands that follow the TCP command, and the accelerations that follow the joint commands.
+    """Controller whose joint commands follow the TCP command, and whose accelerations follow the joint commands.
 
-    The law is computed-torque control (Siciliano et al. 2009, section 8.5.2): q'' = q_c'' + 2 zeta w (q_c' - q') +
-    w^2 (q_c - q). The joints have a finite stiffness on purpose. With PyBullet's position motors, which are rigid, a
-    sticking finger meets an infinite stiffness and the admittance loop chatters between the limits of friction.
+    The control law is computed-torque control (Siciliano et al. 2009, section 8.5.2): q'' = q_c'' + 2 zeta w (q_c' -
+    q') + w^2 (q_c - q). The joints have a finite stiffness on purpose. With PyBullet's position motors, which are
+    rigid, a sticking finger meets an infinite stiffness and the admittance loop chatters between the limits of
+    friction.
     """
 
     def __init__(self, config: ServoConfig, dt: float, joints: NDArray[np.float64]) -> None:
         """Start at rest.
 
         Args:
-            config: Gains.
+            config: Gains of the control loop.
             dt: Control period, [s].
             joints: Present joint angles, (7,), [rad].
         """
@@ -72,17 +77,17 @@ class Servo:
         joints: tuple[float, ...],
         rates: tuple[float, ...],
     ) -> tuple[float, ...]:
-        """Joint accelerations for the next physics step.
+        """Return the joint accelerations for the next physics step.
 
         Args:
-            jacobian: Geometric Jacobian of the TCP, (6, 7), base axes.
+            jacobian: Geometric Jacobian of the TCP, (6, 7), linear rows first, base axes.
             motion: Commanded motion of the TCP in this step, six numbers, [m] and [rad], base axes.
             error: Commanded minus present pose of the TCP, six numbers, [m] and [rad], base axes.
-            joints: Present joint angles, [rad], the arm's first.
-            rates: Present joint rates, [rad/s], the arm's first.
+            joints: Present joint angles, [rad], of which the first seven are the arm's.
+            rates: Present joint rates, [rad/s], of which the first seven are the arm's.
 
         Returns:
-            Accelerations of the arm's joints, seven, [rad/s^2].
+            Accelerations of the arm's joints, seven numbers, [rad/s^2].
         """
         found: tuple[float, ...] = servo_acceleration(
             jacobian, motion, error, joints, rates, self._joints, self._rates, self._gains, self._dt

@@ -12,9 +12,10 @@ class GripperConfig:
     Attributes:
         stroke: Travel of a finger from closed to open, [m] (panda.urdf).
         speed: Speed of a finger, [m/s] (limit in panda.urdf).
-        force: Largest force of the motor on a finger, [N] (effort limit in panda.urdf; Franka's datasheet: up to 70 N).
-        stiffness: Force per position error of a finger, [N/m].
-        damping: Force per speed of a finger, [N s/m].
+        force: Largest force of the motor on a finger, [N] (effort limit in panda.urdf; Franka's datasheet says up to
+            70 N).
+        stiffness: Force on a finger per position error, [N/m].
+        damping: Force on a finger per speed, [N s/m].
     """
 
     stroke: Positive = 0.04
@@ -25,13 +26,13 @@ class GripperConfig:
 
 
 class Gripper:
-    """One motor of limited force drives both fingers; a linkage that does not give way keeps them symmetric."""
+    """Force law of a gripper whose two fingers share one motor of limited force and a stiff, symmetric linkage."""
 
     def __init__(self, config: GripperConfig, dt: float) -> None:
-        """Start open.
+        """Start with the gripper open.
 
         Args:
-            config: Stroke, speed and force.
+            config: Numbers of the gripper.
             dt: Control period, [s].
         """
         self._config = config
@@ -41,17 +42,17 @@ class Gripper:
     def force(
         self, opening: float, left: float, right: float, left_rate: float, right_rate: float
     ) -> tuple[float, float]:
-        """Force on the left and right finger for the next physics step, positive opens.
+        """Return the forces on the fingers for the next physics step.
 
         Args:
-            opening: Wanted opening, 0 closed to 1 open; the fingers go there at their own speed.
+            opening: Wanted opening, 0 closed to 1 open. The fingers move to it at `GripperConfig.speed`.
             left: Distance of the left finger from the middle, [m].
             right: Distance of the right finger from the middle, [m].
             left_rate: Speed of the left finger, [m/s].
             right_rate: Speed of the right finger, [m/s].
 
         Returns:
-            Force on the left and right finger, [N].
+            Force on the left and on the right finger, [N]. A positive force opens the gripper.
         """
         c = self._config
         wanted = opening * c.stroke - self._target
