@@ -21,17 +21,20 @@ TASKS = {
     "drawer_closing": "DrawerClosing",
     "block_centering": "BlockCentering",
 }
-"""Name of every task, which is also its file in this folder, and its class; gymnasium's id is ``svfl/<task>-v0``."""
+"""Class of every task by the task's name.
+
+The name is also that of the task's file in this folder. The task's id in gymnasium is ``svfl/<task>-v0``.
+"""
 
 PAPER = tuple(task for task in TASKS if task not in ("household_picking_heldout", "block_centering"))
-"""The nine tasks of the paper: what ``--task all`` means."""
+"""Names of the paper's nine tasks, for which ``--task all`` stands."""
 
 
 def task_class(name: str) -> "type[Task]":
-    """The class of a task.
+    """Return the class of the task of a name.
 
     Raises:
-        UsageError: If there is no such task.
+        UsageError: If no task has that name.
     """
     if name not in TASKS:
         raise UsageError(f"no task {name!r}; the tasks are {', '.join(TASKS)}")

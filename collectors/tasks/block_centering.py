@@ -1,7 +1,7 @@
-"""Block centering as an environment: after one finger has hit the block, take the gripper to where it can grasp.
+"""Block centering as a task: after one finger has hit the block, move the gripper to where it can grasp the block.
 
-The labelled samples of the paper's classification task come from ``svfl-collect centering``; this is the same scene, to
-be solved instead of classified.
+The labelled samples of the paper's classification task come from ``svfl-collect centering``. This task has the same
+scenes, in which a policy acts instead of a classifier.
 """
 
 from dataclasses import replace
@@ -13,19 +13,19 @@ from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
 
-CENTRED = 0.005  # [m] horizontally between TCP and block centre, at most
-AROUND = 0.01  # [m] that the fingertips must be below the block's top
-SPREAD = 0.004  # [m] of where the finger comes down, at noise 1, standard deviation
+CENTRED = 0.005  # [m] largest horizontal distance between TCP and block centre
+AROUND = 0.01  # [m] by which the fingertips must be below the block's top
+SPREAD = 0.004  # [m] standard deviation, at noise 1, of the point where the finger comes down
 
 
 class BlockCentering(Task):
-    """Feel with one finger where the block is, then bring the open gripper around it, centred."""
+    """Task to touch a block with one finger, and then to lower the open gripper around the block, centred."""
 
     scene: Scene
 
     @classmethod
     def draw(cls, rng: np.random.Generator, world: World) -> Scene:
-        """As for the samples, the four directions equally likely."""
+        """Draw a scene like those of the labelled samples, with the four directions equally likely."""
         return draw_scene(rng, int(rng.integers(4)), CenteringConfig(), world)
 
     def __init__(self, world: World, scene: Scene) -> None:
@@ -38,13 +38,21 @@ class BlockCentering(Task):
         )  # fmt: skip
 
     def success(self) -> bool:
-        """The TCP is within 5 mm of the block's centre, horizontally, and the fingertips are 1 cm below its top."""
+        """Return whether the gripper is around the block.
+
+        The TCP must be within 5 mm of the block's centre, horizontally, and the fingertips more than 1 cm below the
+        block's top.
+        """
         block, tcp = self.world.pose(self.body), self.world.tcp
         depth = block[2] + self.scene.block_half - (tcp[2] - FINGERTIP)
         return bool(np.linalg.norm(block[:2] - tcp[:2]) < CENTRED and depth > AROUND)
 
     def expert(self, gripper: Gripper) -> Moves:
-        """Down beside the centre until a finger has hit the block, up, over the centre with the block's yaw, down."""
+        """Yield actions that hit the block with one finger, rise, turn to the block's yaw over its centre and go down.
+
+        Args:
+            gripper: Gripper of the task's world, which makes the actions.
+        """
         scene = replace(self.scene, gripper_xy=tuple(gripper.vary(self.scene.gripper_xy, SPREAD)))
         touchdown = 2 * scene.block_half + FINGERTIP
         yield from gripper.go(*scene.gripper_xy, touchdown + 0.03, scene.gripper_yaw)

@@ -1,4 +1,4 @@
-"""Block corner pulling: pull a cube out of a corner where no finger gets behind it."""
+"""Block corner pulling: pull a cube out of a corner where no finger gets behind the cube."""
 
 import math
 from collections.abc import Mapping
@@ -13,30 +13,34 @@ from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
 
-OUT = 0.05  # [m] along a wall from where the cube was, more than: its largest edge, so that a finger fits behind it
-PLATE = 0.075  # [m], half the edge of the fixture's square plate
-THICK = 0.01  # [m] of plate and walls
-WALL = 0.05  # [m] of the walls above the plate: as high as the largest cube, so that none can be grasped
-MARGIN = 0.11  # [m] of the plate's middle from the workspace's border, at least: all of the fixture is inside
+OUT = 0.05  # [m] by which the cube must move along a wall: its largest edge, so that a finger fits behind it
+PLATE = 0.075  # [m] half the edge of the fixture's square plate
+THICK = 0.01  # [m] thickness of the plate and the walls
+WALL = 0.05  # [m] height of the walls above the plate: as high as the largest cube, so that no cube can be grasped
+MARGIN = 0.11  # [m] from the plate's middle to the workspace's border, at least: all of the fixture is inside
 FIXTURE_COLOR = (0.85, 0.8, 0.7)
-OVER = 0.015  # [m] of the fingertips above the cube before pressing
-PRESS = 0.010  # [m] of the command below contact: 25 N
-FAR = 0.075  # [m] to drag along each wall
-SLIPPED = 0.012  # [m] of the gripper over the cube, when the fingers slide on it
+OVER = 0.015  # [m] height of the fingertips above the cube before they press
+PRESS = 0.010  # [m] depth of the command below contact, which presses with 25 N
+FAR = 0.075  # [m] way to drag the cube along each wall
+SLIPPED = 0.012  # [m] by which the gripper moves over the cube when the fingers slide on it
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What is drawn; the paper says what varies, the ranges are those of block pushing or lie around the reference's.
+    """Scene that is drawn for an episode.
+
+    The paper says which numbers vary. Their ranges are those of block pushing or lie around the values of the reference
+    benchmark.
 
     Attributes:
-        xy: Middle of the fixture's plate, [m].
-        yaw: Yaw of the fixture and the cube, [rad]; the walls stand at the plate's -x and -y edges in its own axes.
-        gap: Between cube and walls along the fixture's x and y, [m]: 0.5 to 3 mm.
-        half: Half the cube's edge, [m]: 5 cm scaled by 0.75 to 1.
-        mass: Of the cube, 0.1 to 0.3 kg (reference 0.2).
-        friction: Coulomb friction of the cube, 0.6 to 0.9 (reference 0.75).
-        fixture_friction: Coulomb friction of the fixture, 0.3 to 0.7 (reference: PyBullet's 0.5).
+        xy: Middle of the fixture's plate in base, (x, y), [m].
+        yaw: Yaw of the fixture and the cube, [rad]. In the fixture's axes the walls stand at the plate's -x and -y
+            edges.
+        gap: Gaps between cube and walls along the fixture's x and y, [m]: 0.5 to 3 mm.
+        half: Half the cube's edge, [m]. The edge is 5 cm scaled by 0.75 to 1.
+        mass: Mass of the cube, [kg]: 0.1 to 0.3 kg (reference benchmark: 0.2).
+        friction: Coulomb friction of the cube, 0.6 to 0.9 (reference benchmark: 0.75).
+        fixture_friction: Coulomb friction of the fixture, 0.3 to 0.7 (reference benchmark: PyBullet's 0.5).
     """
 
     xy: tuple[float, float]
@@ -49,9 +53,13 @@ class Scene:
 
 
 class BlockCornerPulling(Task):
-    """Pull a cube of varying size, mass and friction out of the corner of a fixture of varying place, yaw and friction.
+    """Task to pull a cube out of the corner of a fixture.
 
-    Walls on two sides keep the fingers from getting behind it or around it: they must press on its top and drag.
+    The cube varies in size, mass and friction, and the fixture in place, yaw and friction. Walls on two sides keep the
+    fingers from getting behind or around the cube, so the fingers must press on its top and drag it.
+
+    Attributes:
+        fixture: Body id of the fixture.
     """
 
     scene: Scene
@@ -59,7 +67,7 @@ class BlockCornerPulling(Task):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, world: World) -> Scene:
-        """The fixture anywhere inside the workspace, in all directions."""
+        """Draw a scene with the fixture anywhere inside the workspace and with any yaw."""
         x, y = rng.uniform(world.workspace[:2, 0] + MARGIN, world.workspace[:2, 1] - MARGIN)
         first, second = rng.uniform(0.0005, 0.003, 2).tolist()
         return Scene(
@@ -73,7 +81,7 @@ class BlockCornerPulling(Task):
         )
 
     def __init__(self, world: World, scene: Scene) -> None:
-        """Fix the fixture to the table, and put the cube into its corner."""
+        """Fix the fixture to the table, and put the cube into the fixture's corner."""
         self.world, self.scene = world, scene
         half, middle = scene.half, THICK + WALL / 2
         walls = (
@@ -90,20 +98,25 @@ class BlockCornerPulling(Task):
         )
 
     def success(self) -> bool:
-        """The cube's centre has moved by more than 5 cm, horizontally, along the fixture's x or y or both.
+        """Return whether the cube's centre has moved by more than 5 cm, horizontally, along the fixture's x or y.
 
-        That is along one wall, or diagonally away from both. It may not be above where it lay.
+        So the cube may move along one wall or diagonally away from both. It must be less than 1 cm higher than at the
+        start.
         """
         moved = self._axes.T @ (self.world.pose(self.body)[:2] - self._seat)
         lifted = self.world.pose(self.body)[2] - (THICK + self.scene.half)
         return bool(moved.max() > OUT and lifted < THICK)
 
     def state(self) -> Mapping[str, np.ndarray]:
-        """The cube's pose, and the fixture's, (7,)."""
+        """Return the poses of the cube and of the fixture in base, each (7,): position [m] and quat_xyzw."""
         return {**super().state(), "fixture": self.world.pose(self.fixture)}
 
     def expert(self, gripper: Gripper) -> Moves:
-        """Press closed fingers on the cube's top and drag it out between the walls; again if they slip."""
+        """Yield actions that press closed fingers on the cube's top and drag it out; start again if they slip.
+
+        Args:
+            gripper: Gripper of the task's world, which makes the actions.
+        """
         yield from gripper.grip(0.0, steps=0)
         while True:
             *middle, z = self.world.pose(self.body)[:3]
@@ -118,5 +131,5 @@ class BlockCornerPulling(Task):
             yield from gripper.go(*goal, speed=0.7, exact=True, until=partial(self._slipped, pressed))
 
     def _slipped(self, pressed: np.ndarray) -> bool:
-        """Whether the gripper is no longer where it pressed on the cube, `pressed` from its centre."""
+        """Return whether the TCP has left the point, `pressed` from the cube's centre, (2,), [m], that it pressed."""
         return bool(np.linalg.norm(self.world.tcp[:2] - self.world.pose(self.body)[:2] - pressed) > SLIPPED)

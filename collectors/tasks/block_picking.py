@@ -10,22 +10,23 @@ from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
 
 LIFTED = (
-    0.1  # [m] above where it lay: the block then is where the reference benchmark's is at a gripper height of 0.15 m
+    0.1  # [m] height above the table position: as high as the reference benchmark's block at a gripper height of 0.15 m
 )
-CLEAR = 0.02  # [m] between the TCP of a travelling gripper and what it might drag along
-MARGIN = 0.05  # [m] from the workspace's border, at least
+CLEAR = 0.02  # [m] from an object up to the TCP of a gripper that moves over it without dragging it along
+MARGIN = 0.05  # [m] from the block's centre to the workspace's border, at least
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What is drawn (ranges of the reference benchmark, which the paper uses).
+    """Scene that is drawn for an episode, in the ranges of the reference benchmark, which the paper uses.
 
     Attributes:
-        xy: Centre of the block, [m].
-        yaw: Its yaw, [rad].
-        half: Half its edge, [m]: a 5 cm cube scaled by 0.75 to 1.25.
-        mass: 0.05 to 0.15 kg.
-        friction: Its Coulomb friction, 0.2 to 0.4; the fingers have 1, the table 0.5, contact has the product.
+        xy: Centre of the block in base, (x, y), [m].
+        yaw: Yaw of the block, [rad].
+        half: Half the block's edge, [m]. The block is a 5 cm cube scaled by 0.75 to 1.25.
+        mass: Mass of the block, [kg]: 0.05 to 0.15 kg.
+        friction: Coulomb friction of the block, 0.2 to 0.4. The fingers have 1, the table has 0.5, and a contact has
+            the product of both bodies' values.
     """
 
     xy: tuple[float, float]
@@ -36,13 +37,13 @@ class Scene:
 
 
 class BlockPicking(Task):
-    """Grasp a cube of varying place, yaw, size, mass and friction, and lift it by 10 cm."""
+    """Task to grasp a cube of varying place, yaw, size, mass and friction, and to lift it by 10 cm."""
 
     scene: Scene
 
     @classmethod
     def draw(cls, rng: np.random.Generator, world: World) -> Scene:
-        """Anywhere on the workspace's table."""
+        """Draw a scene with the block anywhere on the table in the workspace."""
         x, y = rng.uniform(world.workspace[:2, 0] + MARGIN, world.workspace[:2, 1] - MARGIN)
         return Scene(
             xy=(float(x), float(y)),
@@ -61,11 +62,17 @@ class BlockPicking(Task):
         )
 
     def success(self) -> bool:
-        """Both fingers press on the block, and it is 10 cm higher than on the table."""
+        """Return whether both fingers press on the block and it is more than 10 cm higher than on the table."""
         return self.world.holds(self.body) and self.world.pose(self.body)[2] - self.scene.half > LIFTED
 
     def expert(self, gripper: Gripper) -> Moves:
-        """Over the block, down, close, up; again if it slips or is not where it was."""
+        """Yield actions that move over the block, go down, close the fingers and lift the block.
+
+        The expert starts again if the block slips or is no longer where it was.
+
+        Args:
+            gripper: Gripper of the task's world, which makes the actions.
+        """
         while True:
             x, y, z, *_ = pose = self.world.pose(self.body)
             theta = nearest_turn(self.world.yaw(self.body), np.pi / 2, near=self.world.target[3])
@@ -83,5 +90,5 @@ class BlockPicking(Task):
         return self.world.holds(self.body)
 
     def _astray(self, expected: np.ndarray) -> bool:
-        """Whether the block is no longer where the gripper goes down for it."""
+        """Return whether the block has moved from the pose `expected` at which the gripper goes down to grasp it."""
         return bool(np.linalg.norm(self.world.pose(self.body)[:3] - expected[:3]) > 0.01)

@@ -1,4 +1,4 @@
-"""Block pulling: pull one of two flat blocks to the other."""
+"""Block pulling: pull one of two flat blocks to the other block."""
 
 import math
 from collections.abc import Mapping
@@ -14,26 +14,29 @@ from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task, two_apart
 
-HEIGHT = 0.05  # [m] of both blocks
-APART = 0.2  # [m] between the centres, at least; the largest blocks are 0.14 m across the corners
-LYING = 0.005  # [m] that a block's centre may be higher than on the table
-MARGIN = 0.06  # [m] of the centres from the workspace's border, at least
-OPENING = 0.5  # of the pressing gripper: tips 7 cm across do not let the block turn
-PRESS = 0.009  # [m] of the command below contact: 22 N, of which the table takes half as friction
-OVER = 0.015  # [m] of the fingertips above the block before pressing
-SLIPPED = 0.02  # [m] of the gripper over the block, when the fingers slide on it
+HEIGHT = 0.05  # [m] height of both blocks
+APART = 0.2  # [m] between the blocks' centres, at least; the largest blocks are 0.14 m across the corners
+LYING = 0.005  # [m] by which a block's centre may be higher than on the table
+MARGIN = 0.06  # [m] from the blocks' centres to the workspace's border, at least
+OPENING = 0.5  # opening of the pressing gripper: tips 7 cm across do not let the block turn
+PRESS = 0.009  # [m] depth of the command below contact: 22 N, half of which the table's friction takes
+OVER = 0.015  # [m] height of the fingertips above the block before they press
+SLIPPED = 0.02  # [m] by which the gripper moves over the block when the fingers slide on it
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What is drawn (ranges of the reference benchmark, which the paper uses), first the pulled block, then the other.
+    """Scene that is drawn for an episode, in the ranges of the reference benchmark, which the paper uses.
+
+    Each pair holds the value of the pulled block, then the value of the other block.
 
     Attributes:
-        xy: Centres, [m], at least 20 cm apart.
-        yaw: Yaws, [rad].
-        half: Half the edges of the square bases, [m]: 10 cm scaled by 0.75 to 1.
-        mass: 0.05 to 0.15 kg.
-        friction: Coulomb friction, 0.9 to 1; the fingers have 1, the table 0.5, contact has the product.
+        xy: Centres of the blocks in base, (x, y) each, [m], at least 20 cm apart.
+        yaw: Yaws of the blocks, [rad].
+        half: Half the edges of the blocks' square bases, [m]. The edges are 10 cm scaled by 0.75 to 1.
+        mass: Masses of the blocks, [kg]: 0.05 to 0.15 kg.
+        friction: Coulomb frictions of the blocks, 0.9 to 1. The fingers have 1, the table has 0.5, and a contact has
+            the product of both bodies' values.
     """
 
     xy: tuple[tuple[float, float], tuple[float, float]]
@@ -44,7 +47,14 @@ class Scene:
 
 
 class BlockPulling(Task):
-    """Pull a flat block of varying place, yaw, size, mass and friction across the table until it touches another."""
+    """Task to pull a flat block across the table until it touches another flat block.
+
+    Both blocks vary in place, yaw, size, mass and friction.
+
+    Attributes:
+        other: Body id of the block that is not pulled.
+        other_color: RGB of the block that is not pulled, 0 to 1.
+    """
 
     other_color = RED
     scene: Scene
@@ -52,7 +62,7 @@ class BlockPulling(Task):
 
     @classmethod
     def draw(cls, rng: np.random.Generator, world: World) -> Scene:
-        """Both blocks anywhere on the workspace's table, redrawn until far enough apart."""
+        """Draw a scene with both blocks anywhere on the table in the workspace, redrawn until they are apart enough."""
         low, high = world.workspace[:2, 0] + MARGIN, world.workspace[:2, 1] - MARGIN
         xy = two_apart(rng, low, high, APART)
 
@@ -79,18 +89,27 @@ class BlockPulling(Task):
         )
 
     def success(self) -> bool:
-        """The two blocks press on each other, side by side on the table; whichever was moved, and however."""
+        """Return whether the two blocks press on each other while both lie on the table.
+
+        It does not matter which block was moved, and how.
+        """
         if max(self.world.pose(block)[2] for block in (self.body, self.other)) > HEIGHT / 2 + LYING:
             return False
         contacts = pybullet.getContactPoints(self.body, self.other, physicsClientId=self.world.client)
-        return any(contact[9] > 0.0 for contact in contacts)  # 9: normal force
+        return any(contact[9] > 0.0 for contact in contacts)  # field 9 is the normal force
 
     def state(self) -> Mapping[str, np.ndarray]:
-        """The pulled block's pose, and the other's, (7,)."""
+        """Return the poses of the pulled and of the other block in base, each (7,): position [m] and quat_xyzw."""
         return {**super().state(), "other": self.world.pose(self.other)}
 
     def expert(self, gripper: Gripper) -> Moves:
-        """Press half-open fingers on the block and drag it to the other; again if they slip or the block is away."""
+        """Yield actions that press half-open fingers on the block and drag it to the other block.
+
+        The expert starts again if the fingers slip on the block.
+
+        Args:
+            gripper: Gripper of the task's world, which makes the actions.
+        """
         touch = HEIGHT + FINGERTIP
         while True:
             block, other = self.world.pose(self.body)[:2], self.world.pose(self.other)[:2]
@@ -105,5 +124,5 @@ class BlockPulling(Task):
             yield from gripper.go(*other, speed=0.8, exact=True, until=partial(self._slipped, pressed))
 
     def _slipped(self, pressed: np.ndarray) -> bool:
-        """Whether the gripper is no longer where it pressed on the block, `pressed` from its centre."""
+        """Return whether the TCP has left the point, `pressed` from the block's centre, (2,), [m], that it pressed."""
         return bool(np.linalg.norm(self.world.tcp[:2] - self.world.pose(self.body)[:2] - pressed) > SLIPPED)

@@ -1,4 +1,4 @@
-"""A small cabinet with one drawer, made of boxes, and what its two tasks have in common."""
+"""A small cabinet with one drawer, made of boxes, and the base class of the two tasks with the drawer."""
 
 import math
 from collections.abc import Mapping
@@ -14,27 +14,27 @@ from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
 
-TRAVEL = 0.16  # [m] from closed to the stop
-FRICTION = 4.0  # [N], dry, of the runners
-DAMPING = 15.0  # [N s/m] of the runners
-MASS = 0.6  # [kg] of the drawer
-HEIGHT = 0.08  # [m] of the cabinet: below the palm of a gripper whose fingers are behind the handle
-GAP = 0.04  # [m] between front and handle; a finger is 0.021 m thick
+TRAVEL = 0.16  # [m] travel of the drawer from closed to its stop
+FRICTION = 4.0  # [N] dry friction of the runners
+DAMPING = 15.0  # [N s/m] damping of the runners
+MASS = 0.6  # [kg] mass of the drawer
+HEIGHT = 0.08  # [m] height of the cabinet: below the palm of a gripper whose fingers are behind the handle
+GAP = 0.04  # [m] between the drawer's front and the handle; a finger is 0.021 m thick
 BAR = 0.012  # [m] thickness of the handle along the travel
-HANDLE_Z = 0.058  # [m] middle of the handle
-OVER = HEIGHT + 0.05  # [m], of the TCP of a gripper that travels
+HANDLE_Z = 0.058  # [m] height of the handle's middle
+OVER = HEIGHT + 0.05  # [m] height of the TCP of a gripper that moves over the cabinet
 CABINET: Vector3 = (0.80, 0.76, 0.68)
 HANDLE: Vector3 = (0.15, 0.15, 0.18)
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What is drawn (ranges of the reference benchmark).
+    """Scene that is drawn for an episode, in the ranges of the reference benchmark.
 
     Attributes:
-        xy: Middle of the closed drawer's front, [m]: the handle is 5 to 10 cm behind the middle of the workspace, seen
-            along the travel, and up to 10 cm beside it.
-        yaw: Direction in which the drawer opens, [rad], all round.
+        xy: Middle of the closed drawer's front in base, (x, y), [m]. The handle is 5 to 10 cm behind the middle of the
+            workspace, seen along the travel, and up to 10 cm beside that middle.
+        yaw: Direction in which the drawer opens, [rad], drawn from the full circle.
     """
 
     xy: tuple[float, float]
@@ -42,34 +42,34 @@ class Scene:
 
 
 class DrawerTask(Task):
-    """A cabinet that stands fast, and its drawer.
+    """Base of the tasks with a cabinet that is fixed to the table and has a drawer.
 
-    The drawer's frame has its origin on the table below the middle of the front, and x in the direction in which it
-    opens. Moving it takes 4 N, and 15 N more per m/s: 10 N at 0.4 m/s.
+    The drawer's frame has its origin on the table below the middle of the drawer's front, and its x axis in the
+    direction in which the drawer opens. Moving the drawer takes 4 N, and 15 N more per m/s: 10 N at 0.4 m/s.
     """
 
     opened: ClassVar[float]
-    """How far the drawer is open when the task begins, [m]."""
+    """Opening of the drawer when the task begins, [m]."""
 
     scene: Scene
 
     @classmethod
     def draw(cls, rng: np.random.Generator, world: World) -> Scene:
-        """Such that the handle stays in the workspace on its whole way."""
+        """Draw a scene in which the handle stays in the workspace on its whole way."""
         yaw = rng.uniform(-np.pi, np.pi)
         along, across = -rng.uniform(0.05, 0.10) - GAP, rng.uniform(-0.1, 0.1)
         x, y = world.workspace[:2].mean(axis=1) + _turned(along, across, yaw)
         return Scene(xy=(float(x), float(y)), yaw=float(yaw))
 
     def __init__(self, world: World, scene: Scene) -> None:
-        """Put the cabinet on the table, its drawer `opened`."""
+        """Fix the cabinet to the table, with its drawer open by `opened`."""
         self.world, self.scene = world, scene
         self.body = world.bodies.add_urdf(urdf_text(self.color), (*scene.xy, 0.0), quat_from_yaw(scene.yaw), fixed=True)
         client = world.client
         for link in (-1, 0):
             world.bodies.set_dynamics(self.body, link, lateralFriction=0.4)
         world.bodies.set_dynamics(self.body, 0, jointDamping=DAMPING, linearDamping=0.0, angularDamping=0.0)
-        # PyBullet's default motor, told to stand still with a limited force, is dry friction.
+        # PyBullet's default motor, commanded to stand still with a limited force, acts as dry friction.
         pybullet.setJointMotorControl2(
             self.body, 0, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=FRICTION, physicsClientId=client
         )
@@ -77,32 +77,39 @@ class DrawerTask(Task):
 
     @property
     def opening(self) -> float:
-        """How far the drawer is open, [m]."""
+        """Present opening of the drawer, [m]."""
         position: float = pybullet.getJointState(self.body, 0, physicsClientId=self.world.client)[0]
         return position
 
     def at(self, along: float, across: float) -> tuple[float, float]:
-        """Where a point of the drawer is now, given in its own frame: base x, y, [m]."""
+        """Return the present position in base, (x, y), [m], of a point in the drawer's frame.
+
+        Args:
+            along: Position of the point along the direction in which the drawer opens, [m].
+            across: Position of the point across that direction, [m].
+        """
         x, y = np.array(self.scene.xy) + _turned(self.opening + along, across, self.scene.yaw)
         return float(x), float(y)
 
     def gripper_at(self) -> tuple[float, float, float]:
-        """Where the TCP is now, in the drawer's frame: along, across, up, [m]."""
+        """Return the present TCP position in the drawer's frame: along the opening, across it and up, [m]."""
         x, y, z = self.world.tcp[:3]
         along, across = _turned(x - self.scene.xy[0], y - self.scene.xy[1], -self.scene.yaw)
         return float(along) - self.opening, float(across), float(z)
 
     def reach(self, gripper: Gripper, along: float, across: float, z: float) -> Moves:
-        """Over a point of the drawer's frame with closed fingers side by side across the travel, then down there.
+        """Move over a point of the drawer's frame, and then down to the point.
+
+        The fingers are closed and side by side across the travel of the drawer.
 
         Args:
-            gripper: The gripper.
-            along: Where to, before the front, [m].
-            across: Where to, beside its middle, [m].
-            z: How low, [m].
+            gripper: Gripper that makes the actions.
+            along: Distance of the point from the drawer's front, in the direction in which the drawer opens, [m].
+            across: Distance of the point from the middle of the front, across that direction, [m].
+            z: Height to which the TCP goes down, base z, [m].
 
         Yields:
-            Actions. Ends early if the fingers meet something on their way down.
+            Actions. The movement ends early if the fingers meet something on their way down.
         """
         gripper.opening = 0.0
         theta = nearest_turn(self.scene.yaw, np.pi)
@@ -112,17 +119,17 @@ class DrawerTask(Task):
         yield from gripper.go(z=z, exact=True, until=self._blocked)
 
     def _blocked(self) -> bool:
-        """Whether the gripper stands on something: it is held up by 8 mm, which takes 20 N."""
+        """Return whether the gripper is held up by more than 8 mm, which takes 20 N, and so stands on something."""
         return bool(self.world.tcp[2] - self.world.reference[2] > 0.008)
 
     def state(self) -> Mapping[str, np.ndarray]:
-        """Pose of the drawer's moving part, and ``drawer``: how far it is open, (1,), [m]."""
+        """Return the drawer's pose in base, (7,): position [m], quat_xyzw, and its opening as ``drawer``, (1,), [m]."""
         pose = np.array([*self.at(0.0, 0.0), 0.0, *quat_from_yaw(self.scene.yaw)])
         return {OBJECT: pose, "drawer": np.array([self.opening])}
 
 
 def urdf_text(color: Vector3) -> str:
-    """The URDF of cabinet and drawer, 24 cm wide, 21 cm deep, `HEIGHT` high.
+    """Return the URDF of the cabinet with its drawer, 24 cm wide, 21 cm deep and `HEIGHT` high.
 
     Args:
         color: RGB of the drawer, 0 to 1.
@@ -156,7 +163,10 @@ def urdf_text(color: Vector3) -> str:
 
 
 def _link(name: str, mass: float, boxes: list[Box]) -> str:
-    """A link of boxes; its inertia is PyBullet's, from the shapes, and does not matter to a sliding joint."""
+    """Return a URDF link made of boxes.
+
+    PyBullet computes the link's inertia from the shapes. The inertia does not matter to a sliding joint.
+    """
     parts = []
     for box in boxes:
         x, y, z = box.position

@@ -3,22 +3,28 @@
 from collectors.tasks.drawer import GAP, HANDLE_Z, DrawerTask
 from collectors.tasks.gripper import Gripper, Moves
 
-OPEN = 0.10  # [m] to be exceeded (reference benchmark)
-HOOK = 0.023  # [m] before the front: in the gap, 6 mm from touching the handle
-HOOK_Z = HANDLE_Z - 0.008  # [m]: the fingertips are 7 mm lower, the palm is 40 mm higher
+OPEN = 0.10  # [m] opening above which the drawer counts as open (reference benchmark)
+HOOK = 0.023  # [m] from the drawer's front to the TCP, in the gap: the fingers are 6 mm from touching the handle
+HOOK_Z = HANDLE_Z - 0.008  # [m] height of the pulling TCP: the fingertips are 7 mm lower, the palm is 40 mm higher
 
 
 class DrawerOpening(DrawerTask):
-    """Open a closed drawer of varying place and direction by 10 cm."""
+    """Task to open a closed drawer of varying place and direction by 10 cm."""
 
     opened = 0.0
 
     def success(self) -> bool:
-        """The drawer is open by more than 10 cm."""
+        """Return whether the drawer is open by more than 10 cm."""
         return self.opening > OPEN
 
     def expert(self, gripper: Gripper) -> Moves:
-        """Down into the gap behind the handle, pull; again if the handle is not caught or is lost."""
+        """Yield actions that go down into the gap behind the handle and pull.
+
+        The expert starts again if the fingers do not catch the handle or lose it.
+
+        Args:
+            gripper: Gripper of the task's world, which makes the actions.
+        """
         while True:
             across = gripper.noise * gripper.rng.uniform(-0.02, 0.02)
             yield from self.reach(gripper, HOOK, across, HOOK_Z)
@@ -26,6 +32,6 @@ class DrawerOpening(DrawerTask):
             yield from gripper.go(*self.at(far, across), until=lambda: not self._hooked())
 
     def _hooked(self) -> bool:
-        """Whether the fingers are behind the handle."""
+        """Return whether the fingers are behind the handle."""
         along, across, up = self.gripper_at()
         return 0.0 < along < GAP and abs(across) < 0.05 and up < HOOK_Z + 0.012

@@ -9,66 +9,67 @@ from numpy.typing import ArrayLike, NDArray
 from collectors.simulation.world import World
 
 Moves = Iterator[NDArray[np.float32]]
-"""Actions, one by one: each is taken when the world has carried out the one before."""
+"""Iterator of actions, (5,) float32. Take an action only after the world has carried out the action before it."""
 
-RAMP = (
-    1 / 3
-)  # of full speed that is gained or lost per step: 3.3 m/s^2, which the gripper's inertia shows as a few newtons
-JITTER = np.array([0.0008, 0.0008, 0.0008, 0.012])  # [m], [rad] of a step at noise 1, standard deviation
-LOOSE = np.array([0.008, 0.008, 0.010, 0.08])  # [m], [rad] of a loose waypoint at noise 1, standard deviation
-SLOWEST = 0.75  # of full speed, of the slowest episodes at noise 1
+RAMP = 1 / 3  # share of full speed gained or lost per step: 3.3 m/s^2, a few newtons of inertia at the wrist
+JITTER = np.array([0.0008, 0.0008, 0.0008, 0.012])  # [m], [rad] standard deviation of a step at noise 1
+LOOSE = np.array([0.008, 0.008, 0.010, 0.08])  # [m], [rad] standard deviation of a loose waypoint at noise 1
+SLOWEST = 0.75  # share of full speed in the slowest episodes at noise 1
 
 
 def never() -> bool:
-    """The condition that does not come."""
+    """Return False: the condition that is never met."""
     return False
 
 
 class Lasting:
-    """A condition that holds when another one has been found to hold two times in a row."""
+    """Condition that holds when another condition has held at two calls in a row."""
 
     def __init__(self, condition: Callable[[], bool]) -> None:
         self._condition, self._held = condition, False
 
     def __call__(self) -> bool:
-        """Ask the other one."""
+        """Check the other condition, and return whether it held at this call and at the call before."""
         before, self._held = self._held, self._condition()
         return before and self._held
 
 
 def nearest_turn(theta: float, period: float, near: float = 0.0) -> float:
-    """The angle nearest to `near` that equals `theta` up to multiples of `period` and that the gripper can turn to.
+    """Return the yaw nearest to `near` that the gripper can reach and that is `theta` plus a multiple of `period`.
 
     Args:
         theta: Wanted yaw, [rad].
-        period: After which it looks the same, at most pi, [rad].
+        period: Angle after which a turned gripper or object looks the same, at most pi, [rad].
         near: Present yaw, within +-pi/2, [rad].
+
+    Returns:
+        Yaw within +-pi/2, [rad].
     """
     turned = theta - period * round((theta - near) / period)
     return turned if abs(turned) <= math.pi / 2 else turned - math.copysign(period, turned)
 
 
 class Gripper:
-    """Moves the commanded pose of a world's gripper, with a soft start and stop.
+    """Movements of the commanded pose of a world's gripper, with a soft start and stop.
 
-    Every movement is a generator of actions, to be used with ``yield from``. It may look at the true state between two
-    actions.
+    Every movement is a generator of actions, to be used with ``yield from``. A movement may read the true state between
+    two actions.
 
     Attributes:
-        world: The world whose gripper it is.
-        rng: Source of the variety.
-        noise: How much demonstrations differ: 0 not at all, 1 as expert_action, more at your own risk.
-        opening: Gripper opening that goes with every action, 0 closed to 1 open.
+        world: World whose gripper is moved.
+        rng: Source of the random differences between demonstrations.
+        noise: How much demonstrations differ: 0 not at all, 1 as intended, 2 at most on the command line.
+        opening: Gripper opening in every action, 0 closed to 1 open.
     """
 
     def __init__(self, world: World, rng: np.random.Generator, noise: float = 1.0, opening: float = 1.0) -> None:
-        """Take a gripper, at rest.
+        """Take over a gripper that is at rest, and draw the pace of the episode.
 
         Args:
-            world: The world.
-            rng: Source of the variety.
-            noise: How much of it.
-            opening: Gripper opening to begin with.
+            world: World whose gripper is moved.
+            rng: Source of the random differences between demonstrations.
+            noise: How much demonstrations differ: 0 not at all, 1 as intended.
+            opening: Gripper opening to begin with, 0 closed to 1 open.
         """
         self.world, self.rng, self.noise, self.opening = world, rng, noise, opening
         self._pace = 1.0 - min(noise, 1.0) * (1.0 - SLOWEST) * rng.uniform()
@@ -85,21 +86,21 @@ class Gripper:
         exact: bool = False,
         until: Callable[[], bool] = never,
     ) -> Moves:
-        """Move the commanded pose in a straight line; what is not given stays.
+        """Move the commanded pose in a straight line to a goal.
 
         Args:
-            x: Where to, base, [m].
-            y: Where to, base, [m].
-            z: Where to, base, [m].
-            theta: With which yaw, [rad].
+            x: Goal x in base, [m]. None keeps the commanded x.
+            y: Goal y in base, [m]. None keeps the commanded y.
+            z: Goal z in base, [m]. None keeps the commanded z.
+            theta: Goal yaw, [rad]. None keeps the commanded yaw.
             speed: Fraction of the largest action.
-            loose: Whether the goal is only roughly meant: it is varied with the noise.
-            exact: Whether the way must not be jittered, such as near contact.
-            until: Ends the movement early; asked before every action.
+            loose: Whether the goal is approximate, so that noise is added to the given parts of it.
+            exact: Whether the way must be free of jitter, as it must be near contact.
+            until: Condition that ends the movement early. It is checked before every action.
 
         Yields:
-            Actions. Gives up after twice the steps that a free gripper takes, since a command cannot get far from a
-            blocked gripper.
+            Actions. The movement ends at the goal or, because a command cannot get far from a blocked gripper, after
+            about twice the steps that a free gripper takes.
         """
         given = [x, y, z, theta]
         goal = np.array([t if g is None else g for g, t in zip(given, self.world.target, strict=True)])
@@ -118,7 +119,7 @@ class Gripper:
             patience = 2 * math.ceil(steps / pace) + 6 if patience is None else patience - 1
             if patience == 0:
                 return
-            # The fastest that can still stop in the remaining way, losing RAMP per step.
+            # Largest speed from which the gripper can still stop in the remaining way if it loses RAMP per step.
             stopping = 0.5 * (math.sqrt(RAMP * RAMP + 8.0 * RAMP * steps) - RAMP)
             moving = min(pace, moving + RAMP, max(stopping, 0.05 * pace), steps)
             move = left * (moving / steps)
@@ -127,23 +128,43 @@ class Gripper:
             yield self._action(np.clip(move, -bound, bound))
 
     def vary(self, values: ArrayLike, deviation: float) -> NDArray[np.float64]:
-        """Values with Gaussian noise of that standard deviation at noise 1, cut at two of them."""
+        """Add Gaussian noise to values, cut at two standard deviations.
+
+        Args:
+            values: Values to vary, any shape.
+            deviation: Standard deviation at noise 1, in the unit of `values`.
+
+        Returns:
+            The varied values, in the shape of `values`.
+        """
         values = np.asarray(values, np.float64)
         return values + self.noise * deviation * np.clip(self.rng.standard_normal(values.shape), -2, 2)
 
     def grip(self, opening: float, steps: int = 4, until: Callable[[], bool] = never) -> Moves:
-        """Open or close the gripper and wait for it.
+        """Open or close the gripper and wait until the fingers have moved.
 
         Args:
             opening: Gripper opening from now on, 0 closed to 1 open.
-            steps: How long the gripper rests meanwhile; full travel takes 4.
-            until: Ends the wait early, when it holds after two steps in a row: fingers may touch and part again.
+            steps: Number of steps for which the gripper rests while the fingers move. Full travel takes 4 steps.
+            until: Condition that ends the wait early when it holds after two steps in a row. One step is not enough,
+                because fingers may touch an object and part again.
+
+        Yields:
+            Actions that open or close the gripper without moving it.
         """
         self.opening = opening
         yield from self.rest(steps, Lasting(until))
 
     def rest(self, steps: int, until: Callable[[], bool] = never) -> Moves:
-        """Stay for some steps."""
+        """Keep the commanded pose for some steps.
+
+        Args:
+            steps: Number of steps.
+            until: Condition that ends the rest early. It is checked before every action.
+
+        Yields:
+            Actions that do not move the gripper.
+        """
         for _ in range(steps):
             if until():
                 return

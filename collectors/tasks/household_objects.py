@@ -1,17 +1,17 @@
-"""Which objects of `pybullet_data`'s random_urdfs stand for household objects, how they lie, and where to grasp them.
+"""Objects of `pybullet_data`'s random_urdfs that stand for household objects, how they lie, and where to grasp them.
 
     .venv/bin/python -m collectors.tasks.household_objects      # rewrites household_objects.csv
 
-random_urdfs are 1000 procedural blobs, convex pieces in an OBJ file each. An object is graspable if, lying as it comes
-to rest when it is put down as in its file,
+random_urdfs are 1000 procedural shapes, each made of convex pieces in one OBJ file. An object is put down in the
+orientation of its file, and lies in the orientation in which it comes to rest. The object is graspable if
 
 - it comes to rest within 3 s, without rolling further than 5 cm,
-- it is 25 to 85 mm high and reaches at most 90 mm from its centre (it must fit the bin and the gripper),
-- it has a grasp: a place where it is at most 68 mm wide between the fingers (they open to 80 mm), and where both
-  fingers meet it at less than 26 degrees from its surface normal, not further than
-  2 cm from its centre.
+- it is 25 to 85 mm high and reaches at most 90 mm from its centre, horizontally, so that it fits the bin and the
+  gripper, and
+- it has a grasp: a place where it is at most 68 mm wide between the fingers, which open to 80 mm, where both fingers
+  meet it at less than 26 degrees from its surface normal, and which is at most 2 cm from its centre, horizontally.
 
-The table holds the graspable ones and how they lie, so that a process need not try all 1000.
+The table household_objects.csv holds the graspable objects and how they lie, so that a process need not try all 1000.
 """
 
 import csv
@@ -30,29 +30,29 @@ FOLDER = Path(pybullet_data.getDataPath()) / "random_urdfs"
 TABLE = Path(__file__).with_suffix(".csv")
 COUNT = 1000
 
-SCALE = 0.015  # [m] per unit of the OBJ files, in all their URDFs
-HEIGHT = (0.025, 0.085)  # [m]
-REACH = 0.09  # [m] from the centre
-WIDEST = 0.068  # [m] between the fingers
-STEEPEST = np.deg2rad(26.0)  # between finger and surface normal
-OFF = 0.02  # [m] between grasp and centre, horizontally
+SCALE = 0.015  # [m] per unit of the OBJ files, the same in all URDFs
+HEIGHT = (0.025, 0.085)  # [m] bounds of an object's height
+REACH = 0.09  # [m] largest horizontal distance of a point of an object from its centre
+WIDEST = 0.068  # [m] largest width of an object between the fingers
+STEEPEST = np.deg2rad(26.0)  # [rad] largest angle between finger and surface normal
+OFF = 0.02  # [m] largest distance between grasp and centre, horizontally
 
-TIP = 0.0085  # [m] from the TCP down to the fingertips, and a little
-FINGER = 0.010  # [m] half the breadth of a finger, and a little
-PALM = 0.040  # [m] from the TCP up to the palm, less a little
-LOWEST = 0.013  # [m] TCP above the floor
-TURNS = np.arange(-12, 12) * np.pi / 24  # yaws that are tried
-SHIFTS = np.arange(-4, 5) * 0.005  # [m] along the fingers' breadth that are tried
+TIP = 0.0085  # [m] from the TCP down to the fingertips, plus a margin
+FINGER = 0.010  # [m] half the breadth of a finger, plus a margin
+PALM = 0.040  # [m] from the TCP up to the palm, less a margin
+LOWEST = 0.013  # [m] smallest height of the TCP above the floor
+TURNS = np.arange(-12, 12) * np.pi / 24  # [rad] yaws that are tried
+SHIFTS = np.arange(-4, 5) * 0.005  # [m] shifts along the fingers' breadth that are tried
 
 
 @dataclass(frozen=True)
 class Lying:
-    """A graspable object as it lies.
+    """A graspable object at rest on a floor.
 
     Attributes:
-        name: Its number in random_urdfs.
-        height: Of its centre above the floor, [m].
-        quat_xyzw: Its orientation at yaw 0.
+        name: Number of the object in random_urdfs, three digits.
+        height: Height of the object's centre above the floor, [m].
+        quat_xyzw: Orientation of the object at yaw 0.
     """
 
     name: str
@@ -61,21 +61,21 @@ class Lying:
 
     @property
     def urdf(self) -> Path:
-        """Its file."""
+        """URDF file of the object."""
         return FOLDER / self.name / f"{self.name}.urdf"
 
 
 @dataclass(frozen=True)
 class Grasp:
-    """Where the gripper closes.
+    """Pose in which the gripper closes on an object.
 
     Attributes:
-        xyz: TCP, in the axes of the points it was found on, [m].
+        xyz: TCP position in base, (x, y, z), [m].
         theta: Yaw of the gripper, [rad].
-        top: Height of the object, which a travelling gripper must clear, [m].
-        width: Of the object between the fingers, [m].
-        angle: Between the fingers and the surface normals, [rad].
-        lever: Horizontal distance from the object's centre, [m].
+        top: Height of the object's top, base z, [m]. A gripper that moves over the object must clear it.
+        width: Width of the object between the fingers, [m].
+        angle: Larger of the two fingers' angles to the surface normals, [rad].
+        lever: Horizontal distance between the TCP and the object's centre, [m].
     """
 
     xyz: tuple[float, float, float]
@@ -87,13 +87,13 @@ class Grasp:
 
     @property
     def cost(self) -> float:
-        """The smaller the better: 1 cm of lever arm counts as much as 6 degrees."""
+        """Cost of the grasp, by which grasps are sorted: 1 cm of lever arm costs as much as 6 degrees of angle."""
         return self.angle + 10.0 * self.lever
 
 
 @cache
 def objects() -> tuple[Lying, ...]:
-    """The graspable objects, by name."""
+    """Return the graspable objects, sorted by name."""
     with TABLE.open(newline="") as file:
         return tuple(
             Lying(name, float(height), (float(x), float(y), float(z), float(w)))
@@ -103,7 +103,10 @@ def objects() -> tuple[Lying, ...]:
 
 @cache
 def split(part: str) -> tuple[Lying, ...]:
-    """The objects of ``train`` (80 %) or ``test``: a fixed permutation of all of them, cut."""
+    """Return the objects of a part: ``train`` (80 % of the objects) or ``test`` (the others).
+
+    A fixed random permutation of all graspable objects is cut in two. The objects of a part are sorted by name.
+    """
     order = np.random.default_rng(0).permutation(len(objects()))
     cut = round(0.8 * len(order))
     chosen = order[:cut] if part == "train" else order[cut:]
@@ -112,7 +115,13 @@ def split(part: str) -> tuple[Lying, ...]:
 
 @cache
 def surface(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points (N, 3) [m] spread over an object's surface, and its outward normals there (N, 3), in its own axes."""
+    """Return points spread over an object's surface, (N, 3), [m], and the outward unit normals at them, (N, 3).
+
+    Both are in the axes of the object's file.
+
+    Args:
+        name: Number of the object in random_urdfs, three digits.
+    """
     words = [line.split() for line in (FOLDER / name / f"{name}.obj").read_text().splitlines()]
     vertices = SCALE * np.array([word[1:4] for word in words if word[:1] == ["v"]], np.float64)
     corners = np.array([[w.split("/")[0] for w in word[1:4]] for word in words if word[:1] == ["f"]], np.int64) - 1
@@ -126,27 +135,27 @@ def surface(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def rotation(quat_xyzw: NDArray[np.float64] | tuple[float, ...]) -> NDArray[np.float64]:
-    """The matrix of a quaternion, (3, 3)."""
+    """Return the rotation matrix of a quaternion, (3, 3)."""
     return np.array(pybullet.getMatrixFromQuaternion(quat_xyzw)).reshape(3, 3)
 
 
 def grasps(name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float64], floor: float) -> list[Grasp]:
-    """Where an object can be grasped from above, best first.
+    """Find the grasps by which an object can be grasped from above.
 
     Args:
-        name: The object.
-        position: Its centre in base, (3,), [m].
-        quat_xyzw: Its orientation.
-        floor: Height of what it lies on, [m].
+        name: Number of the object in random_urdfs, three digits.
+        position: Centre of the object in base, (3,), [m].
+        quat_xyzw: Orientation of the object in base.
+        floor: Height of the floor on which the object lies, base z, [m].
 
     Returns:
-        Grasps in base.
+        Grasps in base, sorted by `Grasp.cost`, the best first. The list is empty if the object has none.
     """
     points, normals = (part @ rotation(quat_xyzw).T for part in surface(name))
     points = points + position
     top = float(points[:, 2].max())
     z = max(floor + LOWEST, top - PALM)
-    between = points[:, 2] > z - TIP  # what the fingers can touch
+    between = points[:, 2] > z - TIP  # points that the fingers can touch
     points, normals = points[between] - position, normals[between]
     found = []
     for theta in TURNS:
@@ -159,7 +168,7 @@ def grasps(name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float
             ends, facing = v[inside], slope[inside]
             low, high = float(ends.min()), float(ends.max())
             width = high - low
-            # Faces that look at the finger, of those within 2 mm of where it first touches.
+            # Normals of the faces that face the finger and are within 2 mm of the point that it first touches.
             right = facing[(ends > high - 0.002) & (facing > 0.0)]
             left = -facing[(ends < low + 0.002) & (facing < 0.0)]
             if width > WIDEST or not len(right) or not len(left):
@@ -174,7 +183,10 @@ def grasps(name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float
 
 
 def lie_down(name: str) -> Lying | None:
-    """Put an object down in an empty world as in its file; None if it does not come to rest."""
+    """Put an object down in an empty world, in the orientation of its file, and return how it comes to rest.
+
+    The function returns None if the object does not come to rest within 3 s, or rolls 5 cm or further.
+    """
     client = pybullet.connect(pybullet.DIRECT)
     try:
         pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=client)
@@ -199,7 +211,7 @@ def lie_down(name: str) -> Lying | None:
 
 
 def graspable(name: str) -> Lying | None:
-    """How an object lies, if the rule above lets it in."""
+    """Return how an object lies, or None if it is not graspable by the rule at the top of this file."""
     lying = lie_down(name)
     if lying is None:
         return None
@@ -211,7 +223,7 @@ def graspable(name: str) -> Lying | None:
 
 
 def main() -> None:
-    """Write the table."""
+    """Write the table of graspable objects."""
     rows = [lying for index in range(COUNT) if (lying := graspable(f"{index:03d}"))]
     with TABLE.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")

@@ -14,26 +14,26 @@ from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.household_objects import Lying, grasps, split
 from collectors.tasks.task import Task
 
-LIFTED = 0.1  # [m] above where it lay
-INNER = 0.18  # [m] half the bin's inner edge: 36 cm, inside the 40 cm workspace
-WALL = 0.005  # [m] half its walls' thickness
-RIM = 0.04  # [m] height of its walls: the palm of a gripper that touches the floor is 5 cm above it
-FLOOR = 0.003  # [m] height of its floor
-CLEAR = 0.02  # [m] between the TCP of a travelling gripper and what it might drag along
-SPREAD = 0.11  # [m] of the object's centre from the bin's, in x and y: an open gripper over it is clear of the walls
+LIFTED = 0.1  # [m] height above the position in which the object lay
+INNER = 0.18  # [m] half the bin's inner edge, which is 36 cm and lies inside the 40 cm workspace
+WALL = 0.005  # [m] half the thickness of the bin's walls
+RIM = 0.04  # [m] height of the bin's walls: the palm of a gripper that touches the floor is 5 cm above the floor
+FLOOR = 0.003  # [m] height of the bin's floor
+CLEAR = 0.02  # [m] from an object up to the TCP of a gripper that moves over it without dragging it along
+SPREAD = 0.11  # [m] largest |x| and |y| from the bin's to the object's centre: an open gripper is clear of the walls
 BIN_COLOR = (0.25, 0.27, 0.3)
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What is drawn.
+    """Scene that is drawn for an episode.
 
     Attributes:
-        name: Number of the object in random_urdfs.
-        xy: Its centre, [m].
-        yaw: Its yaw from how it lies in the table of objects, [rad].
-        mass: 0.1 to 0.2 kg (reference benchmark: 0.15).
-        friction: Its Coulomb friction, 0.5 to 0.7 (reference benchmark: 0.6).
+        name: Number of the object in random_urdfs, three digits.
+        xy: Centre of the object in base, (x, y), [m].
+        yaw: Yaw of the object relative to its orientation in the table of objects, [rad].
+        mass: Mass of the object, [kg]: 0.1 to 0.2 kg (reference benchmark: 0.15).
+        friction: Coulomb friction of the object, 0.5 to 0.7 (reference benchmark: 0.6).
     """
 
     name: str
@@ -44,16 +44,21 @@ class Scene:
 
 
 class HouseholdPicking(Task):
-    """Grasp an object of varying shape, place, yaw, mass and friction in a bin, and lift it by 10 cm."""
+    """Task to grasp an object of varying shape, place, yaw, mass and friction in a bin, and to lift it by 10 cm.
+
+    Attributes:
+        bin: Body id of the bin.
+        rest_height: Height of the object's centre at the start, base z, [m].
+    """
 
     part: ClassVar[str] = "train"
-    """The objects it is drawn from: ``train`` or ``test``."""
+    """Part of the objects from which the object is drawn: ``train`` or ``test``."""
 
     scene: Scene
 
     @classmethod
     def draw(cls, rng: np.random.Generator, world: World) -> Scene:
-        """Any object of the part, anywhere in the bin that the gripper can reach."""
+        """Draw a scene with any object of `part`, anywhere in the bin that the gripper can reach."""
         chosen = split(cls.part)
         x, y = world.workspace[:2].mean(axis=1) + rng.uniform(-SPREAD, SPREAD, 2)
         return Scene(
@@ -65,7 +70,7 @@ class HouseholdPicking(Task):
         )
 
     def __init__(self, world: World, scene: Scene) -> None:
-        """Put the bin on the table and the object into it, as it lies."""
+        """Put the bin on the table and the object into the bin, in the orientation in which it comes to rest."""
         self.world, self.scene = world, scene
         x, y = world.workspace[:2].mean(axis=1)
         self.bin = world.bodies.add(_bin(), (float(x), float(y), 0.0))
@@ -81,18 +86,25 @@ class HouseholdPicking(Task):
         return body
 
     def success(self) -> bool:
-        """Both fingers press on the object, and its centre is 10 cm higher than where it lay."""
+        """Return whether both fingers press on the object and its centre is more than 10 cm above its start."""
         return self.world.holds(self.body) and self.world.pose(self.body)[2] - self.rest_height > LIFTED
 
     def expert(self, gripper: Gripper) -> Moves:
-        """Over the best grasp, down, close, up; the next best if that slips, and anew if the object has moved."""
+        """Yield actions that move over the best grasp, go down, close the fingers and lift the object.
+
+        After a failure the expert tries another grasp. It finds the grasps anew from the object's present pose, and
+        ends if there is none.
+
+        Args:
+            gripper: Gripper of the task's world, which makes the actions.
+        """
         failures = 0
         while True:
             pose = self.world.pose(self.body)
             found = grasps(self.scene.name, pose[:3], pose[3:], FLOOR)
-            if not found:  # it has tumbled and is too wide as it lies now
+            if not found:  # the object has tumbled and is too wide in its present orientation
                 return
-            grasp = found[7 * failures % len(found)]  # neighbours in this order are nearly the same
+            grasp = found[7 * failures % len(found)]  # 7 apart, because grasps next to each other are nearly the same
             theta = nearest_turn(grasp.theta, np.pi, near=self.world.target[3])
             over = grasp.top + CLEAR
             yield from gripper.go(z=max(self.world.target[2], over))
@@ -109,12 +121,12 @@ class HouseholdPicking(Task):
         return self.world.holds(self.body)
 
     def _astray(self, expected: NDArray[np.float64]) -> bool:
-        """Whether the object is no longer where the gripper goes down for it."""
+        """Return whether the object has moved from the pose `expected` at which the gripper goes down to grasp it."""
         return bool(np.linalg.norm(self.world.pose(self.body)[:3] - expected[:3]) > 0.01)
 
 
 def _bin() -> list[Box]:
-    """Floor and four walls, about the middle of the floor's underside."""
+    """Return the bin's floor and four walls, with the origin in the middle of the floor's underside."""
     outer, middle = INNER + 2 * WALL, INNER + WALL
     walls = [
         Box(half, (x * middle, y * middle, 0.5 * RIM), color=BIN_COLOR)

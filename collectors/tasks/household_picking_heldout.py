@@ -1,9 +1,9 @@
-"""Household picking with the objects that demonstrations never show."""
+"""Household picking with objects that no demonstration of `HouseholdPicking` has."""
 
 from collectors.tasks.household_picking import HouseholdPicking
 
 
 class HouseholdPickingHeldout(HouseholdPicking):
-    """The fifth of the objects that is kept for tests; everything else is the same."""
+    """Household picking with the fifth of the objects that is kept for tests. All else is as in `HouseholdPicking`."""
 
     part = "test"

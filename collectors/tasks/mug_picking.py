@@ -15,33 +15,37 @@ from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
 
-LIFTED = 0.1  # [m] that the centre of mass must rise, as in block picking
-MARGIN = 0.08  # [m] between the mug's axis and the workspace's border: the whole mug is inside, whatever its yaw
-CLEAR = 0.02  # [m] between the TCP of a travelling gripper and the rim
+LIFTED = 0.1  # [m] by which the centre of mass must rise, as in block picking
+MARGIN = 0.08  # [m] from the mug's axis to the workspace's border, at least: the whole mug is inside at any yaw
+CLEAR = 0.02  # [m] from the mug's rim up to the TCP of a gripper that moves over it
 
 # Measured on objects/mug_col.obj of pybullet_data, at scale 1, in the axes of the mesh: the axis of the mug is z, its
-# bottom at z = 0, the handle points to +y and is five convex parts. The cup is one, hence solid: nothing fits inside.
-CUP = 0.041  # [m], its radius
-TOLERANCE = 0.003  # [m] by which contact points may leave the handle's box: a margin of the shape, and a surface gives
+# bottom is at z = 0, and the handle points to +y. The handle is made of five convex parts. The cup is one convex part
+# and therefore solid: nothing fits inside.
+CUP = 0.041  # [m] radius of the cup
+TOLERANCE = 0.003  # [m] by which contact points may be outside the handle's box: shape margin and surface deflection
 HANDLE = np.array(
     [[-0.0055, 0.0055], [CUP + TOLERANCE, 0.0806], [0.0165, 0.0835]]
-)  # [m], box round what is off the cup
-RIM = 0.1  # [m], height
-GRASP = np.array([0.0, 0.060, 0.072])  # [m], of the TCP: fingers left and right of the upper bar, 1 cm off the cup
-PALM = 0.03  # [m] that the TCP must at most be below the rim, so that the palm, 39 mm above it, does not touch
-MASS_CENTRE = np.array([0.0, 0.003, 0.044])  # [m], of the visual mesh as a solid; the file has it at the bottom
+)  # [m] box round the part of the handle that is off the cup: low and high bound of x, y and z
+RIM = 0.1  # [m] height of the rim
+GRASP = np.array([0.0, 0.060, 0.072])  # [m] TCP of a grasp: fingers left and right of the upper bar, 1 cm off the cup
+PALM = 0.03  # [m] from the rim down to the TCP, at most, so that the palm, 39 mm above the TCP, does not touch the rim
+MASS_CENTRE = np.array([0.0, 0.003, 0.044])  # [m] that of the visual mesh as a solid; in the file it is at the bottom
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What is drawn (the reference benchmark varies only place and, by +-45 degrees, yaw).
+    """Scene that is drawn for an episode.
+
+    The reference benchmark varies only the mug's place and, by +-45 degrees, its yaw.
 
     Attributes:
-        xy: The mug's axis, [m].
-        yaw: Yaw, [rad], full circle; at 0 the handle points to +y.
-        scale: Size relative to a mug of 8.2 cm in diameter and 10 cm in height, 0.8 to 1.1.
-        mass: 0.2 to 0.4 kg (the file has 1 kg).
-        friction: Its Coulomb friction, 0.5 to 1; the fingers have 1, the table 0.5, contact has the product.
+        xy: Position of the mug's axis in base, (x, y), [m].
+        yaw: Yaw of the mug, [rad], drawn from the full circle. At 0 the handle points to base +y.
+        scale: Size of the mug relative to a diameter of 8.2 cm and a height of 10 cm, 0.8 to 1.1.
+        mass: Mass of the mug, [kg]: 0.2 to 0.4 kg (the file has 1 kg).
+        friction: Coulomb friction of the mug, 0.5 to 1. The fingers have 1, the table has 0.5, and a contact has the
+            product of both bodies' values.
     """
 
     xy: tuple[float, float]
@@ -52,13 +56,13 @@ class Scene:
 
 
 class MugPicking(Task):
-    """Grasp a mug of varying place, yaw, size, mass and friction by its handle, and lift it by 10 cm."""
+    """Task to grasp a mug of varying place, yaw, size, mass and friction by its handle, and to lift it by 10 cm."""
 
     scene: Scene
 
     @classmethod
     def draw(cls, rng: np.random.Generator, world: World) -> Scene:
-        """Anywhere on the workspace's table, any way round."""
+        """Draw a scene with the mug anywhere on the table in the workspace, at any yaw."""
         x, y = rng.uniform(world.workspace[:2, 0] + MARGIN, world.workspace[:2, 1] - MARGIN)
         return Scene(
             xy=(float(x), float(y)),
@@ -75,15 +79,16 @@ class MugPicking(Task):
         world.bodies.set_dynamics(self.body, mass=scene.mass, lateralFriction=scene.friction)
 
     def success(self) -> bool:
-        """Both fingers press on the handle and on nothing else of the mug, whose centre of mass is 10 cm higher.
+        """Return whether both fingers press on the mug's handle only and its centre of mass is more than 10 cm higher.
 
-        How far the mug swings round the fingers does not matter.
+        The height is compared with that of the mug standing on the table. It does not matter how far the mug swings
+        round the fingers.
         """
         height = self.world.pose(self.body)[2] - self.scene.scale * MASS_CENTRE[2]
         return bool(height > LIFTED) and self.by_handle()
 
     def by_handle(self) -> bool:
-        """Whether both fingers press on the mug, only on its handle."""
+        """Return whether both fingers press on the mug, and only on its handle."""
         for finger in (LEFT_FINGER, RIGHT_FINGER):
             points = self._pressed(finger)
             inside = (points >= HANDLE[:, 0] - TOLERANCE) & (points <= HANDLE[:, 1] + TOLERANCE)
@@ -92,7 +97,13 @@ class MugPicking(Task):
         return True
 
     def expert(self, gripper: Gripper) -> Moves:
-        """Over the handle, fingers across it, down, close, up; again if it slips or is not where it was."""
+        """Yield actions that move over the handle, fingers across it, go down, close the fingers and lift the mug.
+
+        The expert starts again if the handle slips or the mug is no longer where it was.
+
+        Args:
+            gripper: Gripper of the task's world, which makes the actions.
+        """
         while True:
             pose = self.world.pose(self.body)
             x, y, z = self.in_base(GRASP)
@@ -108,32 +119,36 @@ class MugPicking(Task):
             yield from gripper.grip(1.0, steps=2)
 
     def in_base(self, point: ArrayLike) -> NDArray[np.float64]:
-        """A point of the mesh at scale 1, (3,) [m], in base, (3,) [m]."""
+        """Return the present position in base, (3,), [m], of a point of the mug.
+
+        Args:
+            point: The point in the axes of the mug's mesh at scale 1, (3,), [m].
+        """
         position, rotation = self._frame()
         moved: NDArray[np.float64] = position + rotation @ (self.scene.scale * (np.asarray(point) - MASS_CENTRE))
         return moved
 
     def _pressed(self, finger: int) -> NDArray[np.float64]:
-        """Where a finger presses on the mug, (N, 3), [m], in the axes of the mesh at scale 1."""
+        """Return the points where a finger presses on the mug, (N, 3), [m], in the axes of the mesh at scale 1."""
         contacts = pybullet.getContactPoints(
             self.world.robot, self.body, linkIndexA=finger, physicsClientId=self.world.client
         )
-        points = [contact[6] for contact in contacts if contact[9] > 0.0]  # 6: on the mug, 9: normal force
+        points = [contact[6] for contact in contacts if contact[9] > 0.0]  # 6: position on the mug, 9: normal force
         position, rotation = self._frame()
         return (np.reshape(points, (-1, 3)) - position) @ rotation / self.scene.scale + MASS_CENTRE
 
     def _frame(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The mug's centre of mass (3,) [m] and the axes of its mesh as columns (3, 3), in base."""
+        """Return, in base, the mug's centre of mass, (3,), [m], and the axes of its mesh as columns, (3, 3)."""
         pose = self.world.pose(self.body)
         return pose[:3], np.reshape(pybullet.getMatrixFromQuaternion(pose[3:]), (3, 3))
 
     def _astray(self, expected: NDArray[np.float64]) -> bool:
-        """Whether the mug is no longer where the gripper goes down for its handle."""
+        """Return whether the mug has moved from the pose `expected` at which the gripper goes down for the handle."""
         return bool(np.linalg.norm(self.world.pose(self.body)[:3] - expected[:3]) > 0.01)
 
 
 def mug_urdf() -> str:
-    """pybullet_data's mug as text with absolute mesh paths and with the centre of mass where it belongs."""
+    """Return the URDF text of pybullet_data's mug, with absolute mesh paths and with the centre of mass corrected."""
     file = Path(pybullet_data.getDataPath()) / "objects" / "mug.urdf"
     centre = " ".join(map(str, MASS_CENTRE))
     text = file.read_text().replace('filename="', f'filename="{file.parent}/')

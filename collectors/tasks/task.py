@@ -1,4 +1,4 @@
-"""What a task is: a scene that is drawn, a world that is set up with it, a predicate that says when it is done."""
+"""The base class of a task, which draws a scene, sets up a world with it, and says when the task is achieved."""
 
 import math
 from abc import ABC, abstractmethod
@@ -15,17 +15,17 @@ from collectors.tasks.gripper import Gripper, Moves
 from svfl_data.errors import CollectError
 
 DRAWS = 1000
-"""Tries to draw a scene, of which the default workspace needs a few."""
+"""Largest number of draws for a scene. The default workspace needs a few."""
 MAX_STEPS = 50
-"""Longest episode (Kohler et al., CoRL 2023, section 5.1)."""
+"""Longest episode, in steps (Kohler et al., CoRL 2023, section 5.1)."""
 ATTEMPTS = 20
-"""Attempts that an expert makes at an episode; they are numbered from 0."""
+"""Largest number of attempts that an expert makes at an episode; they are numbered from 0."""
 POLICY_ATTEMPT = ATTEMPTS
-"""Number of the attempt whose scenes policies are tried in; no expert makes it, so no demonstration shows its scene."""
+"""Attempt number of the scenes that policies are evaluated in; no expert makes it, so no demonstration shows them."""
 
 
 def attempt_seed(seed: int, index: int, attempt: int) -> np.random.SeedSequence:
-    """Source of all randomness of an attempt.
+    """Return the seed sequence from which all randomness of an attempt comes.
 
     Args:
         seed: Seed of the dataset.
@@ -38,19 +38,19 @@ def attempt_seed(seed: int, index: int, attempt: int) -> np.random.SeedSequence:
 def two_apart(
     rng: np.random.Generator, low: NDArray[np.float64], high: NDArray[np.float64], apart: float
 ) -> NDArray[np.float64]:
-    """Draw two places that are far enough apart.
+    """Draw two places on the table that are far enough apart.
 
     Args:
-        rng: Source of all randomness.
-        low: Lowest x, y, (2,), [m].
-        high: Highest x, y, (2,), [m].
-        apart: Least distance, [m].
+        rng: Source of all random numbers.
+        low: Lowest x, y of a place in base, (2,), [m].
+        high: Highest x, y of a place in base, (2,), [m].
+        apart: Smallest distance between the places, [m].
 
     Returns:
-        The places, (2, 2), [m].
+        The x, y of each place in base, (2, 2), [m].
 
     Raises:
-        CollectError: If there is no room for them.
+        CollectError: If no two such places are found in `DRAWS` draws.
     """
     for _ in range(DRAWS):
         places: NDArray[np.float64] = rng.uniform(low, high, (2, 2))
@@ -60,19 +60,19 @@ def two_apart(
 
 
 class Task(ABC):
-    """One scene of a task, set up in a world; a new object for every episode.
+    """One scene of a task, set up in a world. Every episode has its own `Task` object.
 
-    A subclass is a task. It draws its scene as numbers (a frozen dataclass), puts it into the world when it is made,
-    and reads success off the true state.
+    Each task is a subclass. The subclass draws its scene as numbers (a frozen dataclass), puts the scene into the world
+    when the object is made, and computes success from the true state.
 
     Attributes:
-        world: The world it is set up in.
-        scene: What was drawn.
+        world: World in which the scene is set up.
+        scene: Numbers that were drawn for the scene.
         body: Body id of the object that the task is about.
     """
 
     color: ClassVar[tuple[float, float, float]] = (0.0, 0.35, 0.75)
-    """RGB of the object that the task is about, where tasks do not draw it."""
+    """RGB, 0 to 1, of the object that the task is about, unless the task draws the colour."""
 
     world: World
     scene: Any
@@ -81,39 +81,57 @@ class Task(ABC):
     @classmethod
     @abstractmethod
     def draw(cls, rng: np.random.Generator, world: World) -> Any:  # noqa: ANN401 - each task has its own scene
-        """Draw a scene; nothing is put into the world.
+        """Draw a scene without putting anything into the world.
 
         Args:
-            rng: Source of all randomness.
-            world: For its bounds.
+            rng: Source of all random numbers.
+            world: World whose workspace bounds the scene.
 
         Returns:
-            A frozen dataclass of numbers, base axes, SI units.
+            A frozen dataclass of numbers in base axes and SI units.
         """
 
     @abstractmethod
     def __init__(self, world: World, scene: Any) -> None:  # noqa: ANN401
-        """Put a scene into a world that has just been reset."""
+        """Put a scene into a world that has just been reset.
+
+        Args:
+            world: World to put the scene into.
+            scene: Scene that `draw` returned.
+        """
 
     @abstractmethod
     def success(self) -> bool:
-        """Whether the task is achieved, read off the true state."""
+        """Return whether the task is achieved, computed from the true state."""
 
     @abstractmethod
     def expert(self, gripper: Gripper) -> Moves:
-        """The actions of a scripted expert who knows the true state, until the task is achieved or time is up."""
+        """Return the actions of a scripted expert that knows the true state.
+
+        The caller takes the next action after the world has carried out the one before, and stops taking actions when
+        the task is achieved or time is up.
+
+        Args:
+            gripper: Gripper of the task's world, which makes the actions.
+        """
 
     def state(self) -> Mapping[str, np.ndarray]:
-        """True values of the moment, for the record; `OBJECT` is the pose of the task's object."""
+        """Return the true values to record at this moment, by name.
+
+        The value named `OBJECT` is the pose of the task's object in base: position [m] and quat_xyzw, (7,).
+        """
         return {OBJECT: self.world.pose(self.body)}
 
     @classmethod
     def begin(cls, world: World, seed: np.random.SeedSequence) -> Self:
-        """Reset a world, draw a scene, set it up and tare; the same seed gives the same bytes from here on.
+        """Reset a world, draw a scene, set it up and tare. The same seed then gives the same bytes.
 
         Args:
-            world: Any world; what it was used for before does not matter.
-            seed: Seed of scene and sensor noise; not spawned from.
+            world: World to use. Its earlier use does not matter.
+            seed: Seed of the scene and the sensor noise. `begin` does not spawn from it.
+
+        Returns:
+            The task, ready for its first action.
         """
         scene_seed, noise_seed = seed.generate_state(2)
         world.reset(seed=int(noise_seed))
@@ -122,5 +140,5 @@ class Task(ABC):
         return task
 
     def drawn(self) -> dict[str, Any]:
-        """The scene as JSON values."""
+        """Return the scene as JSON values."""
         return asdict(self.scene)
