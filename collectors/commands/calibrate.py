@@ -1,4 +1,4 @@
-"""``svfl-collect calibrate``: where a camera is, from pictures of a board of tags."""
+"""``svfl-collect calibrate``: estimate the pose of a camera from pictures of a board of tags."""
 
 import argparse
 from collections.abc import Callable
@@ -8,12 +8,12 @@ from collectors.commands.options import between
 from svfl_data.system.command_line import Commands, natural
 from svfl_data.system.printable import say
 
-DOUBTFUL_PX, WRONG_PX = 1.0, 5.0  # root mean square reprojection error
+DOUBTFUL_PX, WRONG_PX = 1.0, 5.0  # [px] root mean square reprojection error above which a result is doubtful, or wrong
 CAUSES = "another board's file, poses of other pictures, wrong intrinsics, or a bent tag"
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add ``calibrate`` to the commands of the command line."""
     parser = commands.add_parser(
         "calibrate",
         help="where a camera is, from pictures of a board of AprilTags",
@@ -60,11 +60,14 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Estimate, print the residuals, and write.
+    """Estimate the camera's pose, print the residuals, and write the calibration file.
+
+    Args:
+        arguments: Parsed options of the command.
 
     Raises:
-        UsageError: If options do not fit together.
-        CollectError: If the board is seen too rarely, or what is given does not fit together.
+        UsageError: If the options do not fit together.
+        CollectError: If the board is seen in too few pictures, or the reprojection error is too large.
     """
     import numpy as np
 
@@ -82,7 +85,7 @@ def run(arguments: argparse.Namespace) -> None:
     board = Layout.read(arguments.board).scaled(arguments.printed / 100.0)
     folder = arguments.path.is_dir() and arguments.episode is None and not (arguments.path / "dataset.json").exists()
     source = of_folder(arguments) if folder else of_episode(arguments)
-    detector = TagDetector(board.family, find=MEASURE)  # small tags count too; time does not
+    detector = TagDetector(board.family, find=MEASURE)  # finds small tags too; time does not matter here
     looks = progress(source.checked(), "looking for the board", len(source.pictures))
     found = [view(name, picture, board, source.intrinsics, detector) for name, picture in looks]
     views = [one for one in found if one is not None]
@@ -101,7 +104,7 @@ def run(arguments: argparse.Namespace) -> None:
     for name, error in result.errors.items():
         say(f"  {name:<28} {error:6.2f} px")
     say(f"board seen in {len(views)} of {len(found)} pictures; error {result.error:.2f} px (root mean square)")
-    if not result.error <= WRONG_PX:  # nor if it is none
+    if not result.error <= WRONG_PX:  # also refuses an error that is not a number
         raise CollectError(f"error {result.error:.1f} px: {CAUSES}; nothing is written")
     if result.error > DOUBTFUL_PX:
         say(f"  that is much: {CAUSES}")
@@ -123,7 +126,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
-    """Argument type: so many finite numbers with commas between them."""
+    """Return an argument type that accepts `count` numbers below 1e6 in absolute value, with commas between them."""
 
     def parse(text: str) -> tuple[float, ...]:
         try:

@@ -1,4 +1,4 @@
-"""``svfl-collect centering``: labelled samples of block centering."""
+"""``svfl-collect centering``: collect labelled samples of block centering."""
 
 import argparse
 import time
@@ -9,7 +9,7 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add ``centering`` to the commands of the command line."""
     parser = commands.add_parser(
         "centering",
         help="block centering: one finger collides with the block; which way to move?",
@@ -30,7 +30,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Collect and say what there is."""
+    """Collect the samples that the dataset lacks, and print a summary of the dataset."""
     from collectors.recording.collection import collect_dataset
     from collectors.recording.live_view import watched
     from collectors.simulation.centering import CenteringConfig

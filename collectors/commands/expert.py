@@ -1,4 +1,4 @@
-"""``svfl-collect expert``: demonstrations of a task, or of all of them."""
+"""``svfl-collect expert``: record demonstrations of one task, or of all the paper's tasks, by scripted experts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ALL = "all"
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add ``expert`` to the commands of the command line."""
     parser = commands.add_parser(
         "expert",
         help="demonstrations of a task by its scripted expert",
@@ -65,10 +65,13 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Collect and say what there is.
+    """Collect the demonstrations that the datasets lack, and print a summary of each dataset.
+
+    Args:
+        arguments: Parsed options of the command.
 
     Raises:
-        UsageError: If tags cannot tell success of the task.
+        UsageError: If tags cannot tell the success of a task.
         DatasetError: If a folder holds another dataset.
     """
     from collectors.recording.collection import collect_dataset
@@ -103,7 +106,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _kind(tags: bool) -> type[ExpertCollector]:
-    """Who says when a task is achieved: AprilTags, which need the extra ``real``, or the simulation."""
+    """Return the collector class whose success AprilTags tell, which need the extra ``real``, or the simulation."""
     if tags:
         from collectors.sources.tagged_expert import TaggedCollector
 

@@ -1,4 +1,4 @@
-"""What the commands share: where to write, with how many workers of which executor, and the options of the world."""
+"""Options that the commands share: the dataset folder, the workers and their executor, and the world."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # at run time only when collecting: the command line itself l
 
 
 def add_collection(parser: Parser) -> None:
-    """Add the options that say where to write and who works."""
+    """Add the options of the dataset and the workers: seed, number of workers, executor, and dataset folder."""
     parser.add_argument("--seed", type=natural, default=0, metavar="S", help="seed of the dataset (default 0)")
     parser.add_argument("--workers", type=positive, default=1, metavar="W", help="episodes at a time (default 1)")
     parser.add_argument(
@@ -30,7 +30,7 @@ def add_collection(parser: Parser) -> None:
 
 
 def add_rerun(parser: Parser) -> None:
-    """Add the option that shows episodes while they are recorded."""
+    """Add the option that shows episodes in a viewer while they are recorded."""
     parser.add_argument(
         "--rerun", nargs="?", const="127.0.0.1:9876", metavar="HOST:PORT",
         help="show it on a running viewer meanwhile (start one with: rerun; default 127.0.0.1:9876)",
@@ -38,7 +38,10 @@ def add_rerun(parser: Parser) -> None:
 
 
 def executor(arguments: argparse.Namespace) -> Executor:
-    """The executor that is asked for.
+    """Return the executor that the options ask for.
+
+    Args:
+        arguments: Parsed options of `add_collection`.
 
     Raises:
         UsageError: If an address is given for another executor than Ray.
@@ -55,7 +58,7 @@ def executor(arguments: argparse.Namespace) -> Executor:
 
 
 def add_world(parser: Parser) -> None:
-    """Add the options of the world."""
+    """Add the options of the simulated world: sensor noise, image size and cameras."""
     parser.add_argument(
         "--sensor-noise", choices=["realistic", "none"], default="realistic",
         help="of the wrist sensor (default realistic)",
@@ -68,10 +71,13 @@ def add_world(parser: Parser) -> None:
 
 
 def world(arguments: argparse.Namespace) -> WorldConfig:
-    """The world that is asked for.
+    """Return the configuration of the world that the options ask for.
+
+    Args:
+        arguments: Parsed options of `add_world`.
 
     Raises:
-        UsageError: If there is no such camera.
+        UsageError: If no camera has one of the names.
     """
     from dataclasses import replace
 
@@ -90,12 +96,15 @@ def world(arguments: argparse.Namespace) -> WorldConfig:
 
 
 def between(low: float, high: float, what: str) -> Callable[[str], float]:
-    """Argument type: a number in a range.
+    """Return an argument type that accepts a number in a range.
 
     Args:
-        low: Smallest.
-        high: Largest.
-        what: What it is, for the message, e.g. ``an angle``.
+        low: Smallest number that is accepted.
+        high: Largest number that is accepted.
+        what: Name of the quantity for the error message, such as ``an angle in degrees``.
+
+    Returns:
+        Function for argparse that turns a text into a number.
     """
 
     def parse(text: str) -> float:

@@ -1,4 +1,4 @@
-"""``svfl-collect policy``: a trained policy at work, and how often it succeeds."""
+"""``svfl-collect policy``: record episodes of a trained policy, and print its success rate."""
 
 import argparse
 from pathlib import Path
@@ -10,7 +10,7 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add ``policy`` to the commands of the command line."""
     parser = commands.add_parser(
         "policy",
         help="record a trained policy and count its successes",
@@ -29,7 +29,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Record and say how often it succeeded."""
+    """Record the episodes that the dataset lacks, and print the policy's success rate over the dataset."""
     from collectors.recording.collection import collect_dataset
     from collectors.recording.live_view import watched
     from collectors.sources.policy import PolicyCollector, summary
@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     where = executor(arguments)
     collector = PolicyCollector(arguments.seed, arguments.task, arguments.checkpoint, world(arguments))
-    _ = collector.policy  # what is wrong with it is said before a folder is begun
+    _ = collector.policy  # loaded here so that an error in the policy is reported before a folder is begun
     dataset = Dataset.create_or_resume(arguments.out, arguments.task, arguments.seed, collector.config())
     collect_dataset(dataset, arguments.episodes, arguments.workers, watched(arguments, collector), where)
     say(summary(dataset))

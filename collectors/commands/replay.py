@@ -1,4 +1,4 @@
-"""``svfl-collect replay``: does an episode follow from its seed and actions?"""
+"""``svfl-collect replay``: simulate an episode again and compare it with the record."""
 
 import argparse
 from pathlib import Path
@@ -8,7 +8,7 @@ from svfl_data.system.printable import say
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add ``replay`` to the commands of the command line."""
     parser = commands.add_parser(
         "replay",
         help="simulate an episode again from its seed and actions and compare",
@@ -22,10 +22,13 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Print the differences.
+    """Simulate an episode again, and print its differences from the record.
+
+    Args:
+        arguments: Parsed options of the command.
 
     Raises:
-        DatasetError: If there are any.
+        DatasetError: If there are any differences.
     """
     from collectors.sources.replay import replay
     from svfl_data.commands.source import read

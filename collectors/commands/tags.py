@@ -1,4 +1,4 @@
-"""``svfl-collect tags``: tags to print, in true size."""
+"""``svfl-collect tags``: write a sheet of tags to print in true size."""
 
 import argparse
 from pathlib import Path
@@ -7,11 +7,11 @@ from collectors.commands.options import between
 from svfl_data.system.command_line import Commands, natural, positive
 from svfl_data.system.printable import say
 
-SIZE_MM = 30.0  # of a tag
+SIZE_MM = 30.0  # default size of a tag
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add ``tags`` to the commands of the command line."""
     parser = commands.add_parser(
         "tags",
         help="a sheet of AprilTags to print: for objects, for a cube, or a board for calibration",
@@ -44,7 +44,10 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Write the sheet, and say what is on it.
+    """Write the sheet and, for a cube or a board, the layout file, and print what was written.
+
+    Args:
+        arguments: Parsed options of the command.
 
     Raises:
         UsageError: If the file is neither PDF nor PNG, the tags do not fit, or --printed is not for a cube.

@@ -1,4 +1,4 @@
-"""``svfl-collect teleop``: a person's demonstrations."""
+"""``svfl-collect teleop``: record demonstrations by a person."""
 
 import argparse
 from pathlib import Path
@@ -10,7 +10,7 @@ from svfl_data.system.command_line import Commands, natural, positive
 
 
 def add(commands: Commands) -> None:
-    """Put the command on the command line."""
+    """Add ``teleop`` to the commands of the command line."""
     parser = commands.add_parser(
         "teleop",
         help="demonstrations of a task by a person, with keyboard, gamepad or SpaceMouse",
@@ -40,7 +40,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Open screen and device, and record."""
+    """Open the screen and the device, and record demonstrations."""
     check_device(arguments.device)
     from collectors.recording.live_view import viewer
     from collectors.teleop.clock import Clock
@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_data.datasets.dataset import Dataset
 
     if arguments.rerun:
-        viewer(arguments.rerun)  # what is wrong with it is said before a window opens
+        viewer(arguments.rerun)  # an error in the viewer is reported before a window opens
     what = Teleoperation(arguments.seed, arguments.task, world(arguments))
     screen: Screen = NoScreen()
     scripted = arguments.device[0] == SCRIPT

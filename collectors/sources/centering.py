@@ -1,4 +1,4 @@
-"""Block-centering samples: attempts that collide as meant become labelled episodes, the others are counted."""
+"""Collector of block-centering samples: attempts that collide as intended become labelled episodes."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -26,12 +26,15 @@ TASK = "centering"
 
 @dataclass(frozen=True)
 class CenteringCollector(Simulated):
-    """Produces the episode of an index: the same bytes for the same seed, index and configuration, anywhere.
+    """Collector that produces the episode of an index.
+
+    The same seed, index and configuration give the same bytes in any process. Attempts that do not collide as intended
+    are rejected, and the episode's configuration lists why.
 
     Attributes:
         seed: Seed of the dataset.
-        scene: How scenes are drawn.
-        world: Physics, arm, sensors and camera.
+        scene: Bounds of the scenes that are drawn.
+        world: Configuration of the world: physics, arm, sensors and cameras.
     """
 
     seed: int
@@ -39,14 +42,19 @@ class CenteringCollector(Simulated):
     world: WorldConfig = field(default_factory=WorldConfig)
 
     def config(self) -> dict[str, Any]:
-        """Everything that was set, as JSON values."""
+        """Return the configuration of the collector as JSON values."""
         return {"scene": asdict(self.scene), "world": asdict(self.world)}
 
     def __call__(self, index: int, *, keep: Callable[[Episode], None] = forget, watch: Watcher = unwatched) -> Episode:
         """Collect one episode; failed attempts are counted and not kept.
 
+        Args:
+            index: Number of the episode in the dataset.
+            keep: Function that is called with every failed attempt; this collector makes no episodes of those.
+            watch: Function that is called with every observation and action of every attempt.
+
         Raises:
-            CollectError: If no attempt collides as meant.
+            CollectError: If no attempt collides as intended.
         """
         rejected: list[str] = []
         for attempt in range(ATTEMPTS):
@@ -59,7 +67,7 @@ class CenteringCollector(Simulated):
         )
 
     def _attempt(self, index: int, attempt: int, rejected: list[str], watch: Watcher) -> Episode | str:
-        """One attempt: the episode, or why it is rejected."""
+        """Make one attempt, and return its episode or the reason why the attempt is rejected."""
         world = self.opened
         scene, block = begin(world, self.scene, self.seed, index, attempt)
         expert = CollisionExpert(scene, touchdown=2 * scene.block_half + FINGERTIP)
@@ -82,23 +90,28 @@ class CenteringCollector(Simulated):
 
 
 def balanced_direction(seed: int, index: int) -> int:
-    """The class of a sample: every four consecutive samples hold each class once, in random order."""
+    """Return the class of a sample, 0..3, such that samples 4 k to 4 k + 3 hold each class once, in random order.
+
+    Args:
+        seed: Seed of the dataset.
+        index: Number of the sample.
+    """
     order = np.random.default_rng([seed, index // 4]).permutation(4)
     return int(order[index % 4])
 
 
 def begin(world: World, config: CenteringConfig, seed: int, index: int, attempt: int) -> tuple[Scene, int]:
-    """Draw the scene of an attempt and set it up, homed and tared.
+    """Draw the scene of an attempt and set it up, with the arm at home and the wrist sensor tared.
 
     Args:
-        world: Any world; what it was used for before does not matter.
-        config: How scenes are drawn.
-        seed: Of the dataset.
-        index: Of the sample.
-        attempt: Number of the attempt.
+        world: World to use. Its earlier use does not matter.
+        config: Bounds of the scenes that are drawn.
+        seed: Seed of the dataset.
+        index: Number of the sample.
+        attempt: Number of the attempt at the sample, from 0.
 
     Returns:
-        The scene and the body id of its block.
+        The scene and the body id of the scene's block.
     """
     randomness = attempt_seed(seed, index, attempt)
     scene = draw_scene(np.random.default_rng(randomness), balanced_direction(seed, index), config, world)
@@ -109,7 +122,7 @@ def begin(world: World, config: CenteringConfig, seed: int, index: int, attempt:
 
 
 def add_block(world: World, scene: Scene) -> int:
-    """Put the block of a scene on the table; returns its body id."""
+    """Put the block of a scene on the table and return its body id."""
     return world.add_box(
         half_extents=(scene.block_half,) * 3,
         position=(*scene.block_xy, scene.block_half),
@@ -121,7 +134,7 @@ def add_block(world: World, scene: Scene) -> int:
 
 
 def summary(dataset: Dataset) -> list[str]:
-    """What a dataset of samples holds, in lines: classes, and how many attempts were rejected and why."""
+    """Describe a dataset of samples in lines of text: the classes, and how many attempts were rejected and why."""
     classes: Counter[str] = Counter()
     rejected: Counter[str] = Counter()
     for episode in dataset:

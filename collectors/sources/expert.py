@@ -1,4 +1,4 @@
-"""Demonstrations: an expert's attempts until one succeeds; the others are counted, and kept aside if asked for."""
+"""Collector of demonstrations: a scripted expert makes attempts until an attempt succeeds."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -25,15 +25,17 @@ from svfl_data.schema.robot import Policy
 
 @dataclass(frozen=True)
 class ExpertCollector(Simulated):
-    """Produces the demonstration of an index: the same bytes for the same arguments, anywhere.
+    """Collector that produces the demonstration of an index.
+
+    The same arguments give the same bytes in any process. Failed attempts are counted, and can be kept.
 
     Attributes:
         seed: Seed of the dataset.
-        task: Name of the task.
-        noise: How much demonstrations differ, 0 not at all, 1 as intended, 2 at most.
-        perturbations: How likely the gripper is to be pushed off its way at an action, see
-            `collectors.sources.perturbations`.
-        world: Physics, arm, sensors and cameras.
+        task: Name of the task, one of `collectors.TASKS`.
+        noise: How much demonstrations differ: 0 not at all, 1 as intended, 2 at most.
+        perturbations: Probability, 0..1, that a perturbation of the gripper begins at an action (see
+            `collectors.sources.perturbations`).
+        world: Configuration of the world: physics, arm, sensors and cameras.
     """
 
     seed: int
@@ -43,7 +45,7 @@ class ExpertCollector(Simulated):
     world: WorldConfig = field(default_factory=WorldConfig)
 
     def config(self) -> dict[str, Any]:
-        """Everything that was set, as JSON values."""
+        """Return the configuration of the collector as JSON values."""
         return {
             "task": self.task, "noise": self.noise, "perturbations": self.perturbations, "world": asdict(self.world),
         }  # fmt: skip
@@ -52,10 +54,13 @@ class ExpertCollector(Simulated):
         """Record one demonstration.
 
         Args:
-            index: Index of the episode.
-            keep: Is given every failed attempt, as an episode whose index is that of the episode times 20 plus the
-                number of the attempt.
-            watch: Is told of every observation and action of every attempt.
+            index: Number of the episode in the dataset.
+            keep: Function that is called with every failed attempt, as an episode. The number of that episode is
+                `index` times 20 plus the number of the attempt.
+            watch: Function that is called with every observation and action of every attempt.
+
+        Returns:
+            The episode of the first attempt that succeeds.
 
         Raises:
             CollectError: If no attempt succeeds.
@@ -76,7 +81,8 @@ class ExpertCollector(Simulated):
     def _attempt(self, index: int, attempt: int, rejected: list[str], watch: Watcher) -> Episode:
         seed = attempt_seed(self.seed, index, attempt)
         task = task_class(self.task).begin(self.opened, seed)
-        # Children of the seed: the expert's noise and the perturbations have nothing to do with the scene's numbers.
+        # The generators are children of the seed, so that the expert's noise and the perturbations are independent of
+        # the scene's numbers.
         rng, perturbations = (
             np.random.default_rng(np.random.SeedSequence(seed.entropy, spawn_key=(child,))) for child in range(2)
         )
@@ -93,12 +99,12 @@ class ExpertCollector(Simulated):
         return Episode(meta, arrays)
 
     def _recorded(self, task: Task, policy: Policy, watch: Watcher) -> tuple[dict[str, np.ndarray], bool]:
-        """What a policy does at a task that has just been set up, as arrays, and whether it is achieved at the end."""
+        """Run a policy on a task that has just been set up; return its arrays and whether the task is achieved."""
         return record(self.opened, policy, MAX_STEPS, task.success, task.state, watch), task.success()
 
 
 def summary(dataset: Dataset) -> str:
-    """What a dataset of demonstrations holds, and how many attempts failed and why."""
+    """Describe a dataset of demonstrations in a line of text: its size, and how many attempts failed and why."""
     rejected: Counter[str] = Counter()
     steps = []
     for index in dataset.indices:

@@ -1,10 +1,10 @@
-"""Perturbations: disturbances after which a demonstration shows the way back.
+"""Perturbations: disturbances of the gripper, after which a demonstration shows the way back.
 
-An expert who never errs never shows what to do after an error, and a policy that is cloned from it is lost after its
-own first one. So the gripper is pushed off its way now and then while the expert goes on; what it meant to do is kept
-beside what was done. The idea is that of DART (Laskey, Lee, Fox, Dragan, Goldberg, "DART: Noise Injection for Robust
-Imitation Learning", CoRL 2017), whose noise is small and never rests; an expert that waits until it has arrived would
-never arrive under that.
+An expert that never makes an error never shows what to do after an error, and a policy that is cloned from the expert
+cannot recover from its own first error. Therefore the gripper is pushed off its way at random moments while the expert
+continues, and the action that the expert meant is kept beside the action that was carried out. The idea is that of DART
+(Laskey, Lee, Fox, Dragan, Goldberg, "DART: Noise Injection for Robust Imitation Learning", CoRL 2017). DART's noise is
+small and acts at every step; with such noise, an expert that waits until it has arrived would never arrive.
 """
 
 import numpy as np
@@ -14,23 +14,24 @@ from collectors.tasks.gripper import Moves
 from svfl_data.schema.robot import Observation
 
 LONGEST = 3
-"""Actions of a perturbation, at most: with the largest action of 25 mm, up to 75 mm along each axis."""
+"""Largest number of actions of a perturbation. With the largest action of 25 mm it is up to 75 mm along each axis."""
 
 
 class Perturbed:
-    """An expert's moves, some of which are replaced by perturbations; a policy for `collectors.recording.loop.record`.
+    """Policy for `collectors.recording.loop.record` that replaces some of an expert's actions by perturbations.
 
-    A perturbation is the same move 1 to `LONGEST` times, uniform within the bounds of an action. A gripper that rests,
-    such as while it grasps, is not perturbed, and the gripper does what the expert wants.
+    A perturbation is the same move for 1 to `LONGEST` actions, drawn uniformly within the bounds of an action. It does
+    not change the gripper opening, and it does not replace an action in which the gripper rests, such as while it
+    grasps.
 
     Args:
-        moves: Of the expert, each made after the one before was carried out.
-        bound: Largest move: dx, dy, dz [m], dtheta [rad], shape (4,).
-        rate: How likely a perturbation is to begin at an action, 0..1.
-        rng: Decides on the perturbations; untouched if `rate` is 0.
+        moves: Actions of the expert. Each action is taken after the one before it was carried out.
+        bound: Largest absolute dx, dy, dz [m] and dtheta [rad] of an action, shape (4,).
+        rate: Probability, 0..1, that a perturbation begins at an action.
+        rng: Source of the random numbers of the perturbations. It is not used if `rate` is 0.
 
     Attributes:
-        expert_action: What the expert meant, one action (5,) float32 for each that was given out.
+        expert_action: Actions that the expert meant, (5,) float32 each, one for each action that was returned.
     """
 
     def __init__(self, moves: Moves, bound: NDArray[np.float64], rate: float, rng: np.random.Generator) -> None:
@@ -39,7 +40,7 @@ class Perturbed:
         self.expert_action: list[NDArray[np.float32]] = []
 
     def __call__(self, observation: Observation) -> NDArray[np.float32] | None:
-        """What to do; None when the expert has nothing more to do."""
+        """Return the next action, (5,) float32, or None when the expert has no further action."""
         meant = next(self._moves, None)
         if meant is None:
             return None

@@ -1,7 +1,7 @@
-"""A trained policy at work: every episode counts, whether it succeeds or not.
+"""Collector of a trained policy's episodes, which are all kept, whether they succeed or not.
 
-Policies come from elsewhere: whoever can load some kind of file declares a function ``load(path) -> policy`` in the
-entry-point group ``svfl.policies``, under the file's suffix without its dot.
+This package loads no policies itself. A package that can load some kind of policy file declares a function
+``load(path) -> policy`` in the entry-point group ``svfl.policies``, under the file's suffix without its dot.
 """
 
 import hashlib
@@ -33,11 +33,14 @@ GROUP = "svfl.policies"
 
 
 def loader(checkpoint: Path) -> Callable[[Path], Policy]:
-    """The function that loads a file of this kind.
+    """Return the function that loads policy files of a checkpoint's kind.
+
+    Args:
+        checkpoint: File of the policy, whose suffix says its kind.
 
     Raises:
-        UsageError: If no installed package has one.
-        FormatError: If there is no such file.
+        UsageError: If no installed package has a function for that suffix.
+        FormatError: If the checkpoint does not exist.
     """
     known: dict[str, EntryPoint] = {entry.name: entry for entry in entry_points(group=GROUP)}
     entry = known.get(checkpoint.suffix.removeprefix("."))
@@ -52,13 +55,14 @@ def loader(checkpoint: Path) -> Callable[[Path], Policy]:
 
 @dataclass(frozen=True)
 class PolicyCollector(Simulated):
-    """Produces the episode of an index, in a scene that no demonstration of the same seed has.
+    """Collector that produces a policy's episode of an index, in a scene that no demonstration of the same seed has.
 
     Attributes:
         seed: Seed of the dataset.
-        task: Name of the task.
+        task: Name of the task, one of `collectors.TASKS`.
         checkpoint: File of the policy.
-        world: Physics, arm, sensors and cameras; the policy sees the first camera as it was trained with.
+        world: Configuration of the world: physics, arm, sensors and cameras. The policy sees the first camera, which
+            must be as in training.
     """
 
     seed: int
@@ -68,18 +72,24 @@ class PolicyCollector(Simulated):
 
     @cached_property
     def policy(self) -> Policy:
-        """The policy, loaded once in every process."""
+        """Policy of the checkpoint, loaded once in every process."""
         return loader(self.checkpoint)(self.checkpoint)
 
     def config(self) -> dict[str, Any]:
-        """Everything that was set, as JSON values; the checkpoint by its content, wherever it lies."""
+        """Return the configuration of the collector as JSON values, with the checkpoint's file name and SHA-256."""
         with open(open_regular(self.checkpoint.resolve()), "rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         checkpoint = {"name": self.checkpoint.name, "sha256": digest}
         return {"task": self.task, "checkpoint": checkpoint, "world": asdict(self.world)}
 
     def __call__(self, index: int, *, keep: Callable[[Episode], None] = forget, watch: Watcher = unwatched) -> Episode:
-        """Record one episode; there is one attempt, and it is the episode whether or not it succeeds."""
+        """Record one episode. There is one attempt, whether or not it succeeds.
+
+        Args:
+            index: Number of the episode in the dataset.
+            keep: Function for failed attempts, which is not called.
+            watch: Function that is called with every observation and action.
+        """
         task = task_class(self.task).begin(self.opened, attempt_seed(self.seed, index, POLICY_ATTEMPT))
         arrays = record(self.opened, self._act, MAX_STEPS, task.success, task.state, watch)
         facts = {"drawn": task.drawn(), "index": index, "attempt": POLICY_ATTEMPT, "rejected": []}
@@ -88,7 +98,7 @@ class PolicyCollector(Simulated):
         return Episode(meta, arrays)
 
     def _act(self, observation: Observation) -> NDArray[np.float32] | None:
-        """The policy's action within its bounds: what is recorded is what is carried out."""
+        """Return the policy's action, clipped to its bounds so that the recorded action is the one carried out."""
         action = self.policy(observation)
         if action is None:
             return None
@@ -97,7 +107,7 @@ class PolicyCollector(Simulated):
 
 
 def summary(dataset: Dataset) -> str:
-    """The success rate over all episodes of a dataset, with its 95 % interval."""
+    """Describe in a line of text the success rate over all episodes of a dataset, with its 95 % interval."""
     successes = [dataset.episode(index).meta.success for index in dataset.indices]
     low, high = wilson(sum(successes), len(successes))
     return (

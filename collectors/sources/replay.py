@@ -1,4 +1,4 @@
-"""A recorded episode once more: from its configuration, seed and actions to the same numbers."""
+"""Simulation of a recorded episode again, from its configuration, seed and actions, and comparison with the record."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -27,11 +27,12 @@ Number = Annotated[int, msgspec.Meta(ge=0)]
 
 
 class Recorded(msgspec.Struct):
-    """What the configuration of a simulated episode says about its scene.
+    """Part of a simulated episode's configuration that determines its scene.
 
     Attributes:
-        attempt: Number of the attempt.
-        index: Number of the episode, where it is not that of the dataset.
+        attempt: Number of the attempt, from 0.
+        index: Number that the episode was made with. None means that the configuration does not hold that number, and
+            the episode's history or its number in the dataset tells it.
     """
 
     attempt: Number
@@ -39,26 +40,34 @@ class Recorded(msgspec.Struct):
 
 
 class CameFrom(msgspec.Struct):
-    """Where a tool took an episode from."""
+    """Place from which a tool took an episode.
+
+    Attributes:
+        index: Number of the episode in the dataset from which it was taken.
+    """
 
     index: Number
 
 
 class Change(msgspec.Struct):
-    """What a tool did to an episode."""
+    """Entry of an episode's history, which says what a tool did to the episode.
+
+    Attributes:
+        came_from: Place from which the tool took the episode. None if the tool did not take it from another dataset.
+    """
 
     came_from: CameFrom | None = None
 
 
 @dataclass(frozen=True)
 class Replayed:
-    """How an episode and its re-simulation compare.
+    """Result of the comparison of an episode with its second simulation.
 
     Attributes:
-        differences: Largest absolute difference of every array, in its unit, by dataset path; infinite where shapes
-            differ.
-        scene: Whether the same scene was drawn.
-        versions: What was recorded with another version than is installed: package to recorded and installed one.
+        differences: Largest absolute difference in every array, in the array's unit, by path in the episode file. It is
+            infinite for an array that the episode lacks or that has another shape.
+        scene: Whether the second simulation drew the same scene.
+        versions: Recorded and installed version, by name, of every package whose two versions differ.
     """
 
     differences: dict[str, float]
@@ -67,16 +76,19 @@ class Replayed:
 
     @property
     def exact(self) -> bool:
-        """Whether everything is the same."""
+        """Whether the scene and all arrays are the same."""
         return self.scene and not any(self.differences.values())
 
 
 def replay(episode: Episode) -> Replayed:
-    """Simulate an episode again and compare.
+    """Simulate an episode again and compare it with the record.
+
+    Args:
+        episode: Episode that was recorded in this simulation.
 
     Raises:
-        DatasetError: If it does not come from this simulation.
-        FormatError: If its configuration cannot be read.
+        DatasetError: If the episode does not come from this simulation.
+        FormatError: If the episode's configuration cannot be read, or does not fit the recorded arrays.
     """
     meta = episode.meta
     if "world" not in meta.config or "attempt" not in meta.config:
@@ -102,7 +114,7 @@ def replay(episode: Episode) -> Replayed:
 
 
 def _begin(meta: Meta, world: World, where: str) -> tuple[State, dict[str, Any]]:
-    """Set the episode's scene up; returns how to read the true state, and the scene."""
+    """Set up an episode's scene, and return the function that reads the true state, and the scene as drawn."""
     index, attempt = _index(meta, where), from_json(Recorded, meta.config, f"{where}: config").attempt
     if meta.seed < 0:
         raise FormatError(f"{where}: seed {meta.seed} is below 0; no simulated episode has such a one")
@@ -119,7 +131,7 @@ def _begin(meta: Meta, world: World, where: str) -> tuple[State, dict[str, Any]]
 
 
 def _refuse_more_than_recorded(episode: Episode, config: WorldConfig) -> None:
-    """Refuse to simulate what the file does not hold: a strange configuration could ask for any number of steps."""
+    """Refuse to simulate more than the file holds, because a bad configuration could ask for any number of steps."""
     readings = len(episode.arrays.get("streams/wrench/t_ns", ()))
     asked = (config.settle_steps + len(episode)) * config.physics_steps
     if asked > readings:
@@ -133,7 +145,7 @@ def _refuse_more_than_recorded(episode: Episode, config: WorldConfig) -> None:
 
 
 def _index(meta: Meta, where: str) -> int:
-    """The number that an episode was made with, whatever number merging gave it since."""
+    """Return the number that an episode was made with, which a merge may have changed since."""
     own = from_json(Recorded, meta.config, f"{where}: config").index
     if own is not None:
         return own
@@ -150,15 +162,16 @@ def _difference(recorded: np.ndarray | None, again: np.ndarray) -> float:
 
 
 def from_json(kind: type[Config], values: Any, where: str) -> Config:  # noqa: ANN401 - any JSON value
-    """A configuration from its JSON values; what is not there has its default.
+    """Return a configuration from its JSON values. A field that the values lack has its default.
 
     Args:
-        kind: A dataclass with declared bounds (`collectors.simulation.bounds`) or a `msgspec.Struct`.
-        values: What `dataclasses.asdict` and JSON made of one.
-        where: What to name in the error.
+        kind: Class of the configuration: a dataclass with declared bounds (`collectors.simulation.bounds`) or a
+            `msgspec.Struct`.
+        values: JSON values that `dataclasses.asdict` made of a configuration.
+        where: Place of the values, such as an episode's name and a path, for error messages.
 
     Raises:
-        FormatError: If it is something else.
+        FormatError: If the values are no configuration of that class, or are out of bounds.
     """
     try:
         read = msgspec.convert(values, kind)
@@ -170,7 +183,7 @@ def from_json(kind: type[Config], values: Any, where: str) -> Config:  # noqa: A
 
 
 def _refuse_unknown(read: Any, values: dict[str, Any], where: str) -> None:  # noqa: ANN401
-    """Refuse names that a dataclass, or one inside it, does not have: they meant something to whoever recorded."""
+    """Refuse names that a dataclass, or a dataclass inside it, lacks, because they had a meaning when recorded."""
     unknown = sorted(values.keys() - {field.name for field in fields(read)})
     if unknown:
         named = printable(", ".join(unknown))

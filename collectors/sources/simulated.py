@@ -1,4 +1,4 @@
-"""What collectors in simulation share: one world for all their episodes."""
+"""Base of the collectors in simulation: one world for all episodes of a collector."""
 
 from dataclasses import fields
 from typing import Any
@@ -7,21 +7,21 @@ from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
 
 VERSIONS = ("svfl", "pybullet", "numpy")
-"""Packages that a simulated episode depends on."""
+"""Packages whose versions a simulated episode depends on."""
 
 
 class Simulated:
-    """A dataclass that opens its world when it first needs it, keeps it, and goes to other processes without it.
+    """Base of a dataclass that opens a world at first use, keeps the world open, and is pickled without it.
 
     Attributes:
-        world: Physics, arm, sensors and cameras.
+        world: Configuration of the world: physics, arm, sensors and cameras.
     """
 
     world: WorldConfig
 
     @property
     def opened(self) -> World:
-        """The world of this process; a reset brings it back exactly, so that what was done in it does not matter."""
+        """Open world of this process. A reset restores it exactly, so that its earlier use does not matter."""
         kept: World | None = vars(self).get("_opened")
         if kept is None or not kept.in_own_process:
             kept = vars(self)["_opened"] = World(self.world)

@@ -1,4 +1,4 @@
-"""A cube with AprilTags printed on its faces, for one PyBullet world."""
+"""A simulated cube with AprilTags on its faces, for one PyBullet world."""
 
 import tempfile
 from pathlib import Path
@@ -11,27 +11,32 @@ from collectors.apriltags.layout import FACES, Layout
 from collectors.apriltags.picture import modules, shape
 from collectors.simulation.bullet import pybullet
 
-MODULE_PX = 4  # pixels of the texture along a module; the renderer does not blend them, more would only cost memory
+MODULE_PX = 4  # texture pixels along a module; the renderer does not blend pixels, so more would only cost memory
 
 
 def largest_tag(half: float, family: str = "tag36h11") -> float:
-    """Size of the largest tags that, with their margin, fit on a cube of half edge `half`, [m]."""
+    """Return the size of the largest tag, [m], that fits with its margin on a face of a cube.
+
+    Args:
+        half: Half the edge of the cube, [m].
+        family: Family of the tag.
+    """
     measures = shape(family)
     return 2.0 * half * measures.border / measures.total
 
 
 def wear_tags(client: int, body: int, half: float, first: int = 0, family: str = "tag36h11") -> tuple[int, Layout]:
-    """Replace a cube by one that is equal but for its look: a tag on each face, as large as fits.
+    """Replace a cube by an equal cube that has a tag on each face, as large as fits.
 
     Args:
-        client: PyBullet client id.
-        body: The cube; it is removed.
-        half: Half its edge, [m].
-        first: Id of the tag on top.
-        family: Of the tags.
+        client: PyBullet client id of the world.
+        body: Body id of the cube, which is removed.
+        half: Half the edge of the cube, [m].
+        first: Id of the tag on top. The other tags have the ids that follow.
+        family: Family of the tags.
 
     Returns:
-        The body id of the tagged cube, and where its tags are.
+        The body id of the tagged cube, and the layout of its tags.
     """
     (x, y, z), quat_xyzw = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
     mass, friction, *_ = pybullet.getDynamicsInfo(body, -1, physicsClientId=client)
@@ -51,7 +56,7 @@ def wear_tags(client: int, body: int, half: float, first: int = 0, family: str =
 
 
 def _visual(client: int, half: float) -> int:
-    """A cube with the faces of a texture, beside each other in the order of `FACES`."""
+    """Return the visual shape of a cube, whose texture holds the faces side by side in the order of `FACES`."""
     points, places, normals, triangles = [], [], [], []
     for number, (x, y) in enumerate(FACES.values()):
         right, up = np.array(x, float), np.array(y, float)
@@ -69,6 +74,6 @@ def _visual(client: int, half: float) -> int:
 
 
 def _texture(layout: Layout) -> NDArray[np.uint8]:
-    """The faces beside each other, in the order of `FACES`."""
+    """Return a texture that holds the faces side by side in the order of `FACES`, grey levels (H, W) uint8."""
     faces = [np.where(modules(layout.family, tag), 0, 255).astype(np.uint8) for tag in layout.tags]
     return np.asarray(np.kron(np.concatenate(faces, axis=1), np.ones((MODULE_PX, MODULE_PX))), np.uint8)

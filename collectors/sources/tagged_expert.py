@@ -1,4 +1,4 @@
-"""Tagged blocks in simulation: tasks whose block wears tags, and what a tag camera makes of them."""
+"""Collector of demonstrations in simulation whose block wears AprilTags that tell when the task is achieved."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -22,7 +22,7 @@ from svfl_data.errors import UsageError
 from svfl_data.schema.robot import Calibration, Policy
 
 TAGGED = ("block_picking", "block_pushing")
-"""Tasks whose success a block's pose tells."""
+"""Names of the tasks whose success is told by a block's pose."""
 TARGET = (0.55, 0.0, 0.03)
 TAG_CAMERAS = {
     f"tags_{name}": CameraConfig(
@@ -30,20 +30,23 @@ TAG_CAMERAS = {
     )
     for name, x, y in (("left", 1, 1), ("right_back", -1, -1), ("right", 1, -1), ("left_back", -1, 1))
 }
-"""Cameras at 0.6 m from the middle of the workspace, over its corners. The gripper hides the block from up to three of
-them: a block that is pulled towards the arm is only seen from behind."""
+"""Cameras at 0.6 m from the middle of the workspace, over its corners, by name.
+
+The gripper hides the block from up to three of the cameras. A block that is moved towards the arm is seen only from
+behind.
+"""
 
 
 class SimulatedTagCamera:
-    """A camera of a world that nobody but the tracker looks through."""
+    """Simulated camera whose images only the tag tracker uses, and which are not recorded."""
 
     def __init__(self, world: World, config: CameraConfig, noise: float = 0.0, seed: int = 0) -> None:
-        """Place it.
+        """Place the camera.
 
         Args:
-            world: The world.
-            config: Where it stands.
-            noise: Standard deviation of the noise on its pictures, in grey levels.
+            world: World that the camera looks at.
+            config: Pose and optics of the camera.
+            noise: Standard deviation of the noise on the camera's images, in grey levels.
             seed: Seed of the noise.
         """
         self._world, self._camera, self._noise = world, Camera(config, world.client), noise
@@ -51,11 +54,15 @@ class SimulatedTagCamera:
 
     @property
     def calibration(self) -> Calibration:
-        """Its calibration."""
+        """Calibration of the camera."""
         return self._camera.calibration
 
     def __call__(self) -> tuple[int, NDArray[np.uint8]]:
-        """A picture of now."""
+        """Render an image.
+
+        Returns:
+            Time of the latest reading, [ns], and the colour image, (H, W, 3) uint8 RGB.
+        """
         color = self._camera.render().color
         if self._noise:
             noisy = color + self._noise * self._rng.standard_normal(color.shape, np.float32)
@@ -64,15 +71,18 @@ class SimulatedTagCamera:
 
 
 def watched(task: Task, noise: float = 0.0, seed: int = 0) -> Watch:
-    """Put tags on the block of a task that has just been set up, and watch it.
+    """Put tags on the block of a task that has just been set up, and begin to watch the block.
 
     Args:
-        task: Block pushing or block picking.
-        noise: Standard deviation of the noise on the pictures, in grey levels.
+        task: Block pushing or block picking. Its `body` becomes the tagged block.
+        noise: Standard deviation of the noise on the images of `TAG_CAMERAS`, in grey levels.
         seed: Seed of the noise.
 
+    Returns:
+        The watch, which tells from the tags when the task is achieved.
+
     Raises:
-        UsageError: If tags cannot tell success of the task.
+        UsageError: If tags cannot tell the success of the task.
     """
     success: Callable[[NDArray[np.float64]], bool]
     if isinstance(task, BlockPushing):
@@ -88,24 +98,27 @@ def watched(task: Task, noise: float = 0.0, seed: int = 0) -> Watch:
 
 @dataclass(frozen=True)
 class TaggedCollector(ExpertCollector):
-    """Records demonstrations whose success is told by tags, as on a real table; what they do not see does not count.
+    """Collector of demonstrations whose success is told by tags, as on a real table.
 
-    An attempt is at its end when the tags say so, and a demonstration if they do, whatever the truth is. An episode has
-    the stream ``streams/tags/``, and ``extra/state/achieved``: the truth at each observation.
+    An attempt ends when the tags show success. It is a demonstration if the tags show success at its end, whatever the
+    true state is. An episode has the stream ``streams/tags/``, and in ``extra/state/achieved`` whether the task truly
+    is achieved at each observation.
 
     Attributes:
         seed: Seed of the dataset.
-        task: One of `TAGGED`.
-        noise: How much demonstrations differ, 0 to 2.
-        perturbations: How likely the gripper is to be pushed off its way at an action.
-        world: Physics, arm, sensors and cameras of the policy; those that look at the tags are `TAG_CAMERAS`.
+        task: Name of the task, one of `TAGGED`.
+        noise: How much demonstrations differ: 0 not at all, 1 as intended, 2 at most.
+        perturbations: Probability, 0..1, that a perturbation of the gripper begins at an action (see
+            `collectors.sources.perturbations`).
+        world: Configuration of the world: physics, arm, sensors and the cameras that are recorded. The cameras that
+            look at the tags are `TAG_CAMERAS`.
     """
 
     def __post_init__(self) -> None:
-        """Refuse other tasks.
+        """Refuse tasks that are not in `TAGGED`.
 
         Raises:
-            UsageError: If tags cannot tell success of the task.
+            UsageError: If tags cannot tell the success of the task.
         """
         if self.task not in TAGGED:
             raise UsageError(f"tags tell success of {' and '.join(TAGGED)}, not of {self.task}")
