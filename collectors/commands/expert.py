@@ -106,7 +106,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _kind(tags: bool) -> type[ExpertCollector]:
-    """Return the collector class whose success AprilTags tell, which need the extra ``real``, or the simulation."""
+    """Return the collector class in which AprilTags (extra ``real``) or the true state of the world tell success."""
     if tags:
         from collectors.sources.tagged_expert import TaggedCollector
 

@@ -59,7 +59,7 @@ def quat_from_yaw(yaw: float) -> Quaternion:
 
 
 class Bodies(OwnProcess):
-    """Adds bodies to one PyBullet world."""
+    """Object that adds bodies to one PyBullet world."""
 
     def __init__(self, client: int) -> None:
         """Choose the world.

@@ -83,7 +83,7 @@ def calibration(config: CameraConfig) -> Calibration:
 
 
 class Camera(OwnProcess):
-    """Renders colour and depth of one PyBullet world with its software renderer, both in a single call."""
+    """Camera that renders colour and depth of one PyBullet world in a single call of PyBullet's software renderer."""
 
     def __init__(self, config: CameraConfig, client: int) -> None:
         """Place the camera.

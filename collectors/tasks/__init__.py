@@ -31,7 +31,7 @@ PAPER = tuple(task for task in TASKS if task not in ("household_picking_heldout"
 
 
 def task_class(name: str) -> "type[Task]":
-    """Return the class of the task of a name.
+    """Return the class of the task with a given name.
 
     Raises:
         UsageError: If no task has that name.

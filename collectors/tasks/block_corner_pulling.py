@@ -112,7 +112,9 @@ class BlockCornerPulling(Task):
         return {**super().state(), "fixture": self.world.pose(self.fixture)}
 
     def expert(self, gripper: Gripper) -> Moves:
-        """Yield actions that press closed fingers on the cube's top and drag it out; start again if they slip.
+        """Yield actions that press closed fingers on the cube's top and drag the cube out between the walls.
+
+        The expert starts again if the fingers slip on the cube.
 
         Args:
             gripper: Gripper of the task's world, which makes the actions.

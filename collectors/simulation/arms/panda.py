@@ -30,7 +30,7 @@ DISTAL = (SENSOR_JOINT, LEFT_FINGER, RIGHT_FINGER)  # the links that the sensor 
 
 @dataclass(frozen=True)
 class PandaConfig:
-    """Numbers of the robot.
+    """Configuration of the robot: its surface, its meshes, its control and its gripper.
 
     Attributes:
         friction: Coulomb friction of the robot's surface, fingers included; PyBullet multiplies it by the object's.
@@ -40,7 +40,7 @@ class PandaConfig:
         full_meshes: Whether to draw the arm with its fine visual meshes, which look better in images and are about
             eight times slower to render.
         servo: Gains of the arm's inner control loop.
-        gripper: Numbers of the gripper's drive.
+        gripper: Configuration of the gripper's drive.
     """
 
     friction: NotNegative = 1.0
@@ -114,7 +114,7 @@ class Panda:
         """Load the robot and place it at home, with the gripper open and pointing down with yaw 0.
 
         Args:
-            config: Numbers of the robot.
+            config: Configuration of the robot.
             client: PyBullet client id of the world.
             dt: Time of a physics step, [s].
             home: TCP position in base, (3,), [m].

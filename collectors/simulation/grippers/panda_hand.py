@@ -7,7 +7,7 @@ from collectors.simulation.bounds import NotNegative, Positive
 
 @dataclass(frozen=True)
 class GripperConfig:
-    """Numbers of the gripper.
+    """Configuration of the gripper's drive.
 
     Attributes:
         stroke: Travel of a finger from closed to open, [m] (panda.urdf).
@@ -32,7 +32,7 @@ class Gripper:
         """Start with the gripper open.
 
         Args:
-            config: Numbers of the gripper.
+            config: Configuration of the gripper's drive.
             dt: Control period, [s].
         """
         self._config = config
