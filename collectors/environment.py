@@ -77,7 +77,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         Args:
             task: Name of the task, one of `collectors.TASKS`.
             world: Configuration of the world: physics, arm, sensors and cameras. None means ``WorldConfig()``.
-            view: What ``image`` shows: "camera" is the first camera's image, and "top" is that image reprojected to
+            view: Content of ``image``: "camera" is the first camera's image, and "top" is that image reprojected to
                 the view from straight above.
             eye: Height from which the view "top" looks down, base z, [m]. Whatever is higher is not drawn. 0.1 looks
                 under the palm of a gripper that is low over an object.
@@ -172,7 +172,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         Take the next action from the iterator only after `step` has carried out the action before it.
 
         Args:
-            noise: How much demonstrations differ: 0 not at all, 1 as intended, 2 at most.
+            noise: Amount by which demonstrations differ: 0 not at all, 1 as intended, 2 at most.
             seed: Seed of the differences between demonstrations.
 
         Raises:

@@ -67,7 +67,8 @@ def run(arguments: argparse.Namespace) -> None:
 
     Raises:
         UsageError: If the options do not fit together.
-        CollectError: If the board is seen in too few pictures, or the reprojection error is too large.
+        CollectError: If the board is seen in too few pictures, the pictures do not determine the camera's pose, or the
+            reprojection error is too large.
     """
     import numpy as np
 

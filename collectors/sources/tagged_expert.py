@@ -107,7 +107,7 @@ class TaggedCollector(ExpertCollector):
     Attributes:
         seed: Seed of the dataset.
         task: Name of the task, one of `TAGGED`.
-        noise: How much demonstrations differ: 0 not at all, 1 as intended, 2 at most.
+        noise: Amount by which demonstrations differ: 0 not at all, 1 as intended, 2 at most.
         perturbations: Probability, 0..1, that a perturbation of the gripper begins at an action (see
             `collectors.sources.perturbations`).
         world: Configuration of the world: physics, arm, sensors and the cameras that are recorded. The cameras that

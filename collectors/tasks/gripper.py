@@ -58,7 +58,7 @@ class Gripper:
     Attributes:
         world: World whose gripper is moved.
         rng: Source of the random differences between demonstrations.
-        noise: How much demonstrations differ: 0 not at all, 1 as intended, 2 at most on the command line.
+        noise: Amount by which demonstrations differ: 0 not at all, 1 as intended, 2 at most on the command line.
         opening: Gripper opening in every action, 0 closed to 1 open.
     """
 
@@ -68,7 +68,7 @@ class Gripper:
         Args:
             world: World whose gripper is moved.
             rng: Source of the random differences between demonstrations.
-            noise: How much demonstrations differ: 0 not at all, 1 as intended.
+            noise: Amount by which demonstrations differ: 0 not at all, 1 as intended.
             opening: Gripper opening to begin with, 0 closed to 1 open.
         """
         self.world, self.rng, self.noise, self.opening = world, rng, noise, opening
