@@ -1,1 +1,1 @@
-"""The commands of ``svfl-collect``, one module each: `add` puts it on the command line, `run` does it."""
+"""The commands of ``svfl-collect``, one module each: `add` puts the command on the command line, `run` runs it."""

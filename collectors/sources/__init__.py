@@ -1,1 +1,1 @@
-"""Where actions come from: scripted experts, trained policies, recorded episodes."""
+"""Sources of actions: scripted experts, trained policies and recorded episodes."""

@@ -1,4 +1,4 @@
-"""The tasks: one file each. Adding one means its file and a line here (docs/adding-a-task.md)."""
+"""The tasks, one file each. A new task needs its file and a line here (docs/adding-a-task.md)."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING

@@ -1,1 +1,1 @@
-"""The commands of ``svfl-train``, one per module: `add` puts it on the command line, `run` does the work."""
+"""The commands of ``svfl-train``, one module each: `add` puts the command on the command line, `run` runs it."""

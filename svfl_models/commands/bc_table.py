@@ -9,10 +9,10 @@ from svfl_data.system.printable import say
 from svfl_models.cloning.config import ENCODERS, VIEWS, CloningConfig
 from svfl_models.networks.presets import PRESETS
 
-EXAMPLE = """\
-svfl-train bc-table --data data/perturbed/block_picking data/perturbed/block_pushing data/perturbed/drawer_closing
---workers 2 svfl-train bc-table --data data/perturbed/block_picking --episodes 10 25 50 --seeds 1 --trials 50 --out
-out/bc_curve"""
+EXAMPLE = (
+    "svfl-train bc-table --data data/perturbed/block_picking data/perturbed/block_pushing --workers 2\n"
+    "svfl-train bc-table --data data/perturbed/block_picking --episodes 10 25 50 --seeds 1 --trials 50 --out out/curve"
+)
 DEFAULT = CloningConfig(data="")
 RECIPE = ("encoder", "view", "preset", "epochs")
 """Options that become part of every policy's configuration."""

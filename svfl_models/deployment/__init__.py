@@ -1,1 +1,1 @@
-"""What leaves the training: exported networks, and predictions for the viewer."""
+"""Export of trained networks, and their predictions for the viewer."""

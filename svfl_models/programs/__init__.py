@@ -1,1 +1,1 @@
-"""Exported programs (``.pt2``): read and run without unpickling anything."""
+"""Reading and running of exported programs (``.pt2``) without unpickling anything."""

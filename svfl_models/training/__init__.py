@@ -1,1 +1,1 @@
-"""What every training program uses: the trainer, checkpoints, run folders, progress and augmentation."""
+"""The trainer, checkpoints, run folders, progress and augmentation that every training program uses."""

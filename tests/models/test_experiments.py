@@ -315,9 +315,3 @@ def test_cells_gather_their_seeds(tmp_path):
     ]
     assert cell.test.mean == pytest.approx(100 * np.mean(expected))
     assert cell.separate is None
-
-
-def test_examples_of_the_help_parse():
-    for one in COMMANDS.values():
-        for line in one.example.splitlines():
-            assert cli.build_parser().parse_args(line.split()[1:]).data

@@ -1,0 +1,36 @@
+"""``--help`` of every command: an example for each, and examples that the command line understands."""
+
+import argparse
+import shlex
+
+import pytest
+
+import collectors.cli
+import svfl_data.cli
+import svfl_models.cli
+
+ROOTS = [module.build_parser() for module in (svfl_data.cli, svfl_models.cli, collectors.cli)]
+
+
+def parsers(parser, words=()):
+    """The parser and its subparsers, by the words that lead to each."""
+    yield (*words, parser)
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for name, below in action.choices.items():
+                yield from parsers(below, (*words, name))
+
+
+COMMANDS = {" ".join((root.prog, *words)): (root, below) for root in ROOTS for *words, below in parsers(root)}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_example_parses(command):
+    root, below = COMMANDS[command]
+    examples = (below.epilog or "").splitlines()
+    assert examples[:1] == ["example:"]
+    assert len(examples) > 1
+    for line in "\n".join(examples[1:]).replace("\\\n", "").splitlines():
+        program, *words = shlex.split(line, comments=True)
+        assert program == root.prog
+        root.parse_args(words)
