@@ -11,8 +11,7 @@ import numba
 import pytest
 
 from collectors.simulation.compiled import compiled
-from svfl_data.system.cache_folder import VARIABLE
-from svfl_data.system.library_caches import FOLDERS, confine_caches
+from svfl_data.system.cache_folder import FOLDERS, VARIABLE, confine_caches
 from tests.helpers.command_lines import COMMANDS, commands_of, make_data
 
 pytestmark = pytest.mark.slow
@@ -33,7 +32,7 @@ def watch(event, details):
         written.add(os.fsdecode(details[0]))
 
 sys.addaudithook(watch)
-from svfl_data.system.library_caches import confine_caches
+from svfl_data.system.cache_folder import confine_caches
 confine_caches()
 modules, lines = json.loads(sys.stdin.read())
 for module in modules:

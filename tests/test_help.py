@@ -31,6 +31,7 @@ def test_every_example_parses(command):
     assert examples[:1] == ["example:"]
     assert len(examples) > 1
     for line in "\n".join(examples[1:]).replace("\\\n", "").splitlines():
-        program, *words = shlex.split(line, comments=True)
-        assert program == root.prog
-        root.parse_args(words)
+        for command_line in line.partition(" | ")[0].split(" && "):
+            program, *words = shlex.split(command_line, comments=True)
+            assert program == root.prog
+            root.parse_args(words)

@@ -2,15 +2,25 @@
 
 Everything in this folder can be computed again. The folder is used only if nobody else can write to it, so that
 whatever is read back from it was written by this user.
+
+The libraries that our commands use write to several places by themselves. A folder that is missing or cannot be written
+then causes a warning or ends the command, and PyTorch's compiler uses a folder of a known name in /tmp, which another
+user may have made. Therefore they are given folders in ours, or else a temporary one.
 """
 
+import atexit
 import functools
 import hashlib
 import os
+import shutil
 import stat
+import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 VARIABLE = "SVFL_CACHE_DIR"
+FOLDERS = {"MPLCONFIGDIR": "matplotlib", "TORCHINDUCTOR_CACHE_DIR": "torchinductor", "TRITON_CACHE_DIR": "triton"}
+"""Name of the subfolder of our cache for a library, by the environment variable that sets the library's folder."""
 
 
 def cache_folder(purpose: str) -> Path | None:
@@ -77,3 +87,21 @@ def source_hash(*names: str) -> str:
         for file in sorted(path.glob("*.py")) if path.is_dir() else [path]:
             digest.update(file.name.encode() + file.read_bytes())
     return digest.hexdigest()
+
+
+def confine_caches() -> None:
+    """Set the variables of `FOLDERS` for this process and the processes that it starts.
+
+    A variable that the user has set stays as it is.
+    """
+    for variable, purpose in FOLDERS.items():
+        if variable not in os.environ:
+            with suppress(OSError):  # nothing can be written anywhere; each library says what it then cannot do
+                os.environ[variable] = str(cache_folder(purpose) or _temporary(purpose))
+
+
+def _temporary(purpose: str) -> str:
+    """Create a temporary folder that is removed when this process ends, and return its path."""
+    folder = tempfile.mkdtemp(prefix=f"svfl-{purpose}-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder

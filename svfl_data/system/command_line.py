@@ -12,8 +12,8 @@ from typing import Any, NoReturn
 
 from svfl_data.errors import SvflError
 from svfl_data.system import standard_streams
+from svfl_data.system.cache_folder import confine_caches
 from svfl_data.system.extras import OURS, needs
-from svfl_data.system.library_caches import confine_caches
 from svfl_data.system.printable import LONGEST_LINE, printable
 from svfl_data.system.refused import refusal
 
