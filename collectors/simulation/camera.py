@@ -7,6 +7,7 @@ import numpy as np
 
 from collectors.simulation.bounds import Degrees, Pixels, Point, Positive
 from collectors.simulation.bullet import pybullet
+from collectors.simulation.linear import length
 from svfl_data.errors import UsageError
 from svfl_data.schema.robot import Calibration, Frame
 from svfl_data.system.own_process import OwnProcess
@@ -52,7 +53,7 @@ class CameraConfig:
         if not (self.near < self.far and 0.0 < self.fov_deg < 180.0):
             raise UsageError("a camera sees from near to a larger far, within more than 0 and less than 180 degrees")
         forward = np.subtract(self.target, self.eye)
-        if not np.linalg.norm(np.cross(forward, self.up)) > 1e-9:
+        if not length(np.cross(forward, self.up)) > 1e-9:
             raise UsageError("a camera looks from eye to another point, and up is not along that line")
 
 
@@ -72,13 +73,13 @@ def calibration(config: CameraConfig) -> Calibration:
         [[focal, 0.0, 0.5 * (config.width - 1)], [0.0, focal, 0.5 * (config.height - 1)], [0.0, 0.0, 1.0]]
     )
     forward = np.subtract(config.target, config.eye)
-    forward /= np.linalg.norm(forward)
+    forward /= length(forward)
     right = np.cross(forward, config.up)
-    right /= np.linalg.norm(right)
+    right /= length(right)
     T_base_camera = np.eye(4)
     T_base_camera[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
     T_base_camera[:3, 3] = config.eye
-    x, y = right[:2] / np.linalg.norm(right[:2])
+    x, y = right[:2] / length(right[:2])
     return Calibration(intrinsics, T_base_camera, np.array([[x, y], [-y, x]]), config.depth_scale)
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from collectors.simulation.bounds import Degrees, NotNegative, PositiveRange
+from collectors.simulation.linear import product
 from collectors.simulation.world import World
 from svfl_data.symmetry import OFFSET_PARTS, act, border_distance, element, nearest_direction
 
@@ -90,8 +91,8 @@ def draw_scene(rng: np.random.Generator, direction: int, config: CenteringConfig
     """
     spread = 45 - config.border_deg
     in_image = 90 * direction + rng.uniform(-spread, spread)  # [deg], direction from TCP to block
-    to_block = world.camera.image_axes.T @ element(in_image)[:, 0]  # base axes
-    finger_axis = element(rng.uniform(-config.sideways_deg, config.sideways_deg)) @ to_block
+    to_block = product(world.camera.image_axes.T, element(in_image)[:, 0])  # base axes
+    finger_axis = product(element(rng.uniform(-config.sideways_deg, config.sideways_deg)), to_block)
     # The gripper looks the same after half a turn: take the yaw in (-90, 90] degrees, which the wrist reaches.
     yaw = (math.atan2(-finger_axis[0], finger_axis[1]) + np.pi / 2) % np.pi - np.pi / 2
 

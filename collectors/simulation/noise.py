@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collectors.simulation.bounds import NotNegative
+from collectors.simulation.linear import product
 
 Six = tuple[NotNegative, NotNegative, NotNegative, NotNegative, NotNegative, NotNegative]
 ZEROS: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -91,7 +92,7 @@ class SensorNoise:
             return wrench
         state = wrench[0] if self._filtered is None else self._filtered
         response, decay = _lag(self._gain, len(wrench))
-        out = response @ wrench + decay[:, None] * state
+        out = product(response, wrench) + decay[:, None] * state
         self._filtered = out[-1]
         return out
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, draw_scene
+from collectors.simulation.linear import length
 from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
@@ -45,7 +46,7 @@ class BlockCentering(Task):
         """
         block, tcp = self.world.pose(self.body), self.world.tcp
         depth = block[2] + self.scene.block_half - (tcp[2] - FINGERTIP)
-        return bool(np.linalg.norm(block[:2] - tcp[:2]) < CENTRED and depth > AROUND)
+        return bool(length(block[:2] - tcp[:2]) < CENTRED and depth > AROUND)
 
     def expert(self, gripper: Gripper) -> Moves:
         """Yield actions that hit the block with one finger, rise, turn to the block's yaw over its centre and go down.

@@ -9,6 +9,7 @@ import numpy as np
 
 from collectors.simulation.bodies import Box
 from collectors.simulation.centering import FINGERTIP
+from collectors.simulation.linear import length, product
 from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
@@ -92,7 +93,7 @@ class BlockCornerPulling(Task):
         self.fixture = world.bodies.add([plate, *walls], (*scene.xy, 0.0), scene.yaw, friction=scene.fixture_friction)
         cos, sin = math.cos(scene.yaw), math.sin(scene.yaw)
         self._axes = np.array([[cos, -sin], [sin, cos]])  # columns: the fixture's x and y in base
-        self._seat = np.array(scene.xy) + self._axes @ (np.array(scene.gap) + half + THICK - PLATE)
+        self._seat = np.array(scene.xy) + product(self._axes, np.array(scene.gap) + half + THICK - PLATE)
         self.body = world.add_box(
             (half, half, half), (*self._seat, THICK + half), scene.yaw, scene.mass, scene.friction, self.color
         )
@@ -103,7 +104,7 @@ class BlockCornerPulling(Task):
         So the cube may move along one wall or diagonally away from both. It must be less than 1 cm higher than at the
         start.
         """
-        moved = self._axes.T @ (self.world.pose(self.body)[:2] - self._seat)
+        moved = product(self._axes.T, self.world.pose(self.body)[:2] - self._seat)
         lifted = self.world.pose(self.body)[2] - (THICK + self.scene.half)
         return bool(moved.max() > OUT and lifted < THICK)
 
@@ -129,9 +130,9 @@ class BlockCornerPulling(Task):
             yield from gripper.go(x, y, touch + OVER, theta)
             pressed = self.world.target[:2] - middle
             yield from gripper.go(z=touch - float(gripper.vary(PRESS, 0.001)), speed=0.3, exact=True)
-            goal = self._seat + self._axes @ gripper.vary((FAR, FAR), 0.01)
+            goal = self._seat + product(self._axes, gripper.vary((FAR, FAR), 0.01))
             yield from gripper.go(*goal, speed=0.7, exact=True, until=partial(self._slipped, pressed))
 
     def _slipped(self, pressed: np.ndarray) -> bool:
         """Return whether the TCP has left the point, `pressed` from the cube's centre, (2,), [m], that it pressed."""
-        return bool(np.linalg.norm(self.world.tcp[:2] - self.world.pose(self.body)[:2] - pressed) > SLIPPED)
+        return length(self.world.tcp[:2] - self.world.pose(self.body)[:2] - pressed) > SLIPPED

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from collectors.simulation.linear import length
 from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
@@ -91,4 +92,4 @@ class BlockPicking(Task):
 
     def _astray(self, expected: np.ndarray) -> bool:
         """Return whether the block has moved from the pose `expected` at which the gripper goes down to grasp it."""
-        return bool(np.linalg.norm(self.world.pose(self.body)[:3] - expected[:3]) > 0.01)
+        return length(self.world.pose(self.body)[:3] - expected[:3]) > 0.01

@@ -10,6 +10,7 @@ import numpy as np
 from collectors.simulation.bodies import RED
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.centering import FINGERTIP
+from collectors.simulation.linear import length
 from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task, two_apart
@@ -125,4 +126,4 @@ class BlockPulling(Task):
 
     def _slipped(self, pressed: np.ndarray) -> bool:
         """Return whether the TCP has left the point, `pressed` from the block's centre, (2,), [m], that it pressed."""
-        return bool(np.linalg.norm(self.world.tcp[:2] - self.world.pose(self.body)[:2] - pressed) > SLIPPED)
+        return length(self.world.tcp[:2] - self.world.pose(self.body)[:2] - pressed) > SLIPPED

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from collectors.simulation.bodies import RED, Box
+from collectors.simulation.linear import length, sum_of_products
 from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task, two_apart
@@ -99,7 +100,7 @@ class BlockPushing(Task):
         goal = np.array(self.scene.goal)
         while True:
             block = self.world.pose(self.body)[:2]
-            way = (goal - block) / np.linalg.norm(goal - block)
+            way = (goal - block) / length(goal - block)
             theta = nearest_turn(math.atan2(way[1], way[0]), np.pi)
             start = block - BEHIND * way
             top = 2 * self.scene.half
@@ -114,5 +115,5 @@ class BlockPushing(Task):
     def _aside(self, start: np.ndarray, way: np.ndarray) -> bool:
         """Return whether the block is no longer in front of a gripper that moves from `start` along `way`."""
         block = self.world.pose(self.body)[:2]
-        aside = (block - start) @ (-way[1], way[0])
-        return bool(abs(aside) > ASIDE or (block - self.world.tcp[:2]) @ way < 0.0)
+        aside = sum_of_products(block - start, (-way[1], way[0]))
+        return bool(abs(aside) > ASIDE or sum_of_products(block - self.world.tcp[:2], way) < 0.0)

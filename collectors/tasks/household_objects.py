@@ -25,6 +25,7 @@ import pybullet_data
 from numpy.typing import NDArray
 
 from collectors.simulation.bullet import pybullet
+from collectors.simulation.linear import length, product, sum_of_products
 
 FOLDER = Path(pybullet_data.getDataPath()) / "random_urdfs"
 TABLE = Path(__file__).with_suffix(".csv")
@@ -127,7 +128,7 @@ def surface(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     corners = np.array([[w.split("/")[0] for w in word[1:4]] for word in words if word[:1] == ["f"]], np.int64) - 1
     a, b, c = np.moveaxis(vertices[corners], 1, 0)
     normals = np.cross(b - a, c - a)
-    sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+    sizes = np.sqrt(sum_of_products(normals, normals))[:, None]
     normals = np.divide(normals, sizes, out=np.zeros_like(normals), where=sizes > 0)
     parts = [(i / 6, j / 6) for i in range(7) for j in range(7 - i)]
     points = np.concatenate([a + i * (b - a) + j * (c - a) for i, j in parts])
@@ -151,7 +152,7 @@ def grasps(name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float
     Returns:
         Grasps in base, sorted by `Grasp.cost`, the best first. The list is empty if the object has none.
     """
-    points, normals = (part @ rotation(quat_xyzw).T for part in surface(name))
+    points, normals = (product(part, rotation(quat_xyzw).T) for part in surface(name))
     points = points + position
     top = float(points[:, 2].max())
     z = max(floor + LOWEST, top - PALM)
@@ -160,7 +161,8 @@ def grasps(name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float
     found = []
     for theta in TURNS:
         along, across = np.array([[math.cos(theta), math.sin(theta)], [-math.sin(theta), math.cos(theta)]])
-        u, v, slope = points[:, :2] @ along, points[:, :2] @ across, normals[:, :2] @ across
+        u, v = product(points[:, :2], along), product(points[:, :2], across)
+        slope = product(normals[:, :2], across)
         for shift in SHIFTS:
             inside = np.abs(u - shift) < FINGER
             if not inside.any():
@@ -201,7 +203,7 @@ def lie_down(name: str) -> Lying | None:
         for _ in range(1500):
             pybullet.stepSimulation(physicsClientId=client)
             linear, angular = pybullet.getBaseVelocity(body, physicsClientId=client)
-            still = still + 1 if np.linalg.norm(linear) < 0.01 and np.linalg.norm(angular) < 0.1 else 0
+            still = still + 1 if length(linear) < 0.01 and length(angular) < 0.1 else 0
             if still == 250:
                 (x, y, z), quat = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
                 return Lying(name, round(z, 5), tuple(round(q, 5) for q in quat)) if np.hypot(x, y) < 0.05 else None
@@ -215,7 +217,7 @@ def graspable(name: str) -> Lying | None:
     lying = lie_down(name)
     if lying is None:
         return None
-    points = surface(name)[0] @ rotation(lying.quat_xyzw).T
+    points = product(surface(name)[0], rotation(lying.quat_xyzw).T)
     if not HEIGHT[0] <= np.ptp(points[:, 2]) <= HEIGHT[1] or np.hypot(*points[:, :2].T).max() > REACH:
         return None
     found = grasps(name, np.array([0.0, 0.0, lying.height]), np.array(lying.quat_xyzw), 0.0)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from collectors.simulation.bodies import Box, quat_from_yaw
 from collectors.simulation.bullet import pybullet
+from collectors.simulation.linear import length
 from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.household_objects import Lying, grasps, split
@@ -122,7 +123,7 @@ class HouseholdPicking(Task):
 
     def _astray(self, expected: NDArray[np.float64]) -> bool:
         """Return whether the object has moved from the pose `expected` at which the gripper goes down to grasp it."""
-        return bool(np.linalg.norm(self.world.pose(self.body)[:3] - expected[:3]) > 0.01)
+        return length(self.world.pose(self.body)[:3] - expected[:3]) > 0.01
 
 
 def _bin() -> list[Box]:

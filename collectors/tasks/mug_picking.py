@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from collectors.simulation.arms.panda import LEFT_FINGER, RIGHT_FINGER
 from collectors.simulation.bodies import quat_from_yaw
 from collectors.simulation.bullet import pybullet
+from collectors.simulation.linear import length, product
 from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
 from collectors.tasks.task import Task
@@ -125,7 +126,7 @@ class MugPicking(Task):
             point: The point in the axes of the mug's mesh at scale 1, (3,), [m].
         """
         position, rotation = self._frame()
-        moved: NDArray[np.float64] = position + rotation @ (self.scene.scale * (np.asarray(point) - MASS_CENTRE))
+        moved: NDArray[np.float64] = position + product(rotation, self.scene.scale * (np.asarray(point) - MASS_CENTRE))
         return moved
 
     def _pressed(self, finger: int) -> NDArray[np.float64]:
@@ -135,7 +136,7 @@ class MugPicking(Task):
         )
         points = [contact[6] for contact in contacts if contact[9] > 0.0]  # 6: position on the mug, 9: normal force
         position, rotation = self._frame()
-        return (np.reshape(points, (-1, 3)) - position) @ rotation / self.scene.scale + MASS_CENTRE
+        return product(np.reshape(points, (-1, 3)) - position, rotation) / self.scene.scale + MASS_CENTRE
 
     def _frame(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return, in base, the mug's centre of mass, (3,), [m], and the axes of its mesh as columns, (3, 3)."""
@@ -144,7 +145,7 @@ class MugPicking(Task):
 
     def _astray(self, expected: NDArray[np.float64]) -> bool:
         """Return whether the mug has moved from the pose `expected` at which the gripper goes down for the handle."""
-        return bool(np.linalg.norm(self.world.pose(self.body)[:3] - expected[:3]) > 0.01)
+        return length(self.world.pose(self.body)[:3] - expected[:3]) > 0.01
 
 
 def mug_urdf() -> str:

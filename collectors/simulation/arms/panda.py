@@ -17,6 +17,7 @@ from collectors.simulation.arms.servo import Servo, ServoConfig, rotation_error
 from collectors.simulation.bounds import NotNegative, Positive
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.grippers.panda_hand import Gripper, GripperConfig
+from collectors.simulation.linear import sum_of_products
 
 ARM = range(7)
 SENSOR_JOINT = 8  # panda_hand_joint, a fixed joint where the wrist sensor is
@@ -165,7 +166,7 @@ class Panda:
             masses.append(info[0])
             depths.append(joint_depth + info[3][2])
         self.gripper_mass: float = sum(masses)
-        self._com_above_tcp = 0.105 - float(np.dot(masses, depths)) / self.gripper_mass
+        self._com_above_tcp = 0.105 - float(sum_of_products(masses, depths)) / self.gripper_mass
 
     def _place(self, position: NDArray[np.float64]) -> None:
         joints = np.array([*POSTURE, self._stroke, self._stroke])
