@@ -8,7 +8,7 @@ from collectors.tasks.task import MAX_STEPS, attempt_seed
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.replay import ReplayBuffer, ReplayConfig, ReplaySpec
-from tests.collectors.conftest import SMALL
+from tests.helpers.collectors import SMALL
 
 CONFIG = ReplayConfig(crop=12, expert_bonus=0.0)
 IDLE = np.array([1, 0, 0, 0, 0], np.float32)

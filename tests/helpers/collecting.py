@@ -18,4 +18,6 @@ def collect(*arguments: object, **kwargs) -> subprocess.CompletedProcess:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {file.name: file.read_bytes() for file in sorted(folder.iterdir())}
+    """Every file of a folder, with folders inside, but for the index, which whoever reads the folder may write."""
+    files = [file for file in sorted(folder.rglob("*")) if file.is_file() and file.name != "index.jsonl"]
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}

@@ -24,7 +24,7 @@ def simulated_dataset(folder: Path) -> Path:
     """One short simulated episode, for commands that simulate it again."""
     from collectors.recording.worker import Worker
     from collectors.sources.expert import ExpertCollector
-    from tests.collectors.conftest import SMALL
+    from tests.helpers.collectors import SMALL
 
     collector = ExpertCollector(0, "block_picking", world=SMALL)
     worker = Worker(collector, folder, "block_picking", 0, collector.config())

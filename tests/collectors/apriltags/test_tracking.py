@@ -20,7 +20,7 @@ from collectors.tasks.task import attempt_seed
 from svfl_data.errors import CollectError, UsageError
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.storage.store import read_episode, write_episode
-from tests.collectors.conftest import SMALL
+from tests.helpers.collectors import SMALL
 
 pytestmark = pytest.mark.slow
 

@@ -17,8 +17,8 @@ from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError
 from svfl_data.storage.store import episode_bytes
-from tests.collectors.conftest import SMALL, contents
-from tests.helpers.collecting import collect
+from tests.helpers.collecting import collect, contents
+from tests.helpers.collectors import SMALL
 
 pytestmark = pytest.mark.slow
 

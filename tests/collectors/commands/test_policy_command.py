@@ -16,8 +16,8 @@ from svfl_data.reports.success_rate import wilson
 from svfl_data.schema.robot import Frame, Observation
 from svfl_data.storage.store import episode_bytes
 from svfl_models.programs.exported_policy import load, save
-from tests.collectors.conftest import SMALL, contents
-from tests.helpers.collecting import collect
+from tests.helpers.collecting import collect, contents
+from tests.helpers.collectors import SMALL
 
 pytestmark = pytest.mark.slow
 

@@ -11,7 +11,8 @@ from collectors.recording.collection import collect_dataset
 from collectors.recording.worker import FAILURES
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError, StorageError
-from tests.collectors.conftest import Made, contents
+from tests.helpers.collecting import contents
+from tests.helpers.collectors import Made
 
 pytestmark = pytest.mark.slow
 

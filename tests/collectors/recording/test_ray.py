@@ -18,7 +18,8 @@ from collectors.recording.ray import Ray
 from collectors.sources.expert import ExpertCollector
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError
-from tests.collectors.conftest import SMALL, Made, contents
+from tests.helpers.collecting import contents
+from tests.helpers.collectors import SMALL, Made
 from tests.helpers.patience import PATIENCE
 
 pytestmark = pytest.mark.slow

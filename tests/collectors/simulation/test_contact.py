@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from collectors.simulation import World
-from tests.collectors.simulation.conftest import hold, move
+from tests.helpers.worlds import hold, move
 
 FINGERTIP = 0.0072  # [m] below the TCP: finger mesh 0.0538 + finger joint 0.0584 - TCP 0.105
 

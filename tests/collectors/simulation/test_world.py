@@ -11,7 +11,7 @@ import pytest
 from collectors.simulation import CameraConfig, World, WorldConfig
 from collectors.simulation.arms.servo import rotation_error
 from svfl_data.errors import UsageError
-from tests.collectors.simulation.conftest import hold, move
+from tests.helpers.worlds import hold, move
 
 SMALL = WorldConfig(cameras={"front": CameraConfig(height=24, width=24)})  # with the default noise
 

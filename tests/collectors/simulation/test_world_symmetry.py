@@ -13,7 +13,7 @@ import pytest
 
 from collectors.simulation import World, WorldConfig
 from svfl_data.symmetry import ACTION_PARTS, WRENCH_PARTS, Part, act, element
-from tests.collectors.simulation.conftest import hold, move
+from tests.helpers.worlds import hold, move
 
 pytestmark = pytest.mark.slow
 

@@ -6,7 +6,7 @@ import pytest
 
 from collectors.simulation import World
 from collectors.simulation.arms.panda import SENSOR_JOINT
-from tests.collectors.simulation.conftest import hold, move
+from tests.helpers.worlds import hold, move
 
 pytestmark = pytest.mark.slow
 

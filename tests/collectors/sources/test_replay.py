@@ -21,9 +21,9 @@ from svfl_data.errors import CollectError, DatasetError, FormatError, SvflError
 from svfl_data.maintenance.merge import merge
 from svfl_data.schema.episode import Episode
 from svfl_data.storage.store import episode_bytes, read_episode, write_episode
-from tests.collectors.conftest import SMALL
 from tests.helpers.builders import make_episode
 from tests.helpers.collecting import collect
+from tests.helpers.collectors import SMALL
 
 pytestmark = pytest.mark.slow
 

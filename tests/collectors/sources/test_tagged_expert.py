@@ -18,8 +18,8 @@ from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError, UsageError
 from svfl_data.storage.store import episode_bytes
-from tests.collectors.conftest import SMALL
 from tests.helpers.collecting import collect
+from tests.helpers.collectors import SMALL
 
 pytestmark = pytest.mark.slow
 

@@ -6,8 +6,7 @@ import pytest
 from collectors.simulation.centering import FINGERTIP
 from collectors.tasks.block_centering import AROUND, CENTRED, BlockCentering
 from collectors.tasks.gripper import Gripper
-from tests.collectors.simulation.conftest import hold, move
-from tests.collectors.tasks.conftest import begin, perform, place
+from tests.helpers.worlds import begin, hold, move, perform, place
 
 
 @pytest.mark.parametrize(

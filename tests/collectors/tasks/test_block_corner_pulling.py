@@ -7,7 +7,7 @@ import pytest
 
 from collectors.simulation import World
 from collectors.tasks.block_corner_pulling import MARGIN, OUT, BlockCornerPulling
-from tests.collectors.tasks.conftest import begin, perform, place
+from tests.helpers.worlds import begin, perform, place
 
 
 def test_scenes_cover_the_ranges(world):

@@ -3,8 +3,7 @@
 import numpy as np
 
 from collectors.tasks.block_picking import LIFTED, MARGIN, BlockPicking
-from tests.collectors.simulation.conftest import hold, move
-from tests.collectors.tasks.conftest import AGAIN, begin, perform, place
+from tests.helpers.worlds import AGAIN, begin, hold, move, perform, place
 
 
 def test_scenes_cover_the_ranges(world):

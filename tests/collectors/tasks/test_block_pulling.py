@@ -7,7 +7,7 @@ import pybullet
 
 from collectors.simulation import World
 from collectors.tasks.block_pulling import APART, HEIGHT, MARGIN, BlockPulling
-from tests.collectors.tasks.conftest import begin, perform, place
+from tests.helpers.worlds import begin, perform, place
 
 
 def test_scenes_cover_the_ranges(world):

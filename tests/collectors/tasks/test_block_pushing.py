@@ -6,7 +6,7 @@ import numpy as np
 
 from collectors.simulation import World
 from collectors.tasks.block_pushing import APART, LYING, MARGIN, REACHED, BlockPushing
-from tests.collectors.tasks.conftest import begin, perform, place
+from tests.helpers.worlds import begin, perform, place
 
 
 def test_scenes_cover_the_ranges(world):

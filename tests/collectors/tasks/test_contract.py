@@ -13,7 +13,7 @@ from collectors.simulation import World
 from collectors.tasks import PAPER, TASKS, task_class
 from collectors.tasks.gripper import Gripper
 from collectors.tasks.task import Task
-from tests.collectors.tasks.conftest import begin, perform
+from tests.helpers.worlds import begin, perform
 
 pytestmark = pytest.mark.slow
 

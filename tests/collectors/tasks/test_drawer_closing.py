@@ -5,9 +5,8 @@ import numpy as np
 from collectors.simulation import World
 from collectors.tasks.drawer_closing import PUSH_Z, SHUT, TOUCH, DrawerClosing
 from collectors.tasks.drawer_opening import DrawerOpening
-from tests.collectors.simulation.conftest import hold, move
-from tests.collectors.tasks.conftest import begin, perform
 from tests.helpers.drawers import slide
+from tests.helpers.worlds import begin, hold, move, perform
 
 
 def test_it_begins_open_and_stays_so(world):

@@ -7,9 +7,8 @@ import pytest
 from collectors.simulation import World
 from collectors.tasks.drawer import DAMPING, FRICTION, GAP, TRAVEL
 from collectors.tasks.drawer_opening import HOOK_Z, OPEN, DrawerOpening
-from tests.collectors.simulation.conftest import hold, move
-from tests.collectors.tasks.conftest import AGAIN, begin, perform
 from tests.helpers.drawers import slide
+from tests.helpers.worlds import AGAIN, begin, hold, move, perform
 
 
 def pull(task, force: float, seconds: float) -> float:

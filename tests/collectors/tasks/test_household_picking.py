@@ -21,7 +21,7 @@ from collectors.tasks.household_objects import (
 )
 from collectors.tasks.household_picking import FLOOR, INNER, LIFTED, SPREAD, HouseholdPicking
 from collectors.tasks.household_picking_heldout import HouseholdPickingHeldout
-from tests.collectors.tasks.conftest import AGAIN, begin, perform, place
+from tests.helpers.worlds import AGAIN, begin, perform, place
 
 
 def test_the_table_is_what_the_rule_gives():

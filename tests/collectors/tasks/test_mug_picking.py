@@ -8,8 +8,7 @@ import pytest
 
 from collectors.simulation import World
 from collectors.tasks.mug_picking import CUP, GRASP, HANDLE, LIFTED, MASS_CENTRE, RIM, MugPicking, Scene
-from tests.collectors.simulation.conftest import hold, move
-from tests.collectors.tasks.conftest import AGAIN, begin, perform, place
+from tests.helpers.worlds import AGAIN, begin, hold, move, perform, place
 
 pytestmark = pytest.mark.slow
 

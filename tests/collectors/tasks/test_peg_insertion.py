@@ -19,8 +19,7 @@ from collectors.tasks.peg_insertion import (
     STRAIGHT,
     PegInsertion,
 )
-from tests.collectors.simulation.conftest import hold
-from tests.collectors.tasks.conftest import begin, perform, place
+from tests.helpers.worlds import begin, hold, perform, place
 
 
 def put(task, beside: float, depth: float, tilt: float = 0.0, towards: float = 0.0) -> None:

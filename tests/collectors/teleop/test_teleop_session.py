@@ -22,8 +22,8 @@ from collectors.teleop.session import ATTEMPT, Session, Teleoperation
 from collectors.teleop.window import Window
 from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
-from tests.collectors.conftest import SMALL
 from tests.helpers.collecting import command
+from tests.helpers.collectors import SMALL
 from tests.helpers.typist import wait_for
 
 pytestmark = pytest.mark.slow

@@ -17,8 +17,8 @@ from collectors.teleop.screen import NoScreen
 from collectors.teleop.session import ATTEMPT, Session, Teleoperation
 from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
-from tests.collectors.conftest import SMALL
 from tests.helpers.collecting import command
+from tests.helpers.collectors import SMALL
 from tests.helpers.patience import PATIENCE
 from tests.helpers.typist import PACE, Typist, display, needs_display, wait_for
 
