@@ -162,4 +162,11 @@ def test_the_page_shows_rooms_arrows_and_ways_as_they_are():
 def test_no_test_module_imports_another():
     """What two of them share lies in tests/helpers."""
     for file in (ROOT / "tests").rglob("*.py"):
-        assert not [name for name in modules(file) if name.startswith("tests.") and ".test_" in name], file
+        of_tests = [name for name in modules(file) if name.startswith("tests.")]
+        assert not [name for name in of_tests if ".test_" in name or "conftest" in name], file
+
+
+@pytest.mark.parametrize("package", FLOORS)
+def test_tests_follow_the_rooms(package):
+    rooms = {path.name for path in (ROOT / "tests" / package).iterdir() if path.is_dir() and path.name[0] != "_"}
+    assert rooms <= {name for names in FLOORS[package] for name in names.split()}
