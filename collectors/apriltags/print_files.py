@@ -1,12 +1,14 @@
 """Files that print sheets of tags in true size: PDF files with vectors, and PNG files with their resolution."""
 
-import struct
-import zlib
+from datetime import UTC, datetime
+from io import BytesIO
 from pathlib import Path
 
 import cv2
 import numpy as np
+from fpdf import FPDF
 from numpy.typing import NDArray
+from PIL import Image
 
 from collectors.apriltags.print_layout import Block, Page
 from svfl_data.system.atomic_io import write_atomically
@@ -16,50 +18,30 @@ DPI = 300  # pixels per inch of a sheet that is drawn as a picture
 
 
 def pdf(pages: list[Page]) -> bytes:
-    """Return the bytes of a PDF file (version 1.4, Helvetica, no compression) with one page for each sheet."""
-    objects = [b"<< /Type /Catalog /Pages 2 0 R >>", b"", b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>"]
-    kids = []
+    """Return a PDF file with one page for each sheet. The same sheets give the same bytes.
+
+    Args:
+        pages: The sheets.
+    """
+    document = FPDF(unit="mm")
+    document.set_creation_date(datetime(2000, 1, 1, tzinfo=UTC))
+    document.set_auto_page_break(False)
     for page in pages:
-        content = _content(page).encode("latin-1")
-        kids.append(f"{len(objects) + 1} 0 R")
-        box = f"[0 0 {page.width * POINT:.3f} {page.height * POINT:.3f}]"
-        objects += [
-            f"<< /Type /Page /Parent 2 0 R /MediaBox {box} /Resources << /Font << /F 3 0 R >> >> "
-            f"/Contents {len(objects) + 2} 0 R >>".encode(),
-            b"<< /Length %d >>\nstream\n%s\nendstream" % (len(content), content),
-        ]
-    objects[1] = f"<< /Type /Pages /Kids [{' '.join(kids)}] /Count {len(kids)} >>".encode()
-    out, offsets = b"%PDF-1.4\n", []
-    for number, body in enumerate(objects, start=1):
-        offsets.append(len(out))
-        out += b"%d 0 obj\n%s\nendobj\n" % (number, body)
-    table = "".join(f"{offset:010d} 00000 n \n" for offset in offsets)
-    end = f"xref\n0 {len(objects) + 1}\n0000000000 65535 f \n{table}trailer\n"
-    end += f"<< /Size {len(objects) + 1} /Root 1 0 R >>\nstartxref\n{len(out)}\n%%EOF\n"
-    return out + end.encode()
+        document.add_page(format=(page.width, page.height))
+        for blocks in (*page.tags, page.lines):
+            _fill(document, blocks)
+        for text in page.texts:
+            document.set_font("Helvetica", size=text.size * POINT)
+            document.text(text.x, text.y, text.words)
+    return bytes(document.output())
 
 
-def _content(page: Page) -> str:
-    """Return the content of a page in PDF's language, with lengths in points and y upwards."""
-
-    def filled(blocks: list[Block]) -> str:
-        # All rectangles are one path, so that no viewer draws seams between neighbours.
-        return " ".join(
-            f"{b.x * POINT:.4f} {(page.height - b.y - b.height) * POINT:.4f} {b.width * POINT:.4f} "
-            f"{b.height * POINT:.4f} re"
-            for b in blocks
-        ) + " f"  # fmt: skip
-
-    texts = [
-        f"BT /F {text.size * POINT:.2f} Tf {text.x * POINT:.3f} {(page.height - text.y) * POINT:.3f} Td "
-        f"({_escaped(text.words)}) Tj ET"
-        for text in page.texts
-    ]
-    return "\n".join(["0 g", *(filled(tag) for tag in page.tags), filled(page.lines), *texts])
-
-
-def _escaped(words: str) -> str:
-    return words.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
+def _fill(document: FPDF, blocks: list[Block]) -> None:
+    """Fill rectangles as one path, so that no viewer draws seams between neighbours."""
+    with document.new_path() as path:
+        path.style.fill_color, path.style.stroke_color = "#000000", None
+        for block in blocks:
+            path.rectangle(block.x, block.y, block.width, block.height)
 
 
 def picture(page: Page, dpi: int = DPI) -> NDArray[np.uint8]:
@@ -91,12 +73,9 @@ def png(page: Page, dpi: int = DPI) -> bytes:
         page: Sheet to draw.
         dpi: Resolution of the picture in pixels per inch.
     """
-    _, encoded = cv2.imencode(".png", picture(page, dpi))
-    data = encoded.tobytes()
-    per_metre = round(dpi / 0.0254)
-    chunk = b"pHYs" + struct.pack(">IIB", per_metre, per_metre, 1)
-    header = 8 + 25  # signature and IHDR
-    return data[:header] + struct.pack(">I", 9) + chunk + struct.pack(">I", zlib.crc32(chunk)) + data[header:]
+    file = BytesIO()
+    Image.fromarray(picture(page, dpi)).save(file, "PNG", dpi=(dpi, dpi))
+    return file.getvalue()
 
 
 def write(pages: list[Page], path: Path) -> list[Path]:

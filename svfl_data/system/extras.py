@@ -13,8 +13,9 @@ from types import FrameType
 from svfl_data.errors import SvflError
 
 EXTRAS = {
-    "PIL": ("view",),
+    "PIL": ("real", "view"),
     "cv2": ("sim", "real"),
+    "fpdf": ("real",),
     "gymnasium": ("sim",),
     "hid": ("teleop",),
     "joblib": ("models",),
