@@ -10,6 +10,7 @@ import numpy as np
 from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
+from svfl_data.recording.consistency import check_agreement
 from svfl_data.sampling.windows import WINDOW, latest, wrench_window
 from svfl_data.schema.episode import Camera, Episode
 from svfl_data.signals.topdown import topdown
@@ -69,8 +70,8 @@ def load_centering(
 
     Raises:
         FormatError: If the folder is not a dataset or an episode is damaged.
-        DatasetError: If there are no episodes, an episode is unfit for training, labels are missing, or episodes have
-            different image sizes.
+        DatasetError: If there are no episodes, an episode is unfit for training, labels are missing, or episodes were
+            recorded with different setups, such as another camera pose or image size.
     """
     dataset = Dataset.open(path)
     indices = dataset.indices
@@ -79,6 +80,7 @@ def load_centering(
     if "image" in inputs:
         uses += {f"cameras/{camera}" for reader in readers for camera in reader.cameras}
     check_usable(dataset, indices, uses)
+    check_agreement(dataset, indices, None if "image" in inputs else ())
     episodes = (reader.load(images=False) for reader in readers)
     samples = [
         sample_of(episode, window, view if "image" in inputs else None)

@@ -8,6 +8,7 @@ import numpy as np
 from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
+from svfl_data.recording.consistency import check_agreement
 from svfl_data.sampling.windows import WINDOW, latest
 from svfl_data.schema.action_bounds import ActionBounds
 from svfl_data.schema.episode import Camera, Episode
@@ -67,6 +68,7 @@ def load_recordings(dataset: Dataset, contact_n: float, mixed: bool = False) -> 
     indices = dataset.indices
     cameras = {f"cameras/{camera}" for index in indices for camera in dataset.episode(index).cameras}
     check_usable(dataset, indices, ["streams/wrench", "streams/object", *cameras])
+    check_agreement(dataset, indices)
     episodes = [dataset.episode(index).load(images=False) for index in progress(indices, "reading episodes")]
     if not episodes:
         raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")

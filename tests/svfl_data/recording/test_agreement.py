@@ -16,6 +16,7 @@ from svfl_data.recording.consistency import check_agreement
 from svfl_data.recording.growth import grows
 from svfl_data.recording.index_locks import NEXT
 from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.sampling.centering_samples import load_centering
 from svfl_data.sampling.samples import Samples
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.schema.fields import field_at
@@ -126,6 +127,8 @@ def test_one_comparison_serves_everybody(dataset, tmp_path, kind, command):
     shutil.copy(other.episode_path(1), dataset.path)  # past all that would have refused it
     with pytest.raises(DatasetError, match=name):
         check_agreement(dataset, dataset.indices)
+    with pytest.raises(DatasetError, match=name if kind != "axes" else "labels/direction"):  # what is wrong, first
+        load_centering(dataset.path)
     if kind != "joints":
         used = ["front"]
         if kind == "two cameras":

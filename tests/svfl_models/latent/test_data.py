@@ -125,6 +125,13 @@ def test_annotated_contacts_come_before_the_object(tmp_path):
     assert not other.touched.any()
 
 
+def moved_camera(index):
+    episode = lifting(index)
+    pose = episode.arrays["cameras/front/T_base_camera"].copy()
+    pose[0, 3] += 0.01
+    return dataclasses.replace(episode, arrays=episode.arrays | {"cameras/front/T_base_camera": pose})
+
+
 @pytest.mark.parametrize(
     ("episodes", "changed", "words"),
     [
@@ -140,6 +147,7 @@ def test_annotated_contacts_come_before_the_object(tmp_path):
          "holds episodes of block_picking, block_pushing; --mixed learns from all of them"),
         ([lifting(0), lifting(1, config={"world": {"max_move": 0.05, "max_turn": 0.2}})], {},
          "actions have different limits, 0.025 m, 0.19635 rad and 0.05 m, 0.2 rad; --mixed"),
+        ([lifting(0), moved_camera(1)], {}, "cameras/front/T_base_camera"),
     ],
 )  # fmt: skip
 def test_what_cannot_serve_is_refused_before_training(tmp_path, episodes, changed, words):
