@@ -33,7 +33,6 @@ FRONT = look_at()
 """This camera stands obliquely in front of the robot, in the workspace's mirror plane."""
 SHARP = look_at(shape=FINE)
 """This is the front camera with four times the pixels along each side, so that its own sampling has little effect."""
-SIDE = look_at(eye=(0.55, 0.6, 0.6), up=(0.0, -1.0, 0.0))
 
 BLOCKS = Scene(
     [
