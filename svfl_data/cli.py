@@ -20,7 +20,7 @@ def build_parser() -> Parser:
     """Return the command-line parser of ``svfl-data``."""
     root = Parser(
         prog=PROGRAM,
-        description="Look at recorded data, check it, change what is said about it, make new datasets from it.",
+        description="Show and check recorded datasets, change their metadata, and make new datasets from them.",
         example=f"{PROGRAM} view data/centering --episode 3\n{PROGRAM} validate data/centering",
     )
     commands = root.add_subparsers(title="commands", dest="command_name", required=True, metavar="COMMAND")

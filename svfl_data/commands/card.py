@@ -14,13 +14,16 @@ def add(commands: Commands) -> None:
     """Add the command ``card`` and its arguments to the command line."""
     parser = commands.add_parser(
         "card",
-        help="a dataset card in Markdown, with figures and pictures",
-        description="Write a dataset card in Markdown: figures, streams with units, distributions, one episode as a "
-        "picture, where it came from. The pictures stand in a folder beside it.",
+        help="write a dataset card in Markdown, with statistics and pictures",
+        description="Write a dataset card in Markdown. It holds counts, the streams with their units, distributions, a "
+        "picture of one episode, and the origin of the data. The pictures are written to a folder beside the card.",
         example="svfl-data card data/centering   # writes data/centering/README.md",
     )
     add_dataset(parser)
-    parser.add_argument("--out", type=Path, metavar="FILE.md", help="file to write (default: README.md in the dataset)")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.md",
+        help="Markdown file to write; its name ends in .md (default: README.md in the dataset folder)",
+    )  # fmt: skip
     parser.set_defaults(command=run)
 
 

@@ -81,26 +81,36 @@ def add(commands: Commands) -> None:
     """Add the command ``filter`` and its arguments to the command line."""
     parser = commands.add_parser(
         "filter",
-        help="the episodes that meet conditions, as a new dataset",
-        description="Copy the episodes that meet every condition into a new dataset, numbered from 0. Every episode's "
-        "history says which number it had.",
+        help="copy the episodes that meet conditions into a new dataset",
+        description="Copy the episodes that meet every condition into a new dataset, where they are numbered from 0. "
+        "The history of every copied episode states the number that it had before. At least one of the options "
+        "--task, --success, --source, --where, --valid and --once is required.",
         example="svfl-data filter data/week data/good --success yes --source teleop\n"
         "svfl-data filter data/week data/soft --where 'config.drawn.block_friction<0.6' --where 'steps>=8'",
     )
-    parser.add_argument("path", type=Path, metavar="SRC", help="dataset folder")
-    parser.add_argument("destination", type=Path, metavar="DST", help="new dataset folder")
-    parser.add_argument("--task", metavar="TASK", help="keep this task")
-    parser.add_argument("--success", type=yes_no, metavar="yes|no", help="keep successes, or failures")
-    parser.add_argument("--source", metavar="SOURCE", help="keep what this source recorded, e.g. expert or teleop")
+    parser.add_argument("path", type=Path, metavar="SRC", help="dataset folder to copy from")
+    parser.add_argument("destination", type=Path, metavar="DST", help="folder of the new dataset, absent or empty")
+    parser.add_argument("--task", metavar="TASK", help="keep only episodes of this task (default: all tasks)")
+    parser.add_argument(
+        "--success", type=yes_no, metavar="yes|no",
+        help="keep only episodes that achieved the task (yes) or that did not (no) (default: both)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--source", metavar="SOURCE",
+        help="keep only episodes that this source recorded, such as expert or teleop (default: all sources)",
+    )  # fmt: skip
     parser.add_argument(
         "--where", type=Condition.parse, action="append", default=[], metavar="KEY=VALUE",
-        help="keep what has this attribute; also !=, <, <=, >, >=; dots lead into config and software; "
-        "steps and seconds can be asked for as well",
+        help="keep only episodes whose attribute KEY equals VALUE; comparisons are =, !=, <, <=, > and >=; KEY "
+        "is steps, seconds (the duration) or an attribute of the metadata, with dots for nested ones such as "
+        "config.drawn.block_friction; VALUE is JSON, or otherwise a text; may be given several times (default: no such "
+        "condition)",
     )  # fmt: skip
     parser.add_argument(
         "--valid",
         action="store_true",
-        help="leave out what svfl-data validate calls an error, damaged files too",
+        help="leave out damaged episodes and episodes in which svfl-data validate finds an error (default: a damaged "
+        "episode ends the command)",
     )
     add_allowances(parser)
     parser.set_defaults(command=run)

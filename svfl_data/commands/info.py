@@ -22,9 +22,10 @@ def add(commands: Commands) -> None:
     """Add the command ``info`` and its arguments to the command line."""
     parser = commands.add_parser(
         "info",
-        help="what it holds: episodes, steps, hours, tasks, streams with rate and unit, size",
-        description="What a dataset holds: episodes, steps, hours, tasks, success rate, sources, streams with rate and "
-        "unit, cameras with size and rate, bytes, versions. With --episode, one episode in detail.",
+        help="print what a dataset holds: episodes, steps, hours, tasks, streams with rate and unit, size",
+        description="Print what a dataset holds: episodes, steps, hours, tasks, success rate, sources, streams with "
+        "rate and unit, cameras with size and rate, bytes, versions. With --episode, or if PATH is an episode file, "
+        "print the details of one episode.",
         example="svfl-data info data/centering\nsvfl-data info data/centering --episode 3 --json",
     )
     add_path(parser)

@@ -14,15 +14,16 @@ def add(commands: Commands) -> None:
     """Add the command ``merge`` and its arguments to the command line."""
     parser = commands.add_parser(
         "merge",
-        help="several datasets into a new one",
-        description="Copy the episodes of several datasets into a new one, numbered from 0. Every episode's history "
-        "says which dataset, number and seed it had. Episodes whose cameras (names, sizes, calibration), workspace, "
-        "streams or rates differ are refused, and so are copies of one recording.",
+        help="copy the episodes of several datasets into a new dataset",
+        description="Copy the episodes of several datasets into a new dataset, where they are numbered from 0. The "
+        "history of every copied episode states the dataset, number and seed that it had before. The command ends "
+        "with an error, and writes nothing, if cameras (names, sizes, calibration), workspaces, streams or rates of "
+        "the episodes differ, or if two episodes are copies of one recording.",
         example="svfl-data merge data/monday data/tuesday data/week\n"
         "svfl-data merge data/monday data/tuesday data/week --varies cameras/front/T_base_camera --once",
     )
-    parser.add_argument("sources", type=Path, nargs="+", metavar="SRC", help="dataset folders")
-    parser.add_argument("destination", type=Path, metavar="DST", help="new dataset folder")
+    parser.add_argument("sources", type=Path, nargs="+", metavar="SRC", help="dataset folders to copy from")
+    parser.add_argument("destination", type=Path, metavar="DST", help="folder of the new dataset, absent or empty")
     add_allowances(parser)
     parser.set_defaults(command=run)
 

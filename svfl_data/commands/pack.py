@@ -17,25 +17,34 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser(
         "pack",
         help="copy a dataset into a few large shards",
-        description="Copy a dataset into shards that every tool reads like episode files. Each episode stays the same "
-        "to the byte. The same command takes up an interrupted one.",
+        description="Copy a dataset into shards: large files that hold many episodes each, and that all commands read "
+        "like episode files. The bytes of the episodes do not change. After an interruption, the same command "
+        "continues.",
         example="svfl-data pack data/centering data/centering_packed --shard-mb 500",
     )
     add_dataset(parser)
-    parser.add_argument("out", type=Path, metavar="OUT", help="new dataset folder")
+    parser.add_argument(
+        "out", type=Path, metavar="OUT",
+        help="folder of the new dataset: absent, empty, or the result of an interrupted call of this command",
+    )  # fmt: skip
     parser.add_argument(
         "--shard-mb", type=positive, default=pack.SHARD_BYTES // MEGABYTE, metavar="MB",
-        help=f"largest size of a shard in megabytes (default {pack.SHARD_BYTES // MEGABYTE})",
+        help="largest size of a shard, MB (10^6 bytes), at least 1; only a shard with a single episode may be larger "
+        "(default: %(default)s)",
     )  # fmt: skip
     parser.set_defaults(command=run)
     parser = commands.add_parser(
         "unpack",
         help="copy a packed dataset into one file per episode",
-        description="Copy a packed dataset into one file per episode, the same to the byte as before packing.",
+        description="Copy a packed dataset into one file per episode. The files are equal, byte for byte, to those "
+        "before packing. After an interruption, the same command continues.",
         example="svfl-data unpack data/centering_packed data/centering_again",
     )
     add_dataset(parser)
-    parser.add_argument("out", type=Path, metavar="OUT", help="new dataset folder")
+    parser.add_argument(
+        "out", type=Path, metavar="OUT",
+        help="folder of the new dataset: absent, empty, or the result of an interrupted call of this command",
+    )  # fmt: skip
     parser.set_defaults(command=run_unpack)
 
 

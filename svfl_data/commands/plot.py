@@ -13,14 +13,17 @@ def add(commands: Commands) -> None:
     """Add the command ``plot`` and its arguments to the command line."""
     parser = commands.add_parser(
         "plot",
-        help="one picture of an episode: images, force, torque, gripper, actions, contacts, label",
-        description="Draw an episode into a PNG: images, force, torque, gripper opening and actions over time, with "
-        "contacts and other annotations, and the label as an arrow in the last image.",
+        help="draw a picture of an episode: images, force, torque, gripper, actions, contacts, label",
+        description="Draw a picture of an episode and write it as a PNG file. It shows images, force, torque, gripper "
+        "opening and actions over time, with contacts and other annotations, and the label as an arrow in the last "
+        "image.",
         example="svfl-data plot data/centering --episode 3 --out episode.png",
     )
     add_path(parser)
     add_episode(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.png", help="picture to write")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE.png", help="PNG file to write; its name ends in .png"
+    )
     parser.set_defaults(command=run)
 
 

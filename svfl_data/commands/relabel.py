@@ -22,41 +22,56 @@ def add(commands: Commands) -> None:
     """Add the command ``relabel`` and its arguments to the command line."""
     parser = commands.add_parser(
         "relabel",
-        help="change success, annotations, contacts, recorded transforms",
-        description="Change what is said about an episode; what was recorded stays. The file is rewritten whole or not "
-        "at all, with an entry in its history. Contacts and transforms may be set for all episodes at once.",
+        help="change success, annotations, contacts and recorded transforms of episodes",
+        description="Change the metadata of episodes; the recorded arrays stay the same. Each file is replaced as a "
+        "whole or not at all, and its history gets an entry. The options --contact, --transforms and --remove can "
+        "change all episodes of a dataset at once. At least one change is required.",
         example="svfl-data relabel data/week --episode 3 --success no\n"
         "svfl-data relabel data/week --episode 3 --annotate slip 0.42 0.55\n"
         "svfl-data relabel data/week --contact --threshold 3 --release 1.5\n"
         "svfl-data relabel data/week --transforms tare low_pass=40",
     )
     add_path(parser)
-    add_episode(parser, otherwise="all, for --contact and --transforms")
-    parser.add_argument("--success", type=yes_no, metavar="yes|no", help="whether the task was achieved")
+    add_episode(parser, otherwise="all episodes; --success and --annotate need one")
     parser.add_argument(
-        "--annotate", nargs=3, action="append", default=[], metavar=("NAME", "START", "END"),
-        help="add a named interval, in seconds of the episode clock",
-    )  # fmt: skip
-    parser.add_argument(
-        "--remove", action="append", default=[], metavar="NAME", help="remove the annotations of a name"
+        "--success", type=yes_no, metavar="yes|no", help="whether the task was achieved (default: unchanged)"
     )
     parser.add_argument(
-        "--transforms", nargs="+", type=transform, metavar="STEP",
-        help="how the raw wrench becomes usable, in order: tare, low_pass=HZ, gravity=KG,X,Y,Z (m, gripper axes)",
+        "--annotate", nargs=3, action="append", default=[], metavar=("NAME", "START", "END"),
+        help="add an annotation with this name, start and end; the times are in s on the episode clock and lie within "
+        "the episode; may be given several times",
     )  # fmt: skip
-    parser.add_argument("--contact", action="store_true", help="find contacts and store them as annotations")
+    parser.add_argument(
+        "--remove", action="append", default=[], metavar="NAME",
+        help="remove all annotations with this name; may be given several times",
+    )  # fmt: skip
+    parser.add_argument(
+        "--transforms", nargs="+", type=transform, metavar="STEP",
+        help="replace the list of transforms that are applied, in this order, whenever the raw wrench is used: tare "
+        "subtracts the tare of the episode; tare=FX,FY,FZ,MX,MY,MZ subtracts these values (N, N m); low_pass=HZ "
+        "filters with this corner frequency; gravity=KG,X,Y,Z subtracts the weight of this mass with its centre of "
+        "mass at X,Y,Z (m, gripper axes) (default: unchanged)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--contact",
+        action="store_true",
+        help="find contacts in the wrench, and store them as annotations that replace those found earlier",
+    )
     _add_rule(parser)
     parser.set_defaults(command=run)
 
 
 def _add_rule(parser: Parser) -> None:
+    release = f"{RULE.release_n:g}, or half of --threshold"
     for option, unit, default, words in (
-        ("threshold", "N", RULE.threshold_n, "a contact begins above this force"),
-        ("release", "N", RULE.release_n, "and ends below this one"),
-        ("min-duration", "S", RULE.min_duration_s, "what is shorter is no contact"),
-        ("cutoff", "HZ", RULE.cutoff_hz, "corner of the low-pass, 0 for none"),
+        ("threshold", "N", f"{RULE.threshold_n:g}", "force above which a contact begins, N, above 0"),
+        ("release", "N", release, "force below which a contact ends, N, above 0 and at most the threshold"),
+        ("min-duration", "S", f"{RULE.min_duration_s:g}", "shortest duration of a contact, s, at least 0"),
+        ("cutoff", "HZ", f"{RULE.cutoff_hz:g}", "corner frequency of the force's low-pass filter, Hz; 0: no filter"),
     ):
-        parser.add_argument(f"--{option}", type=float, metavar=unit, help=f"{words} (default {default:g})")
+        parser.add_argument(
+            f"--{option}", type=float, metavar=unit, help=f"with --contact: {words} (default: {default})"
+        )
 
 
 def transform(text: str) -> Tare | LowPass | Gravity:

@@ -18,17 +18,20 @@ def add(commands: Commands) -> None:
     """Add the command ``repair`` and its arguments to the command line."""
     parser = commands.add_parser(
         "repair",
-        help="salvage unfinished episodes, set damaged files aside",
-        description="Make episodes of what killed writers left, and move damaged files to damaged/. Nothing is "
-        "deleted; running it twice changes nothing more. Exit code 0 if nothing was lost, 3 if some readings were lost "
-        "and others saved, 1 if nothing could be saved.",
+        help="recover interrupted recordings, and move damaged files to a folder of their own",
+        description="Make episodes of recordings that were interrupted, such as by a killed process or a power cut, "
+        "and move damaged files to the folder damaged/ of the dataset. No data are deleted, and a second run changes "
+        "nothing more. The exit code is 0 if nothing was lost, 3 if something was lost and something was saved, and 1 "
+        "if nothing could be saved.",
         example="svfl-data repair data/week\n"
         "svfl-data repair data/week --reseal   # after editing files with other software",
     )
     add_dataset(parser)
     parser.add_argument(
-        "--reseal", action="store_true", help="seal valid episodes again that other software has changed"
-    )
+        "--reseal", action="store_true",
+        help="give a new seal (checksum) to valid episode files that other software has changed and left without a "
+        "seal (default: they count as damaged)",
+    )  # fmt: skip
     add_json(parser)
     parser.set_defaults(command=run)
 

@@ -19,10 +19,11 @@ SEAL_SIZE, SEAL_MARK = 78, b"\nsvfl-sha256:"  # copied from svfl_data.storage.se
 def main() -> int:
     """Write the recording of an episode file to standard output, and return the exit code of the program."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("file", type=Path)
-    parser.add_argument("--application-id")
-    parser.add_argument("--recording-id")
-    parser.add_argument("--entity-path-prefix", default="")
+    add = parser.add_argument
+    add("file", type=Path, help="file to open")
+    add("--application-id", metavar="ID", help="application of the recording (default: that of svfl-data view)")
+    add("--recording-id", metavar="ID", help="id of the recording (default: a new one)")
+    add("--entity-path-prefix", default="", metavar="PREFIX", help="prefix of all entity paths (default: none)")
     arguments, _ = parser.parse_known_args()
     if not is_ours(arguments.file):
         return FOREIGN

@@ -17,7 +17,7 @@ EPISODE_SUFFIXES = (".hdf5", ".h5")
 
 def add_path(parser: Parser) -> None:
     """Add the argument that names a dataset or an episode file."""
-    parser.add_argument("path", type=Path, metavar="PATH", help="dataset folder or episode file")
+    parser.add_argument("path", type=Path, metavar="PATH", help="dataset folder, or episode file (.hdf5)")
 
 
 def add_dataset(parser: Parser) -> None:
@@ -25,7 +25,7 @@ def add_dataset(parser: Parser) -> None:
     parser.add_argument("path", type=Path, metavar="PATH", help="dataset folder")
 
 
-def add_episode(parser: Parser, otherwise: str = "the first") -> None:
+def add_episode(parser: Parser, otherwise: str = "the first one") -> None:
     """Add the option ``--episode`` that chooses an episode of a dataset.
 
     Args:
@@ -33,22 +33,28 @@ def add_episode(parser: Parser, otherwise: str = "the first") -> None:
         otherwise: Words for the help text that say which episode is used without the option.
     """
     parser.add_argument(
-        "--episode", type=natural, metavar="N", help=f"number of the episode in the dataset (default: {otherwise})"
-    )
+        "--episode", type=natural, metavar="N",
+        help=f"number of the episode, if PATH is a dataset folder; at least 0 (default: {otherwise})",
+    )  # fmt: skip
 
 
 def add_json(parser: Parser) -> None:
     """Add the option ``--json`` for output that programs can read."""
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of text")
 
 
 def add_allowances(parser: Parser) -> None:
     """Add the options ``--varies`` and ``--once``, which decide the episodes that a new dataset may contain."""
     parser.add_argument(
         "--varies", nargs="+", default=[], metavar="NAME",
-        help="let episodes differ in this path or group, e.g. cameras/front/T_base_camera",
+        help="arrays, or groups of arrays, in which the copied episodes may differ, such as "
+        "cameras/front/T_base_camera (default: only those in which the source datasets already allow differences)",
     )  # fmt: skip
-    parser.add_argument("--once", action="store_true", help="of copies of one recording, take the first only")
+    parser.add_argument(
+        "--once",
+        action="store_true",
+        help="copy only the first of several copies of one recording (default: copies of one recording are an error)",
+    )
 
 
 def left_out_words(number: int) -> str:

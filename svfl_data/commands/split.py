@@ -15,23 +15,31 @@ def add(commands: Commands) -> None:
     """Add the command ``split`` and its arguments to the command line."""
     parser = commands.add_parser(
         "split",
-        help="draw which episodes to train, validate and test on, and store it",
-        description="Draw a split by whole episodes with a seed, and store it beside them, so that everyone trains and "
-        "tests on the same ones. A stored split of this name is replaced by another one only with --replace. Copies"
-        " of one recording are refused, since one could be trained and the other tested on.",
+        help="draw the episodes to train, validate and test on, and store the choice",
+        description="Draw which episodes to train, validate and test on, and store this split in the dataset folder, "
+        "so that everyone trains and tests on the same episodes. A stored split of the same name is replaced by a "
+        "different one only with --replace. The command ends with an error if the dataset holds copies of one "
+        "recording, because one copy could be trained on and another one tested on.",
         example="svfl-data split data/centering --ratios train=0.8 valid=0.1 test=0.1 --seed 0",
     )
     add_dataset(parser)
     parser.add_argument(
         "--ratios", nargs="+", type=share, default=SHARES, metavar="PART=RATIO",
-        help="share of the episodes of each part (default train=0.8 valid=0.1 test=0.1)",
+        help="share of the episodes that each part gets, above 0; together at most 1 (default: train=0.8 valid=0.1 "
+        "test=0.1)",
     )  # fmt: skip
-    parser.add_argument("--seed", type=natural, default=0, metavar="S", help="seed (default 0)")
-    parser.add_argument("--name", default="default", metavar="NAME", help="name of the split (default: default)")
+    parser.add_argument(
+        "--seed", type=natural, default=0, metavar="S", help="seed of the draw, at least 0 (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--name", default="default", metavar="NAME",
+        help="name of the split, of letters, digits, - and _ (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument(
         "--replace",
         action="store_true",
-        help="replace a stored split of this name; take its statistics again",
+        help="replace a different stored split of the same name; run svfl-data stats again afterwards (default: a "
+        "different stored split is an error)",
     )
     add_json(parser)
     parser.set_defaults(command=run)

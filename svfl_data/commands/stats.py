@@ -16,13 +16,16 @@ def add(commands: Commands) -> None:
     """Add the command ``stats`` and its arguments to the command line."""
     parser = commands.add_parser(
         "stats",
-        help="mean and scale of every field, from the training episodes only, and store them",
-        description="Take the statistics that scale a network's inputs, one scale per representation, from the "
-        "training episodes of a stored split only, and store them beside it.",
+        help="compute mean and scale of every field from the training episodes, and store them",
+        description="Compute the statistics with which the inputs of a network are normalised, from the training "
+        "episodes of a stored split only, and store them beside the split. Components that a rotation mixes, such as "
+        "x and y, have one scale.",
         example="svfl-data split data/centering && svfl-data stats data/centering --split default",
     )
     add_dataset(parser)
-    parser.add_argument("--split", default="default", metavar="NAME", help="name of the split (default: default)")
+    parser.add_argument(
+        "--split", default="default", metavar="NAME", help="name of the stored split (default: %(default)s)"
+    )
     add_json(parser)
     parser.set_defaults(command=run)
 

@@ -26,16 +26,25 @@ def add(commands: Commands) -> None:
     """Add the command ``topdown`` and its arguments to the command line."""
     parser = commands.add_parser(
         "topdown",
-        help="one step of an episode, seen from straight above the workspace",
-        description="Draw one step of an episode into a PNG: the cameras' pictures, and colour and height as seen from "
-        "straight above the workspace, computed from all cameras that have depth.",
+        help="draw one step of an episode as seen from straight above the workspace",
+        description="Draw one step of an episode and write the picture as a PNG file. It shows the images of the "
+        "cameras, and the colour and height of the workspace as seen from straight above, computed from all cameras "
+        "that have depth.",
         example="svfl-data topdown data/centering --episode 3 --out above.png",
     )
     add_path(parser)
     add_episode(parser)
-    parser.add_argument("--step", type=natural, metavar="T", help="number of the observation (default: the last)")
-    parser.add_argument("--size", type=positive, default=SIZE, help="height and width from above, px (default: 76)")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE.png", help="picture to write")
+    parser.add_argument(
+        "--step", type=natural, metavar="T",
+        help="number of the observation, from 0 to the number of steps of the episode (default: the last one)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--size", type=positive, default=SIZE, metavar="PX",
+        help="height and width of the view from above, px, at least 1 (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE.png", help="PNG file to write; its name ends in .png"
+    )
     parser.set_defaults(command=run)
 
 

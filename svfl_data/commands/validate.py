@@ -18,10 +18,11 @@ def add(commands: Commands) -> None:
     """Add the command ``validate`` and its arguments to the command line."""
     parser = commands.add_parser(
         "validate",
-        help="find what is wrong: damage, clocks, sensors, images, actions, labels",
-        description="Check a dataset or an episode: seal, schema, timestamps (order, gaps, jitter, steps), force "
-        "(saturated, stuck, tare), images (black, frozen, depth holes), actions, poses, labels. Every finding names "
-        "episode, field, row and severity. Exit code 1 if there is an error.",
+        help="check for errors: damage, clocks, sensors, images, actions, labels",
+        description="Check a dataset or an episode for errors: seal (checksum), schema, timestamps (order, gaps, "
+        "jitter, steps), force (saturated, stuck, tare), images (black, frozen, depth holes), actions, poses, labels. "
+        "Every finding names episode, field, row and severity. The exit code is 1 if a finding is an error, and 0 if "
+        "all are warnings or notes.",
         example="svfl-data validate data/centering\n"
         "svfl-data validate data/centering --json | jq '.findings[] | select(.severity == \"error\")'",
     )

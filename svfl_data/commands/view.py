@@ -27,10 +27,11 @@ def add(commands: Commands) -> None:
     """Add the command ``view`` and its arguments to the command line."""
     parser = commands.add_parser(
         "view",
-        help="show episodes: arm, images, forces over time, contacts, labels, what a network thinks",
+        help="show episodes: arm, images, forces over time, contacts, labels, predictions of a network",
         description="Show episodes in Rerun's viewer: the arm in 3-D, images and point cloud, forces over time with "
-        "contacts and labels, actions commanded and achieved, what a trained network thinks. Several episodes are "
-        "shown side by side. With --compare: the forces of two datasets.",
+        "contacts and labels, commanded and achieved actions, and the predictions of a trained network. Several "
+        "episodes are shown side by side. With --compare, the distributions of the forces and torques of two datasets "
+        "are shown instead.",
         example="svfl-data view data/centering --episode 3\n"
         "svfl-data view data/block_picking --episode 0 4 9            # side by side\n"
         "svfl-data view data/centering --episode 3 --checkpoint runs/vf/checkpoint.ckpt\n"
@@ -41,21 +42,36 @@ def add(commands: Commands) -> None:
     add_path(parser)
     parser.add_argument(
         "--episode", type=natural, nargs="+", default=[], metavar="N",
-        help=f"numbers of the episodes in the dataset, at most {MOST} (default: the first)",
+        help=f"numbers of the episodes, each at least 0; at most {MOST} episodes (default: the first one)",
     )  # fmt: skip
-    parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="show what a trained network thinks as well")
-    parser.add_argument("--compare", type=Path, metavar="DATASET", help="show the forces of two datasets instead")
-    parser.add_argument("--urdf", type=Path, metavar="FILE", help="the arm (default: the simulation's Panda)")
+    parser.add_argument(
+        "--checkpoint", type=Path, metavar="FILE",
+        help="checkpoint of a trained network whose predictions are shown as well (default: none)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--compare", type=Path, metavar="DATASET",
+        help="folder of a second dataset; compare the forces of both instead of showing episodes (default: none)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--urdf", type=Path, metavar="FILE", help="URDF file of the arm (default: the Panda arm of the simulation)"
+    )
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--save", type=Path, metavar="FILE.rrd", help="write a file instead of opening the viewer")
-    where.add_argument("--web", action="store_true", help="serve the viewer to a browser")
+    where.add_argument(
+        "--save", type=Path, metavar="FILE.rrd",
+        help="write a file for the viewer instead of opening the viewer; its name ends in .rrd",
+    )  # fmt: skip
+    where.add_argument(
+        "--web", action="store_true", help="serve the viewer to a web browser instead of opening a window"
+    )
     parser.add_argument(
         "--bind", default=LOOPBACK, metavar="ADDRESS",
-        help=f"with --web: address to listen on (default {LOOPBACK}, this machine only; 0.0.0.0 is every one)",
+        help="with --web: IP address to listen on; 0.0.0.0 listens on all addresses of this machine (default: "
+        "%(default)s, which only this machine can reach)",
     )  # fmt: skip
     parser.add_argument(
-        "--port", type=positive, default=PORT, metavar="P", help=f"with --web (default {PORT}, and P + 1)"
-    )
+        "--port", type=positive, default=PORT, metavar="P",
+        help="with --web: TCP port of the page; the next port, P + 1, serves the data (default: %(default)s)",
+    )  # fmt: skip
     parser.set_defaults(command=run)
 
 
