@@ -25,7 +25,11 @@ def main(arguments: list[str] | None = None) -> int:
 
 def build_parser() -> Parser:
     """Return the argument parser of ``svfl-train``, with one subparser per command."""
-    root = Parser(prog=PROGRAM, description="Train symmetric visual-force networks.", example=centering.EXAMPLE)
+    root = Parser(
+        prog=PROGRAM,
+        description="Train, evaluate and export symmetric networks that use images and forces.",
+        example=centering.EXAMPLE,
+    )
     commands = root.add_subparsers(
         title="commands", dest="command_name", metavar="COMMAND", required=True, parser_class=Parser
     )

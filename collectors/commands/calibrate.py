@@ -16,11 +16,12 @@ def add(commands: Commands) -> None:
     """Add ``calibrate`` to the commands of the command line."""
     parser = commands.add_parser(
         "calibrate",
-        help="where a camera is, from pictures of a board of AprilTags",
-        description="Estimate a camera's pose in base axes from pictures of a board (svfl-collect tags --board), and "
-        "say how well it is known. The board lies at a known place (--board-pose), at a known place in each picture "
-        "(--board-poses), or is held by the gripper, whose poses are known (--gripper-poses; tilt it in between). "
-        "Pictures must have no lens distortion. The camera is added to the JSON file that collectors read.",
+        help="estimate the pose of a camera from pictures of a board of AprilTags",
+        description="Estimate the pose of a camera in base axes, and its uncertainty, from pictures of a board of tags "
+        "(svfl-collect tags --board). Either the board has one known pose (--board-pose), or a known pose in each "
+        "picture (--board-poses), or the gripper holds the board and the poses of the gripper are known "
+        "(--gripper-poses); the gripper must then be tilted differently between the pictures. The pictures must have "
+        "no lens distortion. The result is added to the calibration file, which collectors read.",
         example="svfl-collect calibrate pictures/ --board board.json --intrinsics 605.2,604.8,319.5,239.5 \\\n"
         "    --board-pose 0.45,-0.1,0,90 --camera front --out calibration.json\n"
         "svfl-collect calibrate pictures/ --board board.json --intrinsics 605.2,604.8,319.5,239.5 \\\n"
@@ -28,34 +29,51 @@ def add(commands: Commands) -> None:
         "svfl-collect calibrate data/boards --episode 0 --board board.json --board-pose 0.45,-0.1,0,90 \\\n"
         "    --camera front --out calibration.json",
     )
-    parser.add_argument("path", type=Path, metavar="PATH", help="folder of pictures, dataset, or episode file")
-    parser.add_argument("--episode", type=natural, metavar="N", help="number in a dataset (default: the first)")
-    parser.add_argument("--board", type=Path, required=True, metavar="FILE", help="JSON of the board")
     parser.add_argument(
-        "--printed", type=float, default=100.0, metavar="MM", help="length of the sheet's 100 mm line as measured"
+        "path", type=Path, metavar="PATH", help="folder of pictures, dataset folder, or episode file (.hdf5)"
     )
+    parser.add_argument(
+        "--episode", type=natural, metavar="N",
+        help="number of the episode, if PATH is a dataset folder; at least 0 (default: the first one)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--board", type=Path, required=True, metavar="FILE",
+        help="JSON file of the board, written by svfl-collect tags --board",
+    )  # fmt: skip
+    parser.add_argument(
+        "--printed", type=float, default=100.0, metavar="MM",
+        help="measured length of the 100 mm line on the printed sheet, mm, between 50 and 200 (default: %(default)g)",
+    )  # fmt: skip
     place = parser.add_mutually_exclusive_group(required=True)
     place.add_argument(
         "--board-pose", type=_numbers(4), metavar="X,Y,Z,DEG",
-        help="of the board's lower left corner, face up: base axes, m, and yaw of its x axis; with a negative X, write "
-        "--board-pose=X,Y,Z,DEG",
+        help="pose of a board that lies face up: position of its lower left corner in base axes, m, and yaw of its x "
+        "axis, deg; if X is negative, write --board-pose=X,Y,Z,DEG",
     )  # fmt: skip
     place.add_argument(
-        "--board-poses", type=Path, metavar="CSV", help="picture,x,y,z,qx,qy,qz,qw: of the board in base"
-    )
+        "--board-poses", type=Path, metavar="CSV",
+        help="file with the pose of the board in each picture, in base axes: columns picture,x,y,z,qx,qy,qz,qw, with "
+        "x, y, z in m",
+    )  # fmt: skip
     place.add_argument(
-        "--gripper-poses", type=Path, metavar="CSV", help="the same: of the gripper that holds the board"
-    )
+        "--gripper-poses", type=Path, metavar="CSV",
+        help="file with the pose of the gripper that holds the board, in each picture: columns as for --board-poses",
+    )  # fmt: skip
     parser.add_argument(
         "--intrinsics", type=_numbers(4), metavar="FX,FY,CX,CY",
-        help="px, the centre of the first pixel being 0,0 (default: the episode's)",
+        help="focal lengths and principal point of the camera, px, where the centre of the first pixel is 0,0; "
+        "required for a folder of pictures (default: those of the episode)",
     )  # fmt: skip
     parser.add_argument(
         "--depth-scale", type=between(1e-6, 1, "a length in m"), metavar="M",
-        help="metres per unit of depth (default 0.001, or the episode's)",
+        help="length of one unit of the camera's depth values, m, between 1e-6 and 1 (default: that of the episode, or "
+        "0.001)",
     )  # fmt: skip
-    parser.add_argument("--camera", default="front", metavar="NAME", help="name of the camera (default front)")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="calibration file, JSON")
+    parser.add_argument("--camera", default="front", metavar="NAME", help="name of the camera (default: %(default)s)")
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE",
+        help="calibration file (JSON) to write; the camera is added to an existing file",
+    )  # fmt: skip
     parser.set_defaults(command=run)
 
 

@@ -12,18 +12,22 @@ def add(commands: Commands) -> None:
     """Add ``centering`` to the commands of the command line."""
     parser = commands.add_parser(
         "centering",
-        help="block centering: one finger collides with the block; which way to move?",
+        help="collect labelled samples of block centering, in which one finger collides with a block",
         description="Collect block-centering samples in simulation: one finger of an open gripper lands on a block, "
-        "and the label says which way and how far the gripper must move. The same command resumes where it was "
-        "stopped; a larger --samples extends the dataset.",
+        "and the label states in which direction and how far the gripper must move. After an interruption, the same "
+        "command continues; a larger --samples extends the dataset.",
         example="svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering\n"
         "svfl-collect centering --samples 1000 --border 0 --sensor-noise none --out data/centering_hard",
     )
-    parser.add_argument("--samples", type=positive, default=200, metavar="N", help="episodes (default 200)")
+    parser.add_argument(
+        "--samples", type=positive, default=200, metavar="N",
+        help="number of samples in the dataset, one per episode (default: %(default)s)",
+    )  # fmt: skip
     add_collection(parser)
     parser.add_argument(
         "--border", type=between(0, 40, "an angle in degrees"), default=5.0, metavar="DEG",
-        help="leave out directions this close to a class border (default 5; 0 is the hard version)",
+        help="smallest angle between the direction of a sample and the border between two classes, deg, between 0 and "
+        "40; with 0 the classes are hardest to tell apart (default: %(default)g)",
     )  # fmt: skip
     add_world(parser)
     parser.set_defaults(command=run)

@@ -20,9 +20,10 @@ def add(commands: Commands) -> None:
     """Add ``expert`` to the commands of the command line."""
     parser = commands.add_parser(
         "expert",
-        help="demonstrations of a task by its scripted expert",
-        description="Record demonstrations in simulation. An attempt that fails is made again and never counted as a "
-        "demonstration. The same command resumes where it was stopped; a larger --episodes extends the dataset.",
+        help="record demonstrations of a task by its scripted expert",
+        description="Record demonstrations of one task, or of all tasks of the paper, in simulation. An attempt that "
+        "fails is repeated, and is not counted as a demonstration. After an interruption, the same command continues; "
+        "a larger --episodes extends the dataset.",
         example="svfl-collect expert --task block_picking --episodes 50 --workers 2 --seed 0 --out data/block_picking\n"
         "svfl-collect expert --task all --episodes 50 --workers 2 --out data/tasks   # a folder for each task\n"
         "svfl-collect expert --task block_picking --cameras front,top --image-size 128 --out data/two_views\n"
@@ -36,29 +37,33 @@ def add(commands: Commands) -> None:
         choices=[*TASKS, ALL],
         required=True,
         metavar="TASK",
-        help=f"{', '.join(TASKS)}; {ALL} is the paper's nine",
+        help=f"task: {', '.join(TASKS)}; or {ALL} for the nine tasks of the paper, each in its own folder in --out",
     )
-    parser.add_argument("--episodes", type=positive, default=50, metavar="N", help="demonstrations (default 50)")
+    parser.add_argument(
+        "--episodes", type=positive, default=50, metavar="N",
+        help="number of demonstrations in the dataset of each task (default: %(default)s)",
+    )  # fmt: skip
     add_collection(parser)
     parser.add_argument(
         "--noise", type=between(0, 2, "a number"), default=1.0, metavar="X",
-        help="how much demonstrations differ, 0 to 2 (default 1)",
+        help="how much the demonstrations differ, between 0 (not at all) and 2 (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
         "--perturb", type=between(0, 1, "a number"), default=0.0, metavar="P",
-        help="how likely the gripper is to be pushed off its way at an action; policies that are cloned from such "
-        "demonstrations have seen the way back (default 0)",
+        help="probability, between 0 and 1, that at an action the gripper begins to be pushed off its way; from such "
+        "demonstrations a policy learns how to correct its errors (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
         "--tags",
         action="store_true",
-        help="the block wears AprilTags, and they, not the simulation, tell when the task is achieved, as on a real "
-        "table (block_picking, block_pushing)",
+        help="detect success as on a real robot, by AprilTags on the block that cameras track; only for block_picking "
+        "and block_pushing (default: by the state of the simulation)",
     )
     parser.add_argument(
         "--keep-failures",
         action="store_true",
-        help="write failed attempts into a dataset of their own, FOLDER/failures",
+        help="write failed attempts to a second dataset, the folder failures in that of the demonstrations (default: "
+        "they are not kept)",
     )
     add_world(parser)
     parser.set_defaults(command=run)

@@ -18,14 +18,25 @@ if TYPE_CHECKING:  # at run time only when collecting: the command line itself l
 
 def add_collection(parser: Parser) -> None:
     """Add the options of the dataset and the workers: seed, number of workers, executor, and dataset folder."""
-    parser.add_argument("--seed", type=natural, default=0, metavar="S", help="seed of the dataset (default 0)")
-    parser.add_argument("--workers", type=positive, default=1, metavar="W", help="episodes at a time (default 1)")
+    parser.add_argument(
+        "--seed", type=natural, default=0, metavar="S", help="seed of the dataset, at least 0 (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--workers", type=positive, default=1, metavar="W",
+        help="number of episodes that are recorded at the same time, each in its own process (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument(
         "--executor", choices=["processes", "ray"], default="processes",
-        help="where workers run: processes of this machine (default), or a Ray cluster",
+        help="where the workers run: in processes of this machine, or on a Ray cluster (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--address", metavar="HOST:PORT", help="of the Ray cluster (default: one on this machine)")
-    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="dataset folder")
+    parser.add_argument(
+        "--address", metavar="HOST:PORT",
+        help="with --executor ray: address of the Ray cluster (default: a cluster on this machine)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FOLDER",
+        help="dataset folder to write; a dataset of the same command in it is continued",
+    )  # fmt: skip
     add_rerun(parser)
 
 
@@ -33,7 +44,8 @@ def add_rerun(parser: Parser) -> None:
     """Add the option that shows episodes in a viewer while they are recorded."""
     parser.add_argument(
         "--rerun", nargs="?", const="127.0.0.1:9876", metavar="HOST:PORT",
-        help="show it on a running viewer meanwhile (start one with: rerun; default 127.0.0.1:9876)",
+        help="show the episodes while they are recorded, on the running viewer at this address, or at %(const)s if "
+        "none is given; start a viewer with: rerun (default: not shown)",
     )  # fmt: skip
 
 
@@ -61,12 +73,16 @@ def add_world(parser: Parser) -> None:
     """Add the options of the simulated world: sensor noise, image size and cameras."""
     parser.add_argument(
         "--sensor-noise", choices=["realistic", "none"], default="realistic",
-        help="of the wrist sensor (default realistic)",
+        help="noise of the simulated wrist force sensor: as of a real sensor, or none (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument("--image-size", type=positive, default=76, metavar="PX", help="width and height (default 76)")
+    parser.add_argument(
+        "--image-size", type=positive, default=76, metavar="PX",
+        help="width and height of the camera images, px (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument(
         "--cameras", type=lambda text: text.split(","), default=["front"], metavar="NAME,...",
-        help="front, top, side_left, side_right; a policy sees the first one (default front)",
+        help="cameras to simulate, with commas between them: front, top, side_left, side_right; a policy gets the "
+        "images of the first one (default: front)",
     )  # fmt: skip
 
 

@@ -13,16 +13,22 @@ def add(commands: Commands) -> None:
     """Add ``policy`` to the commands of the command line."""
     parser = commands.add_parser(
         "policy",
-        help="record a trained policy and count its successes",
-        description="Record a trained policy in scenes that no demonstration has. Every episode is kept and counts, "
-        "whether it succeeds or not. The policy sees the first camera, which must be as in training. A .pt2 file is "
-        "made with svfl_models.programs.exported_policy.save; other packages can add kinds of files "
+        help="record episodes of a trained policy, and print its success rate",
+        description="Record episodes of a trained policy in simulated scenes that are in no demonstration, and print "
+        "its success rate. Every episode is kept and counted, whether it succeeds or not. The policy gets the images "
+        "of the first camera, which must be the same as in training. svfl-train export and "
+        "svfl_models.programs.exported_policy.save write .pt2 files; other packages can add further kinds of files "
         "(collectors/sources/policy.py).",
         example="svfl-collect policy --task block_picking --checkpoint policy.pt2 --episodes 100 --out data/trained",
     )
-    parser.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=", ".join(TASKS))
-    parser.add_argument("--checkpoint", type=Path, required=True, metavar="FILE", help="the trained policy")
-    parser.add_argument("--episodes", type=positive, default=50, metavar="N", help="episodes (default 50)")
+    parser.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=f"task: {', '.join(TASKS)}")
+    parser.add_argument(
+        "--checkpoint", type=Path, required=True, metavar="FILE", help="file of the trained policy, such as a .pt2 file"
+    )
+    parser.add_argument(
+        "--episodes", type=positive, default=50, metavar="N",
+        help="number of episodes in the dataset (default: %(default)s)",
+    )  # fmt: skip
     add_collection(parser)
     add_world(parser)
     parser.set_defaults(command=run)

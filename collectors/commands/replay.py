@@ -11,13 +11,17 @@ def add(commands: Commands) -> None:
     """Add ``replay`` to the commands of the command line."""
     parser = commands.add_parser(
         "replay",
-        help="simulate an episode again from its seed and actions and compare",
-        description="Simulate an episode again from its configuration, seed and actions, and report the largest "
-        "difference in every array: zero on the same machine with the same versions. Exit code 1 if there is any.",
+        help="simulate an episode again from its seed and actions, and compare it with the record",
+        description="Simulate an episode again from its configuration, seed and actions, and print the largest "
+        "difference in every array. On the same machine with the same versions of the software there is no "
+        "difference. The exit code is 1 if there is one.",
         example="svfl-collect replay data/block_picking --episode 3",
     )
-    parser.add_argument("path", type=Path, metavar="DATASET", help="dataset folder or episode file")
-    parser.add_argument("--episode", type=natural, metavar="K", help="number in the dataset (default: the first)")
+    parser.add_argument("path", type=Path, metavar="DATASET", help="dataset folder, or episode file (.hdf5)")
+    parser.add_argument(
+        "--episode", type=natural, metavar="K",
+        help="number of the episode, if DATASET is a folder; at least 0 (default: the first one)",
+    )  # fmt: skip
     parser.set_defaults(command=run)
 
 

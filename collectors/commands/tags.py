@@ -14,32 +14,51 @@ def add(commands: Commands) -> None:
     """Add ``tags`` to the commands of the command line."""
     parser = commands.add_parser(
         "tags",
-        help="a sheet of AprilTags to print: for objects, for a cube, or a board for calibration",
-        description="Write a sheet of AprilTags in true size (PDF or PNG), with cut marks, ids, and a line to check "
-        "the printer's scale with. With --cube and --board also FILE.json: where the tags are on the body, for the "
-        "tracker and for svfl-collect calibrate.",
+        help="write a sheet of AprilTags to print: for objects, for a cube, or a board for calibration",
+        description="Write a sheet of AprilTags (PDF or PNG) to be printed in true size. It has cut marks, ids, and a "
+        "line of 100 mm with which the scale of the printer is checked. With --cube and --board, a JSON file of the "
+        "same name is written as well, which states where the tags are on the body; the tracker and svfl-collect "
+        "calibrate read it.",
         example="svfl-collect tags --count 12 --size 30 --out tags.pdf\n"
         "svfl-collect tags --cube 50 --out block.pdf                  # a tag for each face, as large as fits\n"
         "svfl-collect tags --cube 50 --printed 99.4 --out block.pdf   # the sheet's line came out at 99.4 mm\n"
         "svfl-collect tags --board 4x5 --size 30 --paper letter --out board.pdf",
     )
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--count", type=positive, default=12, metavar="N", help="single tags (default 12)")
-    what.add_argument("--cube", type=between(5, 200, "a length in mm"), metavar="MM", help="for a cube with this edge")
-    what.add_argument("--board", type=_grid, metavar="CxR", help="a board of C x R tags")
-    parser.add_argument("--first", type=natural, default=0, metavar="ID", help="id of the first tag (default 0)")
+    what.add_argument(
+        "--count", type=positive, default=12, metavar="N", help="number of single tags (default: %(default)s)"
+    )
+    what.add_argument(
+        "--cube", type=between(5, 200, "a length in mm"), metavar="MM",
+        help="a tag for each face of a cube whose edge has this length, mm, between 5 and 200",
+    )  # fmt: skip
+    what.add_argument("--board", type=_grid, metavar="CxR", help="a board of tags in C columns and R rows, such as 4x5")
+    parser.add_argument(
+        "--first", type=natural, default=0, metavar="ID",
+        help="id of the first tag, at least 0; the others have the ids after it (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument(
         "--size", type=between(3, 250, "a length in mm"), metavar="MM",
-        help="edge of the square between a tag's corners (default 30; on a cube as large as fits)",
+        help="edge of the square between the corners of a tag, mm, between 3 and 250 "
+        f"(default: {SIZE_MM:g}; with --cube the largest that fits on a face)",
     )  # fmt: skip
-    parser.add_argument("--family", default="tag36h11", metavar="NAME", help="tag family (default tag36h11)")
+    parser.add_argument(
+        "--family", default="tag36h11", metavar="NAME",
+        help="AprilTag family, such as tag36h11 or tagStandard41h12 (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument(
         "--printed", type=between(50, 200, "a length in mm"), default=100.0, metavar="MM",
-        help="length of the sheet's 100 mm line as measured on the paper: corrects the size of the tags in a cube's "
-        "JSON (for a board, give it to svfl-collect calibrate)",
+        help="with --cube: measured length of the 100 mm line on the printed sheet, mm, between 50 and 200; corrects "
+        "the size of the tags in the JSON file; for a board, give it to svfl-collect calibrate (default: %(default)g)",
     )  # fmt: skip
-    parser.add_argument("--paper", choices=["a4", "letter"], default="a4", help="default a4")
-    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="FILE.pdf or FILE.png")
+    parser.add_argument(
+        "--paper", choices=["a4", "letter"], default="a4", help="size of the paper (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE",
+        help="file to write; its name ends in .pdf or .png; sheets after the first are added to the PDF file, or are "
+        "PNG files with a number",
+    )  # fmt: skip
     parser.set_defaults(command=run)
 
 

@@ -13,27 +13,43 @@ def add(commands: Commands) -> None:
     """Add ``teleop`` to the commands of the command line."""
     parser = commands.add_parser(
         "teleop",
-        help="demonstrations of a task by a person, with keyboard, gamepad or SpaceMouse",
-        description="Steer the gripper in a window and record demonstrations at 20 Hz; its keys are shown in it. An "
-        "episode ends by itself when the task is achieved. The same command goes on where the last session ended. "
-        "A script replays an input log without a window, as fast as it goes (docs/teleoperation.md).",
+        help="record demonstrations by a person with keyboard, gamepad or SpaceMouse",
+        description="Open a window with the simulation, in which a person moves the gripper, and record demonstrations "
+        "at 20 Hz. The window shows the keys. An episode ends by itself when the task is achieved. The same command "
+        "adds episodes to those of earlier sessions. The device script repeats the inputs of a log file without a "
+        "window, as fast as possible (docs/teleoperation.md).",
         example="svfl-collect teleop --task block_picking --device keyboard --out data/mine\n"
         "svfl-collect teleop --task peg_insertion --device gamepad --operator ada --log ada.log --out data/pegs\n"
         "svfl-collect teleop --task peg_insertion --device script ada.log --out data/pegs_again",
     )
-    parser.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=", ".join(TASKS))
+    parser.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=f"task: {', '.join(TASKS)}")
     parser.add_argument(
-        "--device", nargs="+", required=True, metavar=("DEVICE", "FILE"), help=f"{', '.join(DEVICES)}, or {SCRIPT} FILE"
+        "--device", nargs="+", required=True, metavar=("DEVICE", "FILE"),
+        help=f"input device: {', '.join(DEVICES)}, or {SCRIPT} followed by a FILE that --log has written",
+    )  # fmt: skip
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FOLDER",
+        help="dataset folder to write; a dataset of the same command in it is continued",
+    )  # fmt: skip
+    parser.add_argument(
+        "--seed", type=natural, default=0, metavar="S", help="seed of the dataset, at least 0 (default: %(default)s)"
     )
-    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="dataset folder")
-    parser.add_argument("--seed", type=natural, default=0, metavar="S", help="seed of the dataset (default 0)")
     parser.add_argument(
         "--pace", type=between(0.05, 1, "a number"), default=0.5, metavar="X",
-        help="of full speed, which is 0.5 m/s (default 0.5)",
+        help="largest speed of the gripper as a fraction of full speed, which is 0.5 m/s; between 0.05 and 1 "
+        "(default: %(default)g)",
     )  # fmt: skip
-    parser.add_argument("--seconds", type=positive, default=120, metavar="N", help="longest episode (default 120)")
-    parser.add_argument("--operator", metavar="ID", help="who steers; kept in the episodes")
-    parser.add_argument("--log", type=Path, metavar="FILE", help="keep what the device told, to be replayed")
+    parser.add_argument(
+        "--seconds", type=positive, default=120, metavar="N",
+        help="longest duration of an episode, s, an integer of at least 1 (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--operator", metavar="ID", help="name of the person, which is stored in the episodes (default: none is stored)"
+    )
+    parser.add_argument(
+        "--log", type=Path, metavar="FILE",
+        help="file to write all inputs of the device to, for --device script (default: none)",
+    )  # fmt: skip
     add_rerun(parser)
     add_world(parser)
     parser.set_defaults(command=run)

@@ -26,37 +26,50 @@ def add(commands: Commands) -> None:
         commands: Commands of ``svfl-train``, to which this one is added.
     """
     parser = commands.add_parser(
-        "bc", help="behaviour cloning: a policy that does what demonstrations do", example=EXAMPLE,
-        description="Train the paper's actor on demonstrations. The same command gives the same policy; one that was "
-        "interrupted goes on after its last whole epoch.",
+        "bc", help="train a policy to imitate demonstrations (behaviour cloning)", example=EXAMPLE,
+        description="Train the policy network of the paper (Kohler et al., CoRL 2023) on demonstrations by behaviour "
+        "cloning. The same command gives the same policy. After an interruption, the same command continues after the "
+        "last complete epoch.",
     )  # fmt: skip
     add = parser.add_argument
-    add("--data", type=Path, required=True, help="dataset folder, such as one written by svfl-collect expert")
+    add("--data", type=Path, required=True, help="dataset folder with demonstrations, as of svfl-collect expert")
     add("--episodes", type=positive, default=DEFAULT.episodes, metavar="N",
-        help="successful episodes to use; a tenth is held out (default: %(default)s)")  # fmt: skip
+        help="number of demonstrations to use: the first ones that succeeded; one tenth of them is held out for "
+        "validation (default: %(default)s)")  # fmt: skip
     add("--encoder", choices=ENCODERS, default=DEFAULT.encoder,
-        help="image, force, proprioception, or several (default: %(default)s)")  # fmt: skip
-    add(
-        "--model",
-        choices=MODELS,
-        help="svfl: symmetric (default); cnn: the baseline with as many parameters, as --group none",
-    )
-    add("--group", choices=tuple(GROUPS), help=f"symmetry of the network (default: {DEFAULT.group})")
-    add("--seed", type=natural, default=DEFAULT.seed, metavar="S", help="default: %(default)s")
-    add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset, help="size of the network (default: %(default)s)")
+        help="inputs of the network: v for image, f for wrench (force and torque), p for proprioception, or several of "
+        "them (default: %(default)s)")  # fmt: skip
+    add("--model", choices=MODELS,
+        help="kind of network: svfl is symmetric; cnn is the baseline without symmetry that has about as many "
+        "parameters, the same as --group none (default: svfl)")  # fmt: skip
+    add("--group", choices=tuple(GROUPS),
+        help="symmetry group of the network: C for rotations, D for rotations and reflections, and the number of "
+        f"rotations; none for no symmetry (default: {DEFAULT.group}, or none with --model cnn)")  # fmt: skip
+    add("--seed", type=natural, default=DEFAULT.seed, metavar="S",
+        help="seed of the training and of the choice of held-out episodes, at least 0 "
+        "(default: %(default)s)")  # fmt: skip
+    add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset,
+        help="sizes of the network's layers (default: %(default)s)")  # fmt: skip
     add("--loss", choices=LOSSES, default=DEFAULT.loss,
-        help="action: error of the action; likelihood: learns deviations too (default: %(default)s)")  # fmt: skip
+        help="loss: action is the error of the action; likelihood is the negative log-likelihood, with which the "
+        "standard deviations of the actions are learned too (default: %(default)s)")  # fmt: skip
     add("--plain-images", dest="augment", action="store_false",
-        help="only the paper's crops: no random colours, no larger shifts")  # fmt: skip
+        help="change training images only by the random crops of the paper (default: colours and depth are changed at "
+        "random too, and crops are shifted further)")  # fmt: skip
     add("--view", choices=VIEWS, default=DEFAULT.view,
-        help="middle of the picture: the gripper, or the camera's own (default: %(default)s)")  # fmt: skip
-    add("--image-size", type=int, choices=IMAGE_SIZES, default=DEFAULT.image_size, help="[px] (default: %(default)s)")
-    add("--camera", metavar="NAME", help="whose images to use (default: the first one's)")
-    add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N", help="default: %(default)s")
-    add("--batch-size", type=positive, default=DEFAULT.batch_size, metavar="N", help="default: %(default)s")
+        help="centre of the network's images: the gripper, or the middle of the camera image "
+        "(default: %(default)s)")  # fmt: skip
+    add("--image-size", type=int, choices=IMAGE_SIZES, default=DEFAULT.image_size,
+        help="height and width of the network's images, px (default: %(default)s)")  # fmt: skip
+    add("--camera", metavar="NAME", help="camera whose images are used (default: the first one in alphabetical order)")
+    add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N",
+        help="number of epochs to train (default: %(default)s)")  # fmt: skip
+    add("--batch-size", type=positive, default=DEFAULT.batch_size, metavar="N",
+        help="number of demonstrated steps per optimiser step (default: %(default)s)")  # fmt: skip
     add("--learning-rate", type=positive_number, default=DEFAULT.learning_rate, metavar="R",
-        help="default: %(default)s")  # fmt: skip
-    add("--out", type=Path, metavar="FOLDER", help="default: out/bc_DATA_ENCODER_GROUP_N_seedS")
+        help="learning rate of Adam at the start of the training, above 0 (default: %(default)s)")  # fmt: skip
+    add("--out", type=Path, metavar="FOLDER",
+        help="folder to write the run to (default: out/bc_DATA_ENCODER_GROUP_N_seedS)")  # fmt: skip
     parser.set_defaults(command=run)
 
 

@@ -25,25 +25,38 @@ def add(commands: Commands) -> None:
         commands: Commands of ``svfl-train``, to which this one is added.
     """
     parser = commands.add_parser(
-        "bc-table", help="behaviour cloning on several tasks: SVFL against CNN, success and learning curves",
+        "bc-table", help="compare SVFL and CNN policies that are trained by behaviour cloning on several tasks",
         example=EXAMPLE,
-        description="Clone and try many policies. What has finished is kept; the same command goes on after Ctrl-C, "
-        "trainings after their last whole epoch. One that fails is named at the end, after all others.",
+        description="Train SVFL and CNN policies by behaviour cloning on several datasets, evaluate each in simulation "
+        "and write a page with their success rates and learning curves. Finished policies are kept. After an "
+        "interruption, the same command continues, each training after its last complete epoch. If a policy fails, "
+        "the others are still trained, and the failure is reported at the end.",
     )  # fmt: skip
     add = parser.add_argument
-    add("--data", type=Path, nargs="+", required=True, metavar="FOLDER", help="datasets of demonstrations")
+    add("--data", type=Path, nargs="+", required=True, metavar="FOLDER", help="dataset folders with demonstrations")
     add("--episodes", type=positive, nargs="+", default=[DEFAULT.episodes], metavar="N",
-        help="demonstrations to learn from (default: 50)")  # fmt: skip
-    add("--seeds", type=positive, default=3, metavar="N", help="0 to N-1 (default: %(default)s)")
-    add("--trials", type=positive, default=100, metavar="N", help="episodes to try each policy in (default: 100)")
-    add("--encoder", choices=ENCODERS, default=DEFAULT.encoder, help="default: %(default)s")
-    add("--view", choices=VIEWS, default=DEFAULT.view, help="default: %(default)s")
-    add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset, help="default: %(default)s")
+        help=f"numbers of demonstrations to train on, one policy for each (default: {DEFAULT.episodes})")  # fmt: skip
+    add("--seeds", type=positive, default=3, metavar="N",
+        help="number of seeds; the seeds are 0 to N-1 (default: %(default)s)")  # fmt: skip
+    add("--trials", type=positive, default=100, metavar="N",
+        help="number of episodes in which each policy is evaluated (default: %(default)s)")  # fmt: skip
+    add("--encoder", choices=ENCODERS, default=DEFAULT.encoder,
+        help="inputs of the networks: v for image, f for wrench (force and torque), p for proprioception, or several "
+        "of them (default: %(default)s)")  # fmt: skip
+    add("--view", choices=VIEWS, default=DEFAULT.view,
+        help="centre of the networks' images: the gripper, or the middle of the camera image "
+        "(default: %(default)s)")  # fmt: skip
+    add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset,
+        help="sizes of the networks' layers (default: %(default)s)")  # fmt: skip
     add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N",
-        help="of the most demonstrations; fewer get more, for as many steps (default: %(default)s)")  # fmt: skip
-    add("--workers", type=positive, default=1, metavar="N", help="policies at a time (default: %(default)s)")
-    add("--out", type=Path, default=Path("out/bc_table"), metavar="FOLDER", help="default: %(default)s")
-    add("--copy-report-to", type=Path, metavar="FOLDER", help="copy page, figures and figures of the runs there too")
+        help="number of epochs for the largest number of demonstrations; with fewer demonstrations more epochs are "
+        "trained, so that all policies have as many optimiser steps (default: %(default)s)")  # fmt: skip
+    add("--workers", type=positive, default=1, metavar="N",
+        help="number of policies that are trained or evaluated at the same time (default: %(default)s)")  # fmt: skip
+    add("--out", type=Path, default=Path("out/bc_table"), metavar="FOLDER",
+        help="folder to write runs and results to (default: %(default)s)")  # fmt: skip
+    add("--copy-report-to", type=Path, metavar="FOLDER",
+        help="second folder to write the page, its figures and the results of all runs to (default: none)")  # fmt: skip
     parser.set_defaults(command=run)
 
 

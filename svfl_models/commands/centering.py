@@ -32,33 +32,52 @@ def add(commands: Commands) -> None:
         commands: Commands of ``svfl-train``, to which this one is added.
     """
     parser = commands.add_parser(
-        "centering", help="block centering: which way, or how far, must the gripper move?", example=EXAMPLE,
-        description="Train and test one block-centering network; the same command gives the same result.",
+        "centering", help="train a block-centering network, which predicts how the gripper must move", example=EXAMPLE,
+        description="Train and test one block-centering network. From images and forces after a collision with a block "
+        "it predicts in which direction, or how far, the gripper must move to be centred on the block. The same "
+        "command gives the same result.",
     )  # fmt: skip
     add_data(parser)
     add = parser.add_argument
-    add("--encoder", choices=ENCODERS, help=f"image, force, or both (default: {DEFAULT.encoder})")
-    add(
-        "--model",
-        choices=MODELS,
-        help="svfl: symmetric (default); cnn: the baseline with as many parameters, as --group none",
-    )
-    add("--group", choices=tuple(GROUPS), help=f"symmetry of the network (default: {DEFAULT.group})")
-    add("--train-samples", type=positive, default=DEFAULT.train_samples, metavar="N", help="default: %(default)s")
-    add("--seed", type=natural, default=DEFAULT.seed, metavar="S", help="default: %(default)s")
-    add("--target", choices=TARGETS, default=DEFAULT.target, help="what to predict (default: %(default)s)")
-    add("--torque", choices=TORQUES, default=DEFAULT.torque, help="how a torque transforms (default: %(default)s)")
-    add("--view", choices=VIEWS, default=DEFAULT.view, help="images as taken, or from above (default: %(default)s)")
-    add("--image-size", type=int, choices=IMAGE_SIZES, default=DEFAULT.image_size, help="[px] (default: %(default)s)")
-    add("--latent", type=Path, metavar="CHECKPOINT", help="build on an encoder that svfl-train latent has pretrained")
+    add("--encoder", choices=ENCODERS,
+        help="inputs of the network: v for image, f for wrench (force and torque), vf for both "
+        f"(default: {DEFAULT.encoder})")  # fmt: skip
+    add("--model", choices=MODELS,
+        help="kind of network: svfl is symmetric; cnn is the baseline without symmetry that has about as many "
+        "parameters, the same as --group none (default: svfl)")  # fmt: skip
+    add("--group", choices=tuple(GROUPS),
+        help="symmetry group of the network: C for rotations, D for rotations and reflections, and the number of "
+        f"rotations; none for no symmetry (default: {DEFAULT.group}, or none with --model cnn)")  # fmt: skip
+    add("--train-samples", type=positive, default=DEFAULT.train_samples, metavar="N",
+        help="number of training samples, balanced over the four directions (default: %(default)s)")  # fmt: skip
+    add("--seed", type=natural, default=DEFAULT.seed, metavar="S",
+        help="seed of the training and of the choice of training samples, at least 0 "
+        "(default: %(default)s)")  # fmt: skip
+    add("--target", choices=TARGETS, default=DEFAULT.target,
+        help="quantity to predict: one of four directions, or the offset in m (default: %(default)s)")  # fmt: skip
+    add("--torque", choices=TORQUES, default=DEFAULT.torque,
+        help="how a torque transforms under reflections: axial (correct), or polar as in the paper "
+        "(default: %(default)s)")  # fmt: skip
+    add("--view", choices=VIEWS, default=DEFAULT.view,
+        help="viewpoint of the images: camera as recorded, or top as seen from straight above "
+        "(default: %(default)s)")  # fmt: skip
+    add("--image-size", type=int, choices=IMAGE_SIZES, default=DEFAULT.image_size,
+        help="height and width of the network's images, px (default: %(default)s)")  # fmt: skip
+    add("--latent", type=Path, metavar="CHECKPOINT",
+        help="checkpoint of svfl-train latent whose pretrained encoder replaces the network's own; then leave out "
+        "--encoder, --model, --group, --preset, --torque and --image-size (default: none)")  # fmt: skip
     add("--use", choices=USES,
-        help="what learns: the head alone (images keep their colours), the encoder too (fine-tuned, default), or all "
-        "of it from random weights, for comparison")  # fmt: skip
+        help="with --latent: frozen trains only the head, and leaves the colours of the images unchanged; fine-tuned "
+        "trains the encoder as well; from-scratch trains both from random weights, for comparison "
+        f"(default: {Latent.use})")  # fmt: skip
     add("--latent-rate", type=positive_number, default=Latent.learning_rate, metavar="R",
-        help="learning rate of the pretrained encoder (default: %(default)s)")  # fmt: skip
-    add("--rotate", action="store_true", help="turn and mirror the training samples at random")
+        help="with --latent: learning rate of the encoder at the start of the training, above 0 "
+        "(default: %(default)s)")  # fmt: skip
+    add("--rotate", action="store_true",
+        help="rotate training samples by random quarter turns and mirror them at random (default: not)")  # fmt: skip
     add_recipe(parser)
-    add("--out", type=Path, metavar="FOLDER", help="default: out/centering_ENCODER_GROUP_N_seedS")
+    add("--out", type=Path, metavar="FOLDER",
+        help="folder to write the run to (default: out/centering_ENCODER_GROUP_N_seedS)")  # fmt: skip
     parser.set_defaults(command=run)
 
 

@@ -21,17 +21,21 @@ def add(commands: Commands) -> None:
         commands: Commands of ``svfl-train``, to which this one is added.
     """
     parser = commands.add_parser(
-        "check", help="how symmetric a trained network is on real episodes", example=EXAMPLE,
-        description="Rotate and mirror real episodes and compare what the network says with what it should say. Ends "
-        "with 1 if a symmetric network errs by more than rounding where pixels move onto pixels.",
+        "check", help="measure how symmetric a trained network is on recorded episodes", example=EXAMPLE,
+        description="Rotate and mirror recorded episodes, and compare the outputs of a block-centering network with "
+        "those that its symmetry requires. The exit code is 1 if the outputs of a symmetric network differ by more "
+        "than rounding errors at quarter turns and flips, which map pixels onto pixels.",
     )  # fmt: skip
     add = parser.add_argument
-    add("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train centering")
-    add("--data", type=Path, required=True, help="dataset folder written by svfl-collect centering")
+    add("checkpoint", type=Path, help="checkpoint.ckpt of svfl-train centering")
+    add("--data", type=Path, required=True, help="dataset folder of svfl-collect centering")
     add("--group", choices=tuple(name for name in GROUPS if name != "none"),
-        help="elements to try (default: the network's own; D4 for a network without symmetry)")  # fmt: skip
-    add("--samples", type=positive, default=SAMPLES, metavar="N", help="episodes to use (default: %(default)s)")
-    add("--precision", choices=PRECISIONS, default=PRECISIONS[0], help="of the arithmetic (default: %(default)s)")
+        help="group of the rotations and reflections to test (default: the network's own group, or D4 for a network "
+        "without symmetry)")  # fmt: skip
+    add("--samples", type=positive, default=SAMPLES, metavar="N",
+        help="number of episodes to use: the first ones of the dataset (default: %(default)s)")  # fmt: skip
+    add("--precision", choices=PRECISIONS, default=PRECISIONS[0],
+        help="number format of the arithmetic: 32 or 64 bit floats, or bf16 (default: %(default)s)")  # fmt: skip
     parser.set_defaults(command=run)
 
 

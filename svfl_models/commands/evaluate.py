@@ -17,16 +17,19 @@ def add(commands: Commands) -> None:
         commands: Commands of ``svfl-train``, to which this one is added.
     """
     parser = commands.add_parser(
-        "evaluate", help="how often a trained policy succeeds in simulation", example=EXAMPLE,
-        description="Let a policy act in the environment of its task, in scenes that no demonstration has: those of "
-        "svfl-collect policy with the same seed, which records them too.",
+        "evaluate", help="measure how often a trained policy succeeds in simulation", example=EXAMPLE,
+        description="Run a policy in the simulation of its task and measure its success rate. The scenes are in no "
+        "demonstration; svfl-collect policy with the same seed has the same scenes, and records the episodes.",
     )  # fmt: skip
     add = parser.add_argument
-    add("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train bc")
-    add("--episodes", type=positive, default=100, metavar="N", help="default: %(default)s")
-    add("--seed", type=natural, default=0, metavar="S", help="of the scenes (default: %(default)s)")
-    add("--workers", type=positive, default=1, metavar="W", help="episodes at a time (default: %(default)s)")
-    add("--out", type=Path, metavar="FILE", help=f"JSON (default: {EVALUATION} beside the checkpoint)")
+    add("checkpoint", type=Path, help="checkpoint.ckpt of svfl-train bc")
+    add("--episodes", type=positive, default=100, metavar="N",
+        help="number of episodes to run (default: %(default)s)")  # fmt: skip
+    add("--seed", type=natural, default=0, metavar="S", help="seed of the scenes, at least 0 (default: %(default)s)")
+    add("--workers", type=positive, default=1, metavar="W",
+        help="number of episodes that run at the same time (default: %(default)s)")  # fmt: skip
+    add("--out", type=Path, metavar="FILE",
+        help=f"JSON file to write (default: {EVALUATION} beside the checkpoint)")  # fmt: skip
     parser.set_defaults(command=run)
 
 

@@ -28,24 +28,24 @@ class Experiment:
 _DATA = "--data data/centering --separate-test data/centering_test"
 COMMANDS = {
     "table": Experiment(
-        "the paper's table: V, F, V+F with SVFL and CNN, against training samples", (10, 25, 50, 100),
+        "make the table of the paper: V, F and V+F with SVFL and CNN, by number of training samples", (10, 25, 50, 100),
         f"svfl-train centering-table {_DATA} --workers 2\n"
         f"svfl-train centering-table {_DATA} --seeds 1 --train-samples 10 --epochs 20 --out out/first_look",
     ),
     "acuity": Experiment(
-        "images of 64, 32, 16 and 8 pixels, with and without force", (100,),
+        "compare images of 64, 32, 16 and 8 pixels, with and without force", (100,),
         f"svfl-train centering-acuity {_DATA} --workers 2",
     ),
     "groups": Experiment(
-        "symmetry groups none, C4, D4, C8, D8 and D12: accuracy and time", (25, 100),
+        "compare accuracy and time of the symmetry groups none, C4, D4, C8, D8 and D12", (25, 100),
         f"svfl-train centering-groups {_DATA} --workers 2",
     ),
     "ablation": Experiment(
-        "axial and polar torque, augmentation, view from above, noise of the sensor", (10, 100),
+        "compare axial and polar torque, augmentations, the view from above, and sensor noise", (10, 100),
         f"svfl-train centering-ablation {_DATA} --workers 2",
     ),
     "latents": Experiment(
-        "SVFL and CNN beside pretrained VTT, PoE and concat: frozen, fine-tuned and from scratch", (10, 25, 50, 100),
+        "compare SVFL and CNN with pretrained VTT, PoE and concat: frozen, fine-tuned, from scratch", (10, 25, 50, 100),
         f"svfl-train centering-latents {_DATA} --latents out/latent_poe/checkpoint.ckpt out/latent_vtt/checkpoint.ckpt"
         " --reuse out/centering_table",
     ),
@@ -61,25 +61,32 @@ def add(commands: Commands) -> None:
     for name, one in COMMANDS.items():
         parser = commands.add_parser(
             f"centering-{name}", help=one.help, example=one.example,
-            description=f"Train and test many block-centering networks: {one.help}.\n"
-            "What has finished is kept; the same command goes on after Ctrl-C.",
+            description=f"Train and test many block-centering networks to {one.help}.\n"
+            "Finished runs are kept. After an interruption, the same command continues.",
         )  # fmt: skip
         add_data(parser)
         add = parser.add_argument
         if name == "latents":
             add("--latents", type=Path, nargs="+", required=True, metavar="CHECKPOINT",
-                help="checkpoints of svfl-train latent")  # fmt: skip
+                help="checkpoints of svfl-train latent to compare")  # fmt: skip
             add("--uses", choices=USES, nargs="+", default=list(USES), metavar="USE",
-                help=f"what to do with them: {', '.join(USES)}, which is the control (default: all)")  # fmt: skip
-        add("--seeds", type=positive, default=3, metavar="N", help="0 to N-1 (default: %(default)s)")
+                help="how to use the pretrained encoders: frozen trains only the head; fine-tuned trains the encoder "
+                "as well; from-scratch trains both from random weights, for comparison (default: all)")  # fmt: skip
+        add("--seeds", type=positive, default=3, metavar="N",
+            help="number of seeds; the seeds are 0 to N-1 (default: %(default)s)")  # fmt: skip
         add("--train-samples", type=positive, nargs="+", metavar="N",
-            help=f"sizes of the training set (default: {' '.join(map(str, one.train_samples))})")  # fmt: skip
-        add("--workers", type=positive, metavar="N", help="trainings at a time (default: one per core)")
+            help="numbers of training samples to compare "
+            f"(default: {' '.join(map(str, one.train_samples))})")  # fmt: skip
+        add("--workers", type=positive, metavar="N",
+            help="number of trainings that run at the same time (default: one per core)")  # fmt: skip
         add_recipe(parser)
-        add("--out", type=Path, metavar="FOLDER", help=f"default: out/centering_{name}")
+        add("--out", type=Path, metavar="FOLDER",
+            help=f"folder to write runs and results to (default: out/centering_{name})")  # fmt: skip
         add("--reuse", type=Path, metavar="FOLDER",
-            help="take over what another experiment has trained with the same settings")  # fmt: skip
-        add("--copy-report-to", type=Path, metavar="FOLDER", help="copy page, figures and summary there too")
+            help="folder of another experiment whose finished runs with equal settings and data are used instead of "
+            "new trainings (default: none)")  # fmt: skip
+        add("--copy-report-to", type=Path, metavar="FOLDER",
+            help="second folder to write the page, its figures and the summary to (default: none)")  # fmt: skip
         parser.set_defaults(command=functools.partial(run, one), experiment=name)
 
 

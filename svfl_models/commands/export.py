@@ -20,13 +20,16 @@ def add(commands: Commands) -> None:
     """
     parser = commands.add_parser(
         "export", help="write a trained network as a file that runs without svfl and escnn", example=EXAMPLE,
-        description="Write a trained block-centering network as a torch.export program (.pt2) or as ONNX (.onnx), or a "
-        "trained policy as a .pt2 that svfl-collect policy runs, and try the file against the network first.",
+        description="Write a trained block-centering network as a torch.export program (.pt2) or in the ONNX format "
+        "(.onnx), or a trained policy as a .pt2 file that svfl-collect policy can run. Before the file is written, its "
+        "outputs are compared with those of the network.",
     )  # fmt: skip
-    parser.add_argument("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train centering or bc")
+    parser.add_argument("checkpoint", type=Path, help="checkpoint.ckpt of svfl-train centering or svfl-train bc")
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE", help="ends in .pt2 or .onnx; replaced if it exists"
-    )
+        "--out", type=Path, required=True, metavar="FILE",
+        help="file to write, replaced if it exists; its name ends in .pt2, or for a block-centering network in .pt2 or "
+        ".onnx",
+    )  # fmt: skip
     parser.set_defaults(command=run)
 
 

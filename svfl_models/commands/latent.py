@@ -23,28 +23,41 @@ def add(commands: Commands) -> None:
     """
     parser = commands.add_parser(
         "latent", help="pretrain a latent model (VTT, PoE or concatenation) on expert episodes", example=EXAMPLE,
-        description="Pretrain one latent model; the same command gives the same result, interrupted or not.",
+        description="Pretrain one latent model of images, wrenches and proprioception. The same command gives the same "
+        "result, also if the training was interrupted and continued with --resume.",
     )  # fmt: skip
     add = parser.add_argument
-    add("--model", choices=MODELS, required=True, help="vtt: transformer; poe: product of experts; concat: neither")
-    add("--data", type=Path, required=True, help="dataset folder written by svfl-collect expert")
+    add("--model", choices=MODELS, required=True,
+        help="kind of latent model: vtt is a transformer, poe a product of experts, concat concatenates "
+        "features")  # fmt: skip
+    add("--data", type=Path, required=True, help="dataset folder of svfl-collect expert")
     add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset,
-        help="whose sizes and weights (default: %(default)s)")  # fmt: skip
-    add("--steps", type=positive, default=DEFAULT.steps, metavar="N", help="of the optimiser (default: %(default)s)")
-    add("--batch-size", type=positive, metavar="N", help="sequences per step (default: the preset's)")
-    add("--sequence", type=positive, metavar="N", help="actions per sequence (default: the preset's)")
+        help="publication whose layer sizes and loss weights are used; balanced are this package's own "
+        "(default: %(default)s)")  # fmt: skip
+    add("--steps", type=positive, default=DEFAULT.steps, metavar="N",
+        help="number of optimiser steps (default: %(default)s)")  # fmt: skip
+    add("--batch-size", type=positive, metavar="N",
+        help="number of sequences per optimiser step (default: that of the preset)")  # fmt: skip
+    add("--sequence", type=positive, metavar="N", help="number of actions per sequence (default: that of the preset)")
     add("--contact-n", type=positive_number, metavar="F",
-        help="force above which a frame counts as contact, N (default: the preset's)")  # fmt: skip
+        help="force above which a frame counts as contact, N, above 0 (default: that of the preset)")  # fmt: skip
     add("--split", default=DEFAULT.split, metavar="NAME",
-        help="stored by svfl-data split (default: 4 of 5 episodes to train on)")  # fmt: skip
-    add("--mixed", action="store_true", help="learn from episodes of different tasks or limits of actions together")
+        help="split that svfl-data split has stored in the dataset (default: a new one with 4 of 5 episodes to train "
+        "on)")  # fmt: skip
+    add("--mixed", action="store_true",
+        help="allow episodes of different tasks, or with different limits of the actions "
+        "(default: such datasets are an error)")  # fmt: skip
     add("--checkpoint-every", type=positive, default=DEFAULT.checkpoint_every, metavar="N",
-        help="steps between two checkpoints (default: %(default)s)")  # fmt: skip
+        help="number of optimiser steps between two checkpoints (default: %(default)s)")  # fmt: skip
     add("--learning-rate", type=positive_number, default=DEFAULT.learning_rate, metavar="R",
-        help="default: %(default)s")  # fmt: skip
-    add("--seed", type=natural, default=DEFAULT.seed, metavar="S", help="default: %(default)s")
-    add("--out", type=Path, metavar="FOLDER", help="default: out/latent_MODEL_PRESET_seedS")
-    add("--resume", action="store_true", help="go on from the checkpoint in --out")
+        help="constant learning rate of Adam, above 0 (default: %(default)s)")  # fmt: skip
+    add("--seed", type=natural, default=DEFAULT.seed, metavar="S",
+        help="seed of everything random in the training, at least 0 (default: %(default)s)")  # fmt: skip
+    add("--out", type=Path, metavar="FOLDER",
+        help="folder to write the run to (default: out/latent_MODEL_PRESET_seedS)")  # fmt: skip
+    add("--resume", action="store_true",
+        help="continue from the checkpoint in the folder of --out "
+        "(default: start anew; an existing checkpoint is an error)")  # fmt: skip
     parser.set_defaults(command=run)
 
 

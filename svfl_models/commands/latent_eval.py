@@ -21,16 +21,21 @@ def add(commands: Commands) -> None:
     """
     parser = commands.add_parser(
         "latent-eval", help="evaluate a pretrained latent model on held-out episodes", example=EXAMPLE,
-        description="Evaluate reconstruction, contact, alignment, prediction, linear probes, missing modalities, the "
-        "weight of each expert, and symmetry, on episodes that the model has not learned from.",
+        description="Evaluate a pretrained latent model on episodes that it was not trained on: reconstruction, "
+        "contact, alignment, prediction, linear probes, missing modalities, the weight of each expert, and symmetry.",
     )  # fmt: skip
     add = parser.add_argument
-    add("checkpoint", type=Path, help="checkpoint.ckpt written by svfl-train latent")
+    add("checkpoint", type=Path, help="checkpoint.ckpt of svfl-train latent")
     add("--data", type=Path, metavar="FOLDER",
-        help="another dataset to evaluate on, or where the model's own is now (default: the checkpoint's)")  # fmt: skip
-    add("--episodes", type=positive, default=EPISODES, metavar="N", help="at most, drawn (default: %(default)s)")
-    add("--seed", type=natural, default=0, metavar="S", help="of all that is drawn (default: %(default)s)")
-    add("--out", type=Path, metavar="FOLDER", help=f"default: {FOLDER} beside the checkpoint")
+        help="dataset folder to evaluate on: another dataset, or the new place of the training's one (default: the "
+        "folder that the checkpoint names)")  # fmt: skip
+    add("--episodes", type=positive, default=EPISODES, metavar="N",
+        help="largest number of episodes to evaluate; if there are more, they are drawn at random "
+        "(default: %(default)s)")  # fmt: skip
+    add("--seed", type=natural, default=0, metavar="S",
+        help="seed of everything that is drawn at random, at least 0 (default: %(default)s)")  # fmt: skip
+    add("--out", type=Path, metavar="FOLDER",
+        help=f"folder to write the report to (default: {FOLDER} beside the checkpoint)")  # fmt: skip
     parser.set_defaults(command=run)
 
 

@@ -29,24 +29,31 @@ def positive_number(text: str) -> float:
 
 def add_data(parser: Parser) -> None:
     """Add the options that name the datasets, --data and --separate-test, to a parser."""
-    parser.add_argument("--data", type=Path, required=True, help="dataset folder written by svfl-collect centering")
+    parser.add_argument("--data", type=Path, required=True, help="dataset folder of svfl-collect centering")
     parser.add_argument(
-        "--separate-test", type=Path, help="another such dataset, all of it tested too, none of it learned from"
-    )
+        "--separate-test", type=Path,
+        help="second dataset folder of svfl-collect centering, all of whose samples are tested too and none of which "
+        "is trained on (default: none)",
+    )  # fmt: skip
 
 
 def add_recipe(parser: Parser) -> None:
     """Add the options that say how to train, such as sizes and the stopping rule, to a parser."""
     add = parser.add_argument
-    add("--test-samples", type=positive, default=DEFAULT.test_samples, metavar="N", help="default: %(default)s")
-    add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset, help="size of the network (default: %(default)s)")
-    add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N", help="default: %(default)s")
+    add("--test-samples", type=positive, default=DEFAULT.test_samples, metavar="N",
+        help="number of test samples (default: %(default)s)")  # fmt: skip
+    add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset,
+        help="sizes of the network's layers (default: %(default)s)")  # fmt: skip
+    add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N",
+        help="number of epochs to train (default: %(default)s)")  # fmt: skip
     add("--patience", type=natural, default=DEFAULT.patience, metavar="N",
-        help="stop after so many epochs without a better test accuracy, as the paper (default: never)")  # fmt: skip
+        help="number of epochs without a better test accuracy after which a training stops, as in the paper; 0: never "
+        "(default: %(default)s)")  # fmt: skip
     add("--plain-images", dest="augment", action="store_false",
-        help="only the paper's crops: no random colours, no larger shifts")  # fmt: skip
+        help="change training images only by the random crops of the paper (default: colours and depth are changed at "
+        "random too, and crops are shifted further)")  # fmt: skip
     add("--learning-rate", type=positive_number, default=DEFAULT.learning_rate, metavar="R",
-        help="default: %(default)s")  # fmt: skip
+        help="learning rate of Adam at the start of the training, above 0 (default: %(default)s)")  # fmt: skip
 
 
 def group_of(arguments: argparse.Namespace) -> str:
