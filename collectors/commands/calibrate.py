@@ -124,9 +124,12 @@ def run(arguments: argparse.Namespace) -> None:
         say(f"  {name:<28} {error:6.2f} px")
     say(f"board seen in {len(views)} of {len(found)} pictures; error {result.error:.2f} px (root mean square)")
     if not result.error <= WRONG_PX:  # also refuses an error that is not a number
-        raise CollectError(f"error {result.error:.1f} px: {CAUSES}; nothing is written")
+        raise CollectError(
+            f"error {result.error:.1f} px, but at most {WRONG_PX:g} px is accepted; possible causes: {CAUSES}; no file "
+            "is written"
+        )
     if result.error > DOUBTFUL_PX:
-        say(f"  that is much: {CAUSES}")
+        say(f"  an error above {DOUBTFUL_PX:g} px is doubtful; possible causes: {CAUSES}")
     place, turn = result.position_deviation * 1e3, np.degrees(result.rotation_deviation)
     where = result.T_base_camera[:3, 3]
     say(f"camera at x, y, z = {where[0]:.4f}, {where[1]:.4f}, {where[2]:.4f} m")

@@ -51,10 +51,16 @@ class CameraConfig:
         if self.far > self.depth_scale * np.iinfo(np.uint16).max:
             raise UsageError(f"a depth of {self.far} m in units of {self.depth_scale} m does not fit into 16 bits")
         if not (self.near < self.far and 0.0 < self.fov_deg < 180.0):
-            raise UsageError("a camera sees from near to a larger far, within more than 0 and less than 180 degrees")
+            raise UsageError(
+                f"a camera needs near < far and a field of view between 0 and 180 degrees, got near {self.near} m, far "
+                f"{self.far} m and {self.fov_deg} degrees"
+            )
         forward = np.subtract(self.target, self.eye)
         if not length(np.cross(forward, self.up)) > 1e-9:
-            raise UsageError("a camera looks from eye to another point, and up is not along that line")
+            raise UsageError(
+                f"a camera needs a target away from its eye, and an up that is not parallel to the line between them, "
+                f"got eye {self.eye}, target {self.target} and up {self.up}"
+            )
 
 
 CAMERAS = {

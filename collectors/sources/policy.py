@@ -45,8 +45,8 @@ def loader(checkpoint: Path) -> Callable[[Path], Policy]:
     known: dict[str, EntryPoint] = {entry.name: entry for entry in entry_points(group=GROUP)}
     entry = known.get(checkpoint.suffix.removeprefix("."))
     if entry is None:
-        kinds = ", ".join(f".{name}" for name in sorted(known)) or "none (is svfl installed, not only on the path?)"
-        raise UsageError(f"{checkpoint}: no package here loads policies of this kind; kinds: {kinds}")
+        kinds = ", ".join(f".{name}" for name in sorted(known)) or "none (svfl must be installed with pip)"
+        raise UsageError(f"{checkpoint}: no installed package loads this kind of policy; possible: {kinds}")
     if not checkpoint.exists():
         raise FormatError(f"{checkpoint}: no such file")
     load: Callable[[Path], Policy] = entry.load()

@@ -117,7 +117,7 @@ def _begin(meta: Meta, world: World, where: str) -> tuple[State, dict[str, Any]]
     """Set up an episode's scene, and return the function that reads the true state, and the scene as drawn."""
     index, attempt = _index(meta, where), from_json(Recorded, meta.config, f"{where}: config").attempt
     if meta.seed < 0:
-        raise FormatError(f"{where}: seed {meta.seed} is below 0; no simulated episode has such a one")
+        raise FormatError(f"{where}: seed {meta.seed} is below 0; those of simulated episodes are at least 0")
     if meta.task == centering.TASK:
         config = from_json(CenteringConfig, meta.config.get("scene"), f"{where}: config.scene")
         scene, block = centering.begin(world, config, meta.seed, index, attempt)

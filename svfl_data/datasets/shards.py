@@ -114,7 +114,7 @@ def _check_stored(info: zipfile.ZipInfo, name: str) -> None:
     if info.compress_type != zipfile.ZIP_STORED:
         raise FormatError(f"{name} is compressed; a shard stores episodes as they are")
     if info.flag_bits & ENCRYPTED or stat.S_ISLNK(info.external_attr >> 16) or info.compress_size != info.file_size:
-        raise FormatError(f"{name} is encrypted, a link, or of two sizes; a shard stores episodes as they are")
+        raise FormatError(f"{name} is encrypted, a link, or has two sizes; a shard stores episodes as they are")
 
 
 def member_extent(shard: Path, member: Member) -> Extent:
@@ -139,5 +139,5 @@ def member_extent(shard: Path, member: Member) -> Extent:
         raise FormatError(f"{shard}: damaged (no {member.filename} at byte {member.start})")
     offset = member.start + LOCAL_HEADER.size + name + extra
     if offset + member.size > member.end:
-        raise FormatError(f"{shard}: damaged ({member.filename} ends beyond its place)")
+        raise FormatError(f"{shard}: damaged ({member.filename} is longer than its space in the file)")
     return whole.part(member.filename, offset, member.size)

@@ -112,11 +112,11 @@ def _finish_journal(dataset: Dataset, path: Path, descriptor: int) -> RepairActi
     try:
         saved = salvage(journal, str(path))
     except FieldError as error:
-        raise FieldError(f"too little was recorded for an episode, or what no episode may hold ({error})") from error
+        raise FieldError(f"what was recorded is too short for an episode, or not valid in one ({error})") from error
     if saved.meta.task not in str(dataset.info["task"]).split("+"):
         raise DatasetError(f"is of task {saved.meta.task!r}, not of {dataset.info['task']!r} as the dataset")
     if path.name != f"episode_{saved.meta.index:06d}{SUFFIX}":
-        raise DatasetError(f"says that it is of episode {saved.meta.index}")
+        raise DatasetError(f"holds episode {saved.meta.index}, which its file name does not state")
     action = _publish(dataset, saved)
     if journal.incomplete:
         aside = _set_aside(dataset, path, "kept")
@@ -174,7 +174,7 @@ def _check_file(dataset: Dataset, index: int, path: Path, reseal: bool) -> list[
     try:
         content = resealed_bytes(path, {"tool": "repair", "resealed": True})
     except SvflError:
-        return [_set_aside(dataset, path, f"{why}; what it holds is not a valid episode")]
+        return [_set_aside(dataset, path, f"{why}; its content is not a valid episode")]
     write_atomically(path, content)
     check_seal(path)
     return [RepairAction(path, "resealed", f"holds a valid episode {index}", saved=True)]

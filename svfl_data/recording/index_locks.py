@@ -93,7 +93,7 @@ def claim(dataset: Dataset, index: int = NEXT) -> tuple[int, int, Path]:
             state = (
                 "exists already"
                 if descriptor is not None
-                else "is being written, or its writer died; svfl-data repair ends it"
+                else "is being written, or its writer died; svfl-data repair makes an episode of what it left"
             )
             raise DatasetError(f"{dataset.path}: episode {index} {state}")
 

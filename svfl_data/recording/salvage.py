@@ -54,7 +54,7 @@ def salvage(journal: Journal, where: str) -> Salvaged:
             episode.
     """
     if journal.meta is None:
-        raise FormatError("not even its first record is intact")
+        raise FormatError("its first record is damaged, so nothing can be recovered")
     if journal.end is not None and not journal.damaged:
         streams: dict[str, Rows] = {path: stream.rows() for path, stream in journal.streams.items()}
         return Salvaged(journal.end, _checked({**journal.constants, **streams}, where), whole=True)

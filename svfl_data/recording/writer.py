@@ -397,8 +397,8 @@ class EpisodeWriter(OwnProcess):
             raise StorageError(f"cannot read {self._journal.path}: {error.strerror}") from error
         if journal.damaged:
             raise StorageError(
-                f"{self._journal.path}: the disk gave back other bytes than were written; svfl-data repair saves what "
-                "is intact"
+                f"{self._journal.path}: the bytes that were read differ from those that were written; svfl-data repair "
+                "saves what is intact"
             )
         return {**journal.constants, **{path: stream.rows() for path, stream in journal.streams.items()}}
 

@@ -291,5 +291,7 @@ def _sound(array: StoredArray) -> np.ndarray:
     values = array[()]
     if array.path.endswith("/t_ns") and (np.diff(values) < 0).any():
         row = int(np.flatnonzero(np.diff(values) < 0)[0]) + 1
-        raise DatasetError(f"{array.extent}: {array.path} runs backwards at row {row}; nothing can be cut causally")
+        raise DatasetError(
+            f"{array.extent}: {array.path} decreases at row {row}; samples need time stamps that do not decrease"
+        )
     return values

@@ -197,7 +197,7 @@ def load_split(dataset: Dataset, name: str) -> Split:
         stored = sorted(other.stem for other in file.parent.glob("*.json") if NAME.fullmatch(other.stem))
         raise DatasetError(f"{dataset.path}: no split {name!r}; it has {_named(stored)}") from error
     check_format(found, FORMAT, FORMAT_VERSION, file, "not a split")
-    whole = parse_as(found, SplitFile, f"{file}: not a whole split")
+    whole = parse_as(found, SplitFile, f"{file}: fields of a split are missing or have a wrong type")
     split = Split(name, whole.seed, whole.rule, whole.parts)
     together = [index for part in split.parts.values() for index in part]
     if split.sha256 != whole.sha256 or len(set(together)) != len(together):

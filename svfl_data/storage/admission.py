@@ -90,7 +90,7 @@ class Description:
         for one in self._arrays:
             table, value = 24 * one.chunks, one.value
             if one.chunks < 0 or value < 0 or start + table + value > len(self._tail):
-                raise self._refused(one.path, "is described wrongly")
+                raise self._refused(one.path, "has a damaged description (shape, type or chunks)")
             if field_at(one.path) or one.path.startswith(EXTRA):
                 if one.problem:
                     raise self._refused(one.path, printable(one.problem))
@@ -104,7 +104,7 @@ class Description:
     def _placement(self, one: _Array, start: int, size: int) -> Placement:
         """Return the placement of an array after checking that its size and place are those that it claims."""
         if not DTYPE.fullmatch(one.dtype) or len(one.shape) > 32 or min(one.shape, default=0) < 0:
-            raise self._refused(one.path, "is described wrongly")
+            raise self._refused(one.path, "has a damaged description (shape, type or chunks)")
         dtype, shape = np.dtype(one.dtype), tuple(one.shape)
         if math.prod(filter(None, shape)) > 2**48:
             raise self._refused(one.path, f"claims the shape {shape}")
@@ -117,7 +117,7 @@ class Description:
             return Placement(dtype, shape, 1, table, value.reshape(shape))
         whole = one.chunk_rows * dtype.itemsize * math.prod(shape[1:])
         if not shape or one.chunk_rows < 1 or whole < 1 or one.chunks != -(-shape[0] // one.chunk_rows):
-            raise self._refused(one.path, "is described wrongly")
+            raise self._refused(one.path, "has a damaged description (shape, type or chunks)")
         factor = expansion()
         allowed = int(CHUNK + (NUMBERS_EXPANSION if factor is None else factor) * size)
         if whole > allowed:
@@ -132,7 +132,7 @@ class Description:
         content = length - FLETCHER32_BYTES * (applied & FLETCHER != 0)
         inside = (offset >= 0) & (content > 0) & (offset <= size) & (length <= size - offset)
         if not (inside & ((applied & GZIP != 0) | (content >= plain))).all():
-            raise self._refused(one.path, "does not lie where it says")
+            raise self._refused(one.path, "has chunks that lie outside the file, or are smaller than its shape needs")
         return Placement(dtype, shape, one.chunk_rows, table)
 
     def _check_memory(self, placements: dict[str, Placement], size: int) -> None:

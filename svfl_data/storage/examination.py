@@ -121,7 +121,7 @@ class _Examiner:
                 pieces.append(os.read(pipe, 2**20))
                 size += len(pieces[-1])
                 if size > limit:
-                    raise self._lost("its description is larger than itself")
+                    raise self._lost("the description of its structure is larger than the file")
             elif self.line.fileno() in events:
                 return b"".join(pieces)
             else:  # the pipe is closed; only the end of the process is still to come
@@ -141,7 +141,7 @@ class _Examiner:
 
 def _words(code: int) -> str:
     if code in (-signal.SIGKILL, -signal.SIGXCPU, -signal.SIGALRM):
-        return "reading its structure does not end"
+        return "reading its structure took too long or too much memory"
     if code < 0:
         return f"reading its structure crashes the HDF5 library ({signal.Signals(-code).name})"
     return "its structure cannot be read"

@@ -164,9 +164,9 @@ def _datasets(group: h5g.GroupID, prefix: str, seen: set[Any], depth: int) -> It
         link = group.links.get_info(name)
         if link.type != h5l.TYPE_HARD:
             kinds: dict[int, str] = {h5l.TYPE_SOFT: "a soft link", h5l.TYPE_EXTERNAL: "an external link"}
-            raise Refused(f"{path} is {kinds.get(link.type, 'a user-defined link')}; arrays must be in their place")
+            raise Refused(f"{path} is {kinds.get(link.type, 'a user-defined link')}; links are not allowed")
         if link.u in seen:
-            raise Refused(f"{path} is a second name of an object; each has one place")
+            raise Refused(f"{path} is a second name of an object; each object may have only one")
         seen.add(link.u)
         item = h5o.open(group, name)
         if isinstance(item, h5g.GroupID):

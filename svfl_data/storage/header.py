@@ -78,7 +78,9 @@ def header(extent: Extent, hashed: bool = False) -> Header:
         raise type(known)(*known.args)  # a new exception, since each has its own traceback
     if hashed and not known.hashed:
         if checked_seal(extent) != known.seal:
-            raise FormatError(f"{extent}: not what it was when it was last read, though nothing says that it changed")
+            raise FormatError(
+                f"{extent}: its content differs from the last reading, although its size and times are the same"
+            )
         known = replace(known, hashed=True)
         _keep(extent, known)
     return known

@@ -143,7 +143,8 @@ def run(command: Callable[[], None], program: str) -> int:
     except MemoryError as error:
         return _failed(program, f"not enough memory: {str(error) or 'end other programs, or ask for less at a time'}")
     except UnicodeEncodeError as error:
-        return _failed(program, f"no {error.encoding} text, such as the name of a file to be renamed: {error.object}")
+        words = f"a text cannot be written as {error.encoding}; if it is the name of a file, rename the file"
+        return _failed(program, f"{words}: {error.object}")
     except SystemExit:  # argparse has printed help or a mistake
         if code := _flushed(program):
             return code

@@ -172,7 +172,7 @@ def _check_leaf(key: str, value: Any, where: object, kind: type[SvflError]) -> N
         if not math.isfinite(value):
             raise kind(f"{where}: {named} is {value}; only finite numbers can be stored as JSON")
     elif value is not None and type(value) is not bool:
-        raise kind(f"{where}: {named} is a {type(value).__name__}, which JSON has not")
+        raise kind(f"{where}: {named} is a {type(value).__name__}, which JSON cannot represent")
 
 
 def plain(value: Any, where: object) -> Any:  # noqa: ANN401 - any value

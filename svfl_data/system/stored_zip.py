@@ -35,7 +35,7 @@ class Stored:
     def __init__(self, file: BinaryIO) -> None:
         file.seek(0)
         if file.read(len(FIRST)) != FIRST:
-            raise zipfile.BadZipFile("does not begin as an archive does")
+            raise zipfile.BadZipFile("does not begin with the signature of a ZIP archive")
         self.file, self._archive = file, zipfile.ZipFile(file)
         found = self._archive.infolist()
         for member in found:
@@ -44,7 +44,7 @@ class Stored:
         if len(self.members) < len(found):
             raise zipfile.BadZipFile("has two members of the same name")
         if sum(self.members.values()) > file.seek(0, 2):
-            raise zipfile.BadZipFile("its members are larger than the file together")
+            raise zipfile.BadZipFile("its members together are larger than the file")
         file.seek(0)
 
     def read(self, name: str) -> bytes:
@@ -80,7 +80,7 @@ def _check(member: zipfile.ZipInfo) -> None:
     if member.flag_bits & 1:
         raise zipfile.BadZipFile(f"{name} is encrypted")
     if leads_out(name):
-        raise zipfile.BadZipFile(f"{name!r} is no name of a member")
+        raise zipfile.BadZipFile(f"{name!r} is not allowed as the name of a member")
 
 
 def leads_out(name: str) -> bool:

@@ -63,7 +63,7 @@ def load(checkpoint: Path) -> Network:
     known = {entry.name: entry for entry in entry_points(group=GROUP)}
     entry = known.get(checkpoint.suffix.removeprefix("."))
     if entry is None:
-        kinds = ", ".join(f".{name}" for name in sorted(known)) or "none (is svfl installed, not only on the path?)"
-        raise UsageError(f"--checkpoint {checkpoint}: nothing here opens files of this kind; kinds: {kinds}")
+        kinds = ", ".join(f".{name}" for name in sorted(known)) or "none (svfl must be installed with pip)"
+        raise UsageError(f"--checkpoint {checkpoint}: no installed package opens this kind of file; possible: {kinds}")
     opened: Callable[[Path], Network] = entry.load()
     return opened(checkpoint)

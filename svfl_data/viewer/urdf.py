@@ -39,7 +39,7 @@ def read_urdf(file: Path) -> ElementTree.Element:
     try:
         content = read_regular(file.resolve(), TEXT_BYTES)
         if b"<!DOCTYPE" in content:
-            raise FormatError(f"{file}: not a URDF that is read (it defines entities of its own)")
+            raise FormatError(f"{file}: a URDF that defines XML entities is not read")
         parser: Any = ElementTree.XMLPullParser(["start", "end"])  # Any, because its declared type is incomplete
         parser.feed(content)
         root = _bounded(parser)
@@ -111,7 +111,8 @@ def _check_tree(root: ElementTree.Element) -> None:
     for joint in joints:
         ends = [found.get("link", "") for part in ("parent", "child") if (found := joint.find(part)) is not None]
         if len(ends) != 2 or not set(ends) <= links or ends[1] in hangs_on:
-            raise ValueError(f"joint {printable(joint.get('name'), 60)} does not hang one link on another")
+            name = printable(joint.get("name"), 60)
+            raise ValueError(f"joint {name} does not join two links of the robot, or its child has another parent")
         hangs_on[ends[1]] = ends[0]
     for link in hangs_on:
         for _ in range(len(hangs_on) + 1):
@@ -119,4 +120,4 @@ def _check_tree(root: ElementTree.Element) -> None:
                 break
             link = hangs_on[link]
         else:
-            raise ValueError("its joints go round in a circle")
+            raise ValueError("its joints form a loop")

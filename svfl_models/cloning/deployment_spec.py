@@ -74,9 +74,15 @@ class DeploymentSpec:
             if values.shape != shapes.get(name, ()) or not np.isfinite(values).all():
                 raise TrainingError(f"{name} of a deployment setup cannot be {printable(getattr(self, name), 60)}")
         if self.image_side not in range(1, LARGEST_SIDE + 1) or not self.depth_scale > 0:
-            raise TrainingError(f"a camera of {self.image_side} px and {self.depth_scale} m per unit of depth is none")
+            raise TrainingError(
+                f"image_side of a deployment setup is {self.image_side} px and depth_scale {self.depth_scale} m; "
+                f"possible are sides of 1 to {LARGEST_SIDE} px and scales above 0"
+            )
         if not (self.max_move > 0 and self.max_turn > 0):
-            raise TrainingError(f"actions of at most {self.max_move} m and {self.max_turn} rad are none")
+            raise TrainingError(
+                f"max_move of a deployment setup is {self.max_move} m and max_turn {self.max_turn} rad; both "
+                "must be above 0"
+            )
 
     def plain(self) -> dict[str, Any]:
         """Return the attributes as a dictionary of plain values for files."""
@@ -143,7 +149,7 @@ def _of_episode(reader: EpisodeReader, camera: str | None, encoder: str) -> Depl
 def _seen(reader: EpisodeReader, camera: str | None, encoder: str) -> dict[str, Any]:
     """Return the attributes of a `DeploymentSpec` that describe the images of an episode."""
     if not reader.cameras:
-        raise DatasetError(f"{reader.extent}: recorded without a camera, which encoder {encoder} looks through")
+        raise DatasetError(f"{reader.extent}: recorded without a camera, which encoder {encoder} needs")
     name = camera or reader.cameras[0]
     height, width = reader[f"cameras/{name}/depth"].shape[1:]
     if height != width:
@@ -175,8 +181,8 @@ def _period(step_ms: Mapping[int, float], dataset: Dataset) -> float:
         )
     if longest > UNEVEN * shortest:
         print(
-            f"{dataset.path}: steps last {shortest:.1f} to {longest:.1f} ms in different episodes. A policy is told no "
-            f"times and learns the same from them; call it every {usual:.0f} ms, as most demonstrations were made",
+            f"{dataset.path}: steps last {shortest:.1f} to {longest:.1f} ms in different episodes. A policy does not "
+            f"get these times; call it every {usual:.0f} ms, the median of the demonstrations",
             file=sys.stderr,
         )
     return usual

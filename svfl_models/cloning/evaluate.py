@@ -135,7 +135,7 @@ class Trial:
             self.environment = gymnasium.make(environment, disable_env_checker=True)
         except (gymnasium.error.Error, ValueError) as error:  # ValueError: not a valid name
             reason = printable(" ".join(str(error).split()), 200)
-            raise TrainingError(f"{checkpoint}: cannot be tried in {environment}: {reason}") from error
+            raise TrainingError(f"{checkpoint}: cannot be evaluated in {environment}: {reason}") from error
         _expect_same(self.environment, module.deployment, self.name)
 
     @torch.inference_mode()

@@ -91,9 +91,7 @@ def _camera_of(module: CloningModule, episode: Episode) -> Camera:
         return next(iter(found.values()))
     if wanted not in found:
         have = ", ".join(found) or "none"
-        raise DatasetError(
-            f"{episode.name}: the policy looks at camera {wanted} with depth; recorded with depth: {have}"
-        )
+        raise DatasetError(f"{episode.name}: the policy needs camera {wanted} with depth; recorded with depth: {have}")
     height, width = found[wanted].depth.shape[1:]
     if (height, width) != (side, side):
         raise DatasetError(

@@ -151,7 +151,7 @@ def _earlier(config: LatentConfig, out: Path) -> dict[str, Any]:
         raise TrainingError(f"{checkpoint} is of a training with {'; '.join(changed)}; choose another --out")
     done = found["svfl"]["steps"]
     if done >= config.steps:
-        raise TrainingError(f"{checkpoint} has {done} steps behind it already; asked for {config.steps}")
+        raise TrainingError(f"{checkpoint} was trained for {done} steps already; asked for {config.steps}")
     return found
 
 

@@ -60,7 +60,7 @@ class WholeCheckpoints(CheckpointIO):
         """
         if self._resumed is None or Path(path) != self._resumed:
             raise TrainingError(
-                f"{path} is there, but nobody asked to go on from it; remove it or choose another --out"
+                f"{path} exists, but the training does not continue from it; remove it or choose another --out"
             )
         found: dict[str, Any] = read(Path(path))
         return found

@@ -152,7 +152,7 @@ def test_older_formats_never_run(kind, tmp_path, marker):
     with zipfile.ZipFile(empty, "w") as archive:
         archive.writestr("x/data.pkl", b"")
     path.write_bytes(pickle.dumps(Payload(marker)) + empty.getvalue())
-    assert "does not begin as an archive does" in refusal(kind, path, marker)
+    assert "does not begin with the signature of a ZIP archive" in refusal(kind, path, marker)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
@@ -253,7 +253,7 @@ def test_lightning_reads_the_named_checkpoint_only(tmp_path, marker):
     saved({"epoch": 3}, asked)
     assert WholeCheckpoints(asked).load_checkpoint(str(asked)) == {"epoch": 3}
     for reader in (WholeCheckpoints(asked), WholeCheckpoints()):
-        with pytest.raises(TrainingError, match=r"hpc_ckpt_1\.ckpt is there, but nobody asked"):
+        with pytest.raises(TrainingError, match=r"hpc_ckpt_1\.ckpt exists, but the training does not continue"):
             reader.load_checkpoint(other, weights_only=False)
     shutil.copy(other, asked)
     with pytest.raises(FormatError, match="not readable as a checkpoint"):

@@ -74,25 +74,25 @@ def evaluate(
     learned = frames_of([whole(one) for one in some_learned], LEARNED_FRAMES)
     next_contact = torch.cat([one.seen.next_contact[0] for one in followed]).sigmoid()
     came = torch.cat([one.batch["next_contact"][0] for one in followed]) > 0
-    say("imagining pictures")
+    say("predicting images")
     near = reconstruction(network, followed, mean_picture(learned))
-    say("showing foreign wrenches")
+    say("pairing images with wrenches of other frames")
     aligned = alignment(network, frames, seen, seed) if "mismatch" in trained else None
     say("fitting probes")
     probing = Probing(network, given, learned, frames)
     if not probing.posed:
         left_out.append("object pose: it was not recorded with every episode")
     readings = probing.readings(seen)
-    say("taking modalities away")
+    say("leaving modalities out")
     again = [followed[place] for place in spread(len(followed), MISSING_EPISODES).tolist()]
     remaining = probing.missing(again)
-    say("turning the world")
+    say("rotating and flipping observations")
     asymmetry = symmetry(
         lambda observations: encode(network, observations),
         learned.spread(TURNED_LEARNED),
         frames.spread(ROTATED_EVALUATED),
     )
-    say("listening to modalities")
+    say("measuring the weights of the modalities")
     found = Evaluation(
         checkpoint=str(checkpoint),
         model=module.hparams["training"]["model"],

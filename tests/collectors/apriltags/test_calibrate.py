@@ -200,7 +200,7 @@ def test_a_board_that_is_not_seen(episode):
 
 def test_a_board_file_that_does_not_fit_the_pictures_gives_no_camera(tmp_path):
     Layout.grid(COLUMNS, ROWS, 1e-3 * SIZE_MM, 0.05, first=2).write(tmp_path / "other.json")
-    with pytest.raises(CollectError, match=r"error .* px: another board's file, .*; nothing is written"):
+    with pytest.raises(CollectError, match=r"error .* px, .*: another board's file, .*; no file is written"):
         calibrate(
             tmp_path,
             [board_pose(0.47, -0.06, 0.0, 20.0)],

@@ -226,7 +226,7 @@ def test_time_that_runs_backwards_is_refused(dataset):
     write_episode(episode, dataset.episode_path(5))
     with pytest.raises(DatasetError, match=r"1 of 4 episodes are unfit for training; .*t_ns\[50\]: backward"):
         Samples(dataset)
-    with pytest.raises(DatasetError, match=r"000005\.hdf5: streams/wrench/t_ns runs backwards at row 50"):
+    with pytest.raises(DatasetError, match=r"000005\.hdf5: streams/wrench/t_ns decreases at row 50"):
         Samples(dataset, validated=False)
 
 

@@ -86,7 +86,7 @@ def test_what_is_no_split_is_refused(dataset):
         ("[]", "not a split"),
         (json.dumps(content | {"format_version": "2.0"}), r"format version 2\.0"),
         (json.dumps(content | {"parts": moved}), "was edited"),
-        (json.dumps({key: value for key, value in content.items() if key != "rule"}), "not a whole split"),
+        (json.dumps({key: value for key, value in content.items() if key != "rule"}), "fields of a split are missing"),
     ):
         file.write_text(broken)
         with pytest.raises(FormatError, match=message):

@@ -497,7 +497,7 @@ def shard_with(*names, content=b"x" * 100, attribute=0, compress=zipfile.ZIP_STO
         (shard_with("/episode_000001.hdf5"), "a name that leads out of the folder"),
         (shard_with("a/../../b"), "a name that leads out of the folder"),
         (shard_with("episode_000003.hdf5", "episode_000003.hdf5"), "is a second episode 3"),
-        (shard_with("episode_000003.hdf5", attribute=0o120777 << 16), "encrypted, a link, or of two sizes"),
+        (shard_with("episode_000003.hdf5", attribute=0o120777 << 16), "encrypted, a link, or has two sizes"),
         (shard_with("episode_000003.hdf5", compress=zipfile.ZIP_DEFLATED), "is compressed"),
     ],
 )

@@ -53,12 +53,12 @@ def test_bombs_are_refused():
     twins = bytearray(whole)
     struct.pack_into("<I", twins, directory + 42, *offset)
     struct.pack_into("<II", twins, directory + 20, 1500, 1500)
-    assert "larger than the file together" in refusal(bytes(twins))
+    assert "together are larger than the file" in refusal(bytes(twins))
 
 
 @pytest.mark.parametrize("name", ["../up", "/etc/passwd", "a/../../b", "..\\up", "a/.."])
 def test_names_that_lead_elsewhere_are_refused(name):
-    assert "is no name of a member" in refusal(archive(**{name: b""}))
+    assert "is not allowed as the name of a member" in refusal(archive(**{name: b""}))
 
 
 def test_bytes_before_the_archive_are_refused():

@@ -120,7 +120,7 @@ def test_the_command_writes_and_prints(checkpoint, countdown, capsys):
 
 
 def test_other_environments_are_one_clear_line(checkpoint):
-    with pytest.raises(TrainingError, match="cannot be tried in test/Nothing-v0"):
+    with pytest.raises(TrainingError, match="cannot be evaluated in test/Nothing-v0"):
         module.Trial(checkpoint, "test/Nothing-v0", 0)
     seen = DeploymentSpec("picking", "front", IMAGE_AXES.tolist(), image_side=10)
     with pytest.raises(TrainingError, match=r"learned from camera front with image axes .*, the environment's are"):

@@ -101,7 +101,7 @@ def test_a_training_can_be_made_longer(config, tmp_path):
     train.train_latent(config, tmp_path / "short", resume=True)
     assert_same_training(weights(tmp_path / "long"), weights(tmp_path / "short"))
     assert json.loads((tmp_path / "short" / "config.json").read_text()) == config.plain()
-    with pytest.raises(TrainingError, match=r"has 5 steps behind it already; asked for 5"):
+    with pytest.raises(TrainingError, match=r"was trained for 5 steps already; asked for 5"):
         train.train_latent(config, tmp_path / "short", resume=True)
 
 
