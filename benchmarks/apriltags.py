@@ -226,7 +226,7 @@ def main() -> None:
     parser.add_argument("--task", default="block_pushing", choices=["block_pushing", "block_picking"])
     parser.add_argument("--episodes", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="number of the first episode")
-    parser.add_argument("--noise", type=float, default=3.0, help="of the pictures, grey levels")
+    parser.add_argument("--noise", type=float, default=3.0, help="standard deviation of the noise, grey levels")
     parser.add_argument("--detections", type=int, default=10_000)
     args = parser.parse_args()
     runs = {

@@ -294,7 +294,7 @@ def main() -> None:
     parser.add_argument("--preset", nargs="+", choices=PRESETS, default=["default", "paper"])
     parser.add_argument("--group", nargs="+", choices=[group for group in GROUPS if group != "none"], default=["D4"])
     parser.add_argument("--encoder", nargs="+", choices=ENCODERS, default=list(ENCODERS))
-    parser.add_argument("--seconds", type=float, default=2.0, help="for each pair that is compared")
+    parser.add_argument("--seconds", type=float, default=2.0, help="duration of each comparison of a pair, s")
     asked = parser.parse_args()
     torch.set_num_threads(1)
     print(f"{cpu_name()}, torch {torch.__version__}, one thread, commit {commit()}, load {os.getloadavg()[0]:.1f}")

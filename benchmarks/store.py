@@ -232,8 +232,8 @@ def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=Path("data/centering"), help="dataset to read")
-    parser.add_argument("--rounds", type=int, default=7, help="rounds of measuring")
-    parser.add_argument("--sizes", type=int, nargs="*", default=[100, 1000, 10000], help="episodes, for opening")
+    parser.add_argument("--rounds", type=int, default=7, help="number of repeated measurements")
+    parser.add_argument("--sizes", type=int, nargs="*", default=[100, 1000, 10000], help="numbers of episodes to open")
     parser.add_argument("--scratch", type=Path, help="folder for copies (default: the system's temporary one)")
     args = parser.parse_args()
     versions = f"Python {platform.python_version()}, h5py {h5py.__version__}, NumPy {np.__version__}"

@@ -82,7 +82,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("network", type=Path, help="file written by svfl-train export")
     parser.add_argument("--data", type=Path, required=True, help="dataset folder")
-    parser.add_argument("--episode", type=int, default=0, help="its number")
+    parser.add_argument("--episode", type=int, default=0, help="number of the episode (default: %(default)s)")
     options = parser.parse_args()
     try:
         network, facts = (load_onnx if options.network.suffix == ".onnx" else load_program)(options.network)
