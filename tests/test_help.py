@@ -35,3 +35,18 @@ def test_every_example_parses(command):
             program, *words = shlex.split(command_line, comments=True)
             assert program == root.prog
             root.parse_args(words)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_fits_the_terminal(command, monkeypatch):
+    """But for the usage, of which argparse breaks no group, and the lines of examples, which are for copying."""
+    monkeypatch.setenv("COLUMNS", "80")
+    _, _, below = COMMANDS[command][1].format_help().partition("\n\n")
+    assert max(map(len, below.partition("example:")[0].splitlines())) <= 80
+
+
+@pytest.mark.parametrize("port", ["0", "65535", "x"])
+def test_ports_exist(port, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        svfl_data.cli.build_parser().parse_args(["view", "data", "--web", "--port", port])
+    assert "not an integer from 1 to 65534" in capsys.readouterr().err

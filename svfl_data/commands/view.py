@@ -10,7 +10,7 @@ from svfl_data.commands.source import add_path, is_episode, reader
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import UsageError
 from svfl_data.storage.reader import EpisodeReader
-from svfl_data.system.command_line import Commands, natural, positive
+from svfl_data.system.command_line import Commands, natural, port
 from svfl_data.system.printable import say
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def add(commands: Commands) -> None:
         "%(default)s, which only this machine can reach)",
     )  # fmt: skip
     parser.add_argument(
-        "--port", type=positive, default=PORT, metavar="P",
+        "--port", type=port, default=PORT, metavar="P",
         help="with --web: TCP port of the page; the next port, P + 1, serves the data (default: %(default)s)",
     )  # fmt: skip
     parser.set_defaults(command=run)

@@ -17,7 +17,18 @@ from svfl_data.system.extras import OURS, needs
 from svfl_data.system.printable import LONGEST_LINE, printable
 from svfl_data.system.refused import refusal
 
+LAST_PORT = 2**16 - 2
 SIGNALLED = 128  # exit code of a command that a signal ended, plus the signal's number, as in shells
+
+
+EXAMPLE = "example:\n"
+
+
+class _Formatter(argparse.HelpFormatter):
+    """Wraps descriptions to the width of the terminal, and leaves the lines of examples as they are."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return text if text.startswith(EXAMPLE) else super()._fill_text(text, width, indent)
 
 
 class Parser(argparse.ArgumentParser):
@@ -31,8 +42,8 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, *, example: str = "", **kwargs: Any) -> None:  # noqa: ANN401 - passed on to argparse
         if example:
-            kwargs["epilog"] = "example:\n" + "\n".join(f"  {line}" for line in example.splitlines())
-        super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
+            kwargs["epilog"] = EXAMPLE + "\n".join(f"  {line}" for line in example.splitlines())
+        super().__init__(formatter_class=_Formatter, **kwargs)
 
     def _print_message(self, message: str, file: Any = None) -> None:  # noqa: ANN401 - as argparse declares it
         """Print help or an error message, and raise an error, unlike argparse, if it cannot be written."""
@@ -59,6 +70,18 @@ def positive(text: str) -> int:
         argparse.ArgumentTypeError: If the text is not such an integer.
     """
     return _integer(text, 1)
+
+
+def port(text: str) -> int:
+    """Parse a command-line argument that must be the number of a TCP port, and not the last one.
+
+    Raises:
+        argparse.ArgumentTypeError: If the text is not such an integer.
+    """
+    number = _integer(text, 1)
+    if number > LAST_PORT:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an integer from 1 to {LAST_PORT}")
+    return number
 
 
 def natural(text: str) -> int:
