@@ -1,5 +1,6 @@
 """One law per check, both sides: clean episodes pass, a spoiled one is found and named with its place."""
 
+import re
 from pathlib import Path
 
 import h5py
@@ -105,7 +106,7 @@ def test_the_bounds_of_the_configuration_come_first():
     assert findings(dict(arrays), config) == []
     arrays["actions/action"] = arrays["actions/action"] * np.float32([1, 1.5, 1.5, 1.5, 1])
     (found,) = findings(arrays, config)
-    assert "outside -0.05 to 0.05 m (bounds: config)" in found.words
+    assert re.search(r"-0\.05 to 0\.05 m.*config", found.words)
 
 
 def test_tasks_without_labels_need_none():
@@ -113,7 +114,7 @@ def test_tasks_without_labels_need_none():
     del arrays["labels/direction"], arrays["labels/offset"]
     assert findings(arrays, task="picking") == []
     (found,) = findings(arrays)
-    assert found.words == "label missing: offset and direction"
+    assert re.search(r"missing.*offset.*direction", found.words)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Time stamps in another unit, and streams at another rate than declared, are told from right ones."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,8 @@ def test_what_comes_about_as_declared_is_right(group, factor):
 @pytest.mark.parametrize(("unit_ns", "unit"), [(1e3, "microseconds"), (1e6, "milliseconds")])
 @pytest.mark.parametrize("rate", [20, 500])
 def test_another_unit_under_a_declared_rate_is_named(rate, unit_ns, unit):
-    assert f"are its time stamps {unit} instead" in (rate_words("streams/wrench", stream(rate, unit_ns), rate) or "")
+    words = rate_words("streams/wrench", stream(rate, unit_ns), rate) or ""
+    assert re.search(rf"\b{rate} Hz.*\b{unit}\b", words)
 
 
 @pytest.mark.parametrize("unit_ns", [1e3, 1e6])
@@ -30,7 +33,7 @@ def test_another_unit_is_seen_without_a_declared_rate(group, rate, unit_ns):
 
 
 def test_a_driver_that_fell_back_is_named():
-    assert rate_words("streams/wrench", stream(50), 500.0) == "comes at 50 Hz, but 500 Hz was declared"
+    assert re.search(r"\b50 Hz.*\b500 Hz[^;]*$", rate_words("streams/wrench", stream(50), 500.0) or "")
 
 
 def test_a_clock_that_began_with_the_epoch_is_named():

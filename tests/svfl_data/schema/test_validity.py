@@ -81,11 +81,11 @@ def test_images_are_judged_by_shape_only():
 
 def test_a_property_that_lacks_what_it_is_made_of_says_what():
     camera = Camera("front", {"depth": np.ones((1, 2, 2), np.uint16)})
-    with pytest.raises(AttributeError, match=r"camera front was recorded without .*depth_scale"):
+    with pytest.raises(AttributeError, match=r"front.*depth_scale"):
         camera.depth_m  # noqa: B018
-    with pytest.raises(AttributeError, match="Camera has no 'deep'"):
+    with pytest.raises(AttributeError, match=r"'deep'.*\bdepth\b"):
         camera.deep  # noqa: B018
     episode = make_episode()
     object.__setattr__(episode, "arrays", {})
-    with pytest.raises(AttributeError, match="recorded without streams/wrench/wrench"):
+    with pytest.raises(AttributeError, match="streams/wrench/wrench"):
         episode.tared_wrench  # noqa: B018
