@@ -114,13 +114,13 @@ def test_one_comparison_serves_everybody(dataset, tmp_path, kind, command):
     """The writer, merge, filter, validate, check_agreement and samples refuse the same, and name it."""
     make, name = OTHERS[kind]
     record(dataset, arrays_of(0))
-    with pytest.raises(DatasetError, match=f"{name}.* (is|in) "):
+    with pytest.raises(DatasetError, match=f"{name}.*episode 0"):
         record(dataset, make(1))
     shutil.rmtree(dataset.path / ".inflight")
 
     other = Dataset.create_or_resume(tmp_path / "other", "centering", 0, {})
     write_episode(Episode(make_episode(1).meta, make(1)), other.episode_path(1))
-    with pytest.raises(DatasetError, match=f"cannot merge these episodes: {name}.* --varies cameras|{name}"):
+    with pytest.raises(DatasetError, match=rf"{name}.*other/episode_000001.*d/episode_000000.*--varies {name}"):
         merge([dataset, other], tmp_path / "all")
     assert not (tmp_path / "all").exists()
 
@@ -206,7 +206,7 @@ def test_an_index_that_is_gone_changes_nothing(dataset):
 
 def test_of_two_that_start_at_once_the_second_is_told_at_once(dataset):
     first = start(dataset, arrays_of(0))
-    with pytest.raises(DatasetError, match=f"{POSE}.*episode_000000, which is being recorded"):
+    with pytest.raises(DatasetError, match=f"{POSE}.*episode_000000.*being recorded"):
         start(dataset, changed(POSE, moved_by(0.1))(1))
     append(first, arrays_of(0))
     (dataset.path / ".inflight" / "episode_000000.part").touch()  # what sealing writes, which nobody locks
@@ -226,7 +226,7 @@ def test_a_refused_seal_loses_nothing(dataset, tmp_path, command):
         append(writer, mine)
         other = replace(make_episode(7).meta, index=7)
         write_episode(Episode(other, changed(POSE, moved_by(0.1))(7)), dataset.episode_path(7))
-        with pytest.raises(DatasetError, match=r"svfl-data repair makes an episode of it"):
+        with pytest.raises(DatasetError, match=f"{POSE}.*episode 7.*svfl-data repair"):
             writer.seal(success=True)
     (action,) = repair_dataset(dataset.path)
     assert action.saved

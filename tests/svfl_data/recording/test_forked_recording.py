@@ -45,7 +45,7 @@ def refusal(use, writer) -> int:
     try:
         use(writer)
     except UsageError as error:
-        return REFUSED if "belongs to process" in str(error) and "\n" not in str(error) else OTHER
+        return REFUSED if f"process {os.getppid()} " in str(error) and "\n" not in str(error) else OTHER
     return OTHER
 
 
@@ -86,7 +86,7 @@ def test_a_fork_that_ends_harms_nothing(dataset, end, how):
             process = multiprocessing.get_context("fork").Process(target=end, args=(writer,))
             process.start()
             process.join()
-        with pytest.raises(DatasetError, match="another process is collecting"), Dataset.open(dataset.path).writing():
+        with pytest.raises(DatasetError, match="another process"), Dataset.open(dataset.path).writing():
             pass
         assert writer.seal().read_bytes() == episode_bytes(episode)
 
@@ -131,7 +131,7 @@ def test_a_fork_that_outlives_the_writer_does_not_keep_repair_away(dataset):
 def test_a_writer_is_neither_pickled_nor_copied(dataset, carry):
     with start(dataset) as writer:
         for owner in (writer, writer._journal, writer._behind, writer._folder):
-            with pytest.raises(UsageError, match="can be neither pickled nor copied"):
+            with pytest.raises(UsageError, match=f"{type(owner).__name__}.*process {os.getpid()} "):
                 carry(owner)
         writer.discard()
 
@@ -139,6 +139,6 @@ def test_a_writer_is_neither_pickled_nor_copied(dataset, carry):
 def test_a_spawned_process_cannot_take_it_along(dataset):
     with start(dataset) as writer:
         process = multiprocessing.get_context("spawn").Process(target=leave_block, args=(writer,))
-        with pytest.raises(UsageError, match=r"EpisodeWriter can be neither pickled .* \(multiprocessing.Queue\)"):
+        with pytest.raises(UsageError, match=rf"EpisodeWriter.*process {os.getpid()} .*multiprocessing\.Queue"):
             process.start()
         writer.discard()

@@ -197,7 +197,7 @@ def test_nothing_is_written_through_a_link(dataset, tmp_path, folder):
     if folder == "damaged":
         journal_path(dataset).write_bytes(b"text")
     (dataset.path / folder).symlink_to(outside)
-    with pytest.raises(FormatError, match="a symbolic link"):
+    with pytest.raises(FormatError, match=f"{folder}.*symbolic link"):
         repair_dataset(dataset.path)
     assert [file.name for file in outside.iterdir()] == ["episode_000001.journal"]
 

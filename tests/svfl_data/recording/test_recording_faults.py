@@ -1,5 +1,6 @@
 """What goes wrong while an episode is recorded is known when it is sealed, and stays with it."""
 
+import re
 import threading
 from dataclasses import replace
 
@@ -81,15 +82,15 @@ def test_a_refused_reading_in_a_sensors_thread_keeps_the_episode_from_being_a_su
     with open_writer(dataset, episode) as writer:
         append_all(writer, without_wrench(episode.arrays))
         errors = in_thread(lambda: feel(writer))
-        words = r"not sealed as a success: readings of streams/wrench at 0.402 s .*nan.*; streams/wrench stopped"
-        with pytest.raises(FieldError, match=words) as refusal:
+        facts = r"streams/wrench at 0\.402 s .*\bnan\b.*streams/wrench .*\b2\.80 s "
+        with pytest.raises(FieldError, match=facts) as refusal:
             writer.seal(success=True)
         assert "\n" not in str(refusal.value)
         path = writer.seal(success=False)
     assert [type(error) for error in errors] == [FieldError]
     (entry,) = read_episode(path).meta.history
     assert entry["tool"] == "EpisodeWriter"
-    assert "holds nan" in entry["faults"][0]
+    assert re.search(r"streams/wrench/wrench.*\bnan\b", entry["faults"][0])
 
 
 def test_a_success_with_a_fault_is_one_when_told_and_the_fault_stays(dataset):
@@ -184,20 +185,20 @@ def test_a_gap_that_means_nothing_is_refused(dataset, gap, error):
 
 
 @pytest.mark.parametrize(
-    ("keep", "words"),
+    ("keep", "facts"),
     [
-        (lambda t: t < 400 * MS, "streams/wrench stopped 2.80 s before the end of the episode"),
-        (lambda t: (t <= 1000 * MS) | (t >= 1600 * MS), "streams/wrench has readings of 80% of the episode"),
-        (lambda t: t > 1500 * MS, "streams/wrench has readings of 57% of the episode"),
+        (lambda t: t < 400 * MS, r"streams/wrench .*\b2\.80 s "),
+        (lambda t: (t <= 1000 * MS) | (t >= 1600 * MS), r"streams/wrench .*\b80% .*\b3\.00 s\b"),
+        (lambda t: t > 1500 * MS, r"streams/wrench .*\b57% .*\b3\.00 s\b"),
     ],
 )
 @pytest.mark.parametrize("rates", [None, {"streams/wrench": 500}])
-def test_a_stream_that_falls_silent_keeps_the_episode_from_being_a_success(dataset, keep, words, rates):
+def test_a_stream_that_falls_silent_keeps_the_episode_from_being_a_success(dataset, keep, facts, rates):
     episode = episode_of()
     with open_writer(dataset, episode, rates_hz=rates) as writer:
         append_all(writer, without_wrench(episode.arrays))
         writer.append("streams/wrench", **wrench_of(episode, keep))
-        with pytest.raises(FieldError, match=words):
+        with pytest.raises(FieldError, match=facts):
             writer.seal(success=True)
         assert read_episode(writer.seal(success=False)).meta.history[0]["faults"]
 
@@ -206,7 +207,7 @@ def test_a_declared_stream_that_never_came_is_named(dataset):
     episode = make_episode()
     with open_writer(dataset, episode, rates_hz={"streams/gripper": 100}) as writer:
         append_all(writer, episode.arrays)
-        with pytest.raises(FieldError, match="streams/gripper: 100 Hz was declared, but nothing was appended"):
+        with pytest.raises(FieldError, match=r"streams/gripper.*100 Hz.*nothing"):
             writer.seal(success=True)
         writer.discard()
 
@@ -227,18 +228,18 @@ def test_what_an_episode_need_not_have_may_begin_late_and_events_may_be_rare(dat
 # Units and rates
 
 
-@pytest.mark.parametrize(("divide", "words"), [(1_000, "microseconds"), (1_000_000, "milliseconds")])
-def test_time_stamps_in_another_unit_are_named(dataset, divide, words):
+@pytest.mark.parametrize(("divide", "unit"), [(1_000, "microseconds"), (1_000_000, "milliseconds")])
+def test_time_stamps_in_another_unit_are_named(dataset, divide, unit):
     episode = episode_of()
     arrays = {path: array // divide if path.endswith("/t_ns") else array for path, array in episode.arrays.items()}
     with open_writer(dataset, episode, rates_hz={"streams/wrench": 500}) as writer:
         append_all(writer, arrays)
-        with pytest.raises(FieldError, match=f"are its time stamps {words} instead of nanoseconds"):
+        with pytest.raises(FieldError, match=rf"streams/wrench [^;]*500 Hz[^;]*;[^;]*{unit}[^;]*nanoseconds"):
             writer.seal(success=True)
         writer.discard()
     with open_writer(dataset, episode, varies=["streams/wrench"]) as writer:
         append_all(writer, arrays)
-        with pytest.raises(FieldError, match="they must be nanoseconds"):
+        with pytest.raises(FieldError, match=r"streams/wrench [^;,]*\de\+\d\d Hz[^;,]*;[^;]*nanoseconds"):
             writer.seal(success=True)
         writer.discard()
 
@@ -248,7 +249,7 @@ def test_a_driver_that_fell_back_to_a_tenth_is_named(dataset):
     with open_writer(dataset, episode, rates_hz={"streams/wrench": 500}) as writer:
         append_all(writer, without_wrench(episode.arrays))
         writer.append("streams/wrench", t_ns=episode.wrench_t_ns[::10], wrench=episode.wrench[::10])
-        with pytest.raises(FieldError, match=r"streams/wrench comes at 50.* Hz, but 500 Hz was declared"):
+        with pytest.raises(FieldError, match=r"streams/wrench .*\b50 Hz.*\b500 Hz"):
             writer.seal(success=True)
         assert read_episode(writer.seal(success=True, despite_faults=True)).meta.success
 
@@ -264,7 +265,8 @@ def test_a_reading_that_is_not_newer_is_refused_and_named(dataset, t_ns, group):
 
     with start(dataset) as writer:
         writer.append(group, t_ns=np.array([1, 10]), **rows(2))
-        with pytest.raises(FieldError, match=rf"{group}: row \d+ has t_ns \d+, which is not after the \d+ of the row"):
+        before, late = [10, *t_ns][-2:]
+        with pytest.raises(FieldError, match=rf"{group}.*row {len(t_ns) + 1}\b.*\b{late}\b.*\b{before}\b"):
             writer.append(group, t_ns=np.array(t_ns), **rows(len(t_ns)))
         writer.append(group, t_ns=np.array([11]), **rows(1))
         writer.flush()
@@ -288,7 +290,7 @@ def test_late_readings_may_be_dropped_and_are_counted(dataset):
 
 def test_observations_are_never_dropped(dataset):
     with start(dataset) as writer:
-        with pytest.raises(UsageError, match="an action follows each"):
+        with pytest.raises(UsageError, match=r"observations.*action"):
             writer.append("observations", late="drop", t_ns=np.array([1]), proprio=np.zeros((1, 5), np.float32))
         writer.discard()
 
@@ -378,7 +380,7 @@ def test_what_the_disk_refused_in_the_background_is_said_and_nothing_of_it_is_lo
         monkeypatch.setattr(journal, "write_all", full)
         append_all(writer, {path: array for path, array in episode.arrays.items() if "wrench" in path}, rng=NoFlush())
         tried.wait()
-        with pytest.raises(StorageError, match=r"cannot record to .*Disk quota exceeded"):
+        with pytest.raises(StorageError, match=r"episode_000000\.journal.*Disk quota exceeded"):
             writer.flush()
         with pytest.raises(StorageError, match="Disk quota exceeded"):
             writer.append("actions", action=episode.action, expert_action=episode.arrays["actions/expert_action"])
@@ -431,7 +433,7 @@ def test_an_episode_is_sealed_beside_the_next_one(dataset, monkeypatch):
     with start(dataset, episode) as writer:
         append_all(writer, episode.arrays)
         sealing = writer.seal_beside()
-        with pytest.raises(UsageError, match="has ended"):
+        with pytest.raises(UsageError, match=r"episode 0\b.*\bended\b"):
             writer.append("actions", action=episode.action)
     began.wait()
     with start(dataset, episode) as following:
@@ -448,7 +450,7 @@ def test_what_cannot_be_sealed_beside_is_refused_at_once_and_can_go_on(dataset):
     episode = make_episode()
     with start(dataset, episode) as writer:
         append_all(writer, without_wrench(episode.arrays))
-        with pytest.raises(FieldError, match="streams/wrench"):
+        with pytest.raises(FieldError, match=r"streams/wrench/t_ns.*missing"):
             writer.seal_beside()
         append_all(writer, {path: array for path, array in episode.arrays.items() if "streams/wrench/" in path})
         assert writer.seal_beside().result().read_bytes() == episode_bytes(episode)

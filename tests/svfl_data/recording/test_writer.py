@@ -127,24 +127,24 @@ def camera(rows=2, **changes):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        (wrench(wrench=np.full((2, 6), np.nan, np.float32)), r"holds nan at index \(0, 0\)"),
-        (wrench(wrench=np.zeros((2, 6))), "dtype float64, expected float32"),
-        (wrench(wrench=np.zeros((2, 5), np.float32)), r"shape \(2, 5\), expected \(M, 6\)"),
-        (wrench(wrench=np.zeros((3, 6), np.float32)), "has M = 3, but streams/wrench/t_ns has M = 2"),
-        (wrench(t_ns=None), "streams/wrench/t_ns is missing"),
-        (wrench(tare=np.zeros(6)), "is a constant"),
-        (wrench(temperature=np.zeros(2)), "unknown stream"),
-        (camera(color=np.zeros((2, 17, 16, 3), np.uint8)), "has H = 16, but cameras/front/color has H = 17"),
-        (camera(color=None), "cameras/front/color is missing"),
-        (("cameras/wrist", camera()[1]), "cameras/wrist: constant cameras/wrist/intrinsics is missing"),
-        (("streams/joints", {"position": np.zeros((1, 9), np.float32)}), "streams/joints/t_ns is missing"),
-        (("extra/own", {"a": np.zeros(2), "b": np.zeros(3)}), "expected 2 rows as extra/own/a"),
-        (("extra/../own", {"a": np.zeros(2)}), "not a name for an array"),
-        (("extra//own", {"a": np.zeros(2)}), "not a name for an array"),
-        (("extra/own", {"\x1b[2J": np.zeros(2)}), r"not a name for an array"),
-        (("extra/own", {"a": np.array(["text"])}), "numbers, booleans and byte strings"),
-        (("nowhere", {"a": np.zeros(2)}), "unknown stream"),
-        (("actions", {}), "no rows were given"),
+        (wrench(wrench=np.full((2, 6), np.nan, np.float32)), r"streams/wrench/wrench.*nan.*\(0, 0\)"),
+        (wrench(wrench=np.zeros((2, 6))), "streams/wrench/wrench.*float64.*float32"),
+        (wrench(wrench=np.zeros((2, 5), np.float32)), r"streams/wrench/wrench.*\(2, 5\).*\(M, 6\)"),
+        (wrench(wrench=np.zeros((3, 6), np.float32)), "streams/wrench/wrench.*M = 3.*streams/wrench/t_ns.*M = 2"),
+        (wrench(t_ns=None), "streams/wrench/t_ns.*missing"),
+        (wrench(tare=np.zeros(6)), "streams/wrench/tare.*constant"),
+        (wrench(temperature=np.zeros(2)), "streams/wrench/temperature.*unknown.*observations/t_ns"),
+        (camera(color=np.zeros((2, 17, 16, 3), np.uint8)), "cameras/front/depth.*H = 16.*cameras/front/color.*H = 17"),
+        (camera(color=None), "cameras/front/color.*missing"),
+        (("cameras/wrist", camera()[1]), "cameras/wrist/intrinsics.*missing"),
+        (("streams/joints", {"position": np.zeros((1, 9), np.float32)}), "streams/joints/t_ns.*missing"),
+        (("extra/own", {"a": np.zeros(2), "b": np.zeros(3)}), r"extra/own/b.*\(3,\).*\b2 rows.*extra/own/a"),
+        (("extra/../own", {"a": np.zeros(2)}), r"extra/\.\./own/a.*name"),
+        (("extra//own", {"a": np.zeros(2)}), "extra//own/a.*name"),
+        (("extra/own", {"\x1b[2J": np.zeros(2)}), r"extra/own/\\x1b\[2J.*name"),
+        (("extra/own", {"a": np.array(["text"])}), "extra/own/a.*<U4.*numbers"),
+        (("nowhere", {"a": np.zeros(2)}), "nowhere/a.*unknown.*observations/t_ns"),
+        (("actions", {}), "actions.*no rows"),
     ],
 )
 def test_wrong_rows_are_refused_and_none_is_stored(dataset, wrong, message):
@@ -165,8 +165,8 @@ def test_wrong_rows_are_refused_and_none_is_stored(dataset, wrong, message):
 @pytest.mark.parametrize(
     ("then", "message"),
     [
-        (camera(color=np.zeros((2, 16, 20, 3), np.uint8), depth=np.zeros((2, 16, 20), np.uint16)), "W = 20"),
-        (camera(depth=None), "but began with .*depth"),
+        (camera(color=np.zeros((2, 16, 20, 3), np.uint8), depth=np.zeros((2, 16, 20), np.uint16)), "W = 20.*W = 16"),
+        (camera(depth=None), "cameras/front.*cameras/front/depth uint16"),
     ],
 )
 def test_a_camera_that_changes_within_an_episode_is_refused(dataset, then, message):
@@ -191,9 +191,13 @@ def changed_pose(arrays):
 @pytest.mark.parametrize(
     ("change", "rates", "message"),
     [
-        (changed_pose, RATES, "cameras/front/T_base_camera is .*but the dataset was recorded with"),
-        (lambda arrays: arrays, RATES | {"streams/wrench": 1000}, "rates_hz/streams/wrench is 1000.*recorded with 500"),
-        (lambda _: episode_arrays(np.random.default_rng(0), size=20), RATES, r"cameras/front/color is .*20, 20, 3"),
+        (changed_pose, RATES, r"cameras/front/T_base_camera.*\b1\.01\b.*\b1\.0\b.*episode 0\b"),
+        (lambda arrays: arrays, RATES | {"streams/wrench": 1000}, r"rates_hz/streams/wrench.*\b1000\b.*\b500\b"),
+        (
+            lambda _: episode_arrays(np.random.default_rng(0), size=20),
+            RATES,
+            "cameras/front/color.*20, 20, 3.*16, 16, 3",
+        ),
     ],
 )
 def test_a_changed_camera_or_rate_is_refused_on_resume(dataset, change, rates, message):
@@ -216,17 +220,17 @@ def test_what_is_said_to_vary_may_change(dataset):
 def test_a_recording_that_cannot_be_right_never_starts(dataset, tmp_path):
     episode = make_episode()
     constants = constants_of(episode.arrays)
-    with pytest.raises(FormatError, match="no such folder"):
+    with pytest.raises(FormatError, match="/absent: "):
         EpisodeWriter(tmp_path / "absent", episode.meta, constants)
-    with pytest.raises(DatasetError, match="is of task 'centering', not 'pushing'"):
+    with pytest.raises(DatasetError, match=r"'centering'.*'pushing'"):
         EpisodeWriter(dataset, replace(episode.meta, task="pushing"), constants)
-    with pytest.raises(FieldError, match="cannot be stored as JSON"):
+    with pytest.raises(FieldError, match=r"episode 0\b.*config\.gain.*nan"):
         EpisodeWriter(dataset, replace(episode.meta, config={"gain": float("nan")}), constants)
-    with pytest.raises(FieldError, match=r"take \d+ bytes of JSON, at most \d+ are stored"):
+    with pytest.raises(FieldError, match=rf"episode 0\b.*\b\d{{7}} bytes.*\b{2**21}\b"):
         EpisodeWriter(dataset, replace(episode.meta, config={"note": "x" * 2**22}), constants)
-    with pytest.raises(FieldError, match="constant streams/wrench/tare is missing"):
+    with pytest.raises(FieldError, match=r"streams/wrench/tare.*missing"):
         EpisodeWriter(dataset, episode.meta, {k: v for k, v in constants.items() if not k.endswith("tare")})
-    with pytest.raises(FieldError, match="has rows, append it"):
+    with pytest.raises(FieldError, match=r"actions/action.*append"):
         EpisodeWriter(dataset, episode.meta, constants | {"actions/action": episode.action})
     assert [file.name for file in dataset.path.iterdir()] == ["dataset.json"]
 
@@ -237,23 +241,23 @@ def test_an_unwhole_episode_is_not_sealed_but_can_be_completed(dataset):
     last = {name: episode.arrays[f"actions/{name}"][-1:] for name in ("action", "expert_action")}
     with start(dataset) as writer:
         append_all(writer, episode.arrays | begun)
-        with pytest.raises(FieldError, match="5 observations need 4 actions, found 3"):
+        with pytest.raises(FieldError, match=r"episode 0\b.*\b5 observations.*\b4 actions.*\b3\b"):
             writer.seal()
         writer.append("actions", **last)
         assert writer.seal().read_bytes() == episode_bytes(episode)
-        with pytest.raises(UsageError, match="has ended"):
+        with pytest.raises(UsageError, match=r"episode 0\b.*\bended\b"):
             writer.append("actions", **last)
 
 
 def test_indices_are_taken_in_turn_and_never_twice(dataset):
     first, second = start(dataset), start(dataset)
     assert (first.meta.index, second.meta.index) == (0, 1)
-    with pytest.raises(DatasetError, match="episode 1 is being written"):
+    with pytest.raises(DatasetError, match=r"episode 1.*svfl-data repair"):
         EpisodeWriter(dataset, replace(make_episode().meta, index=1), constants_of(make_episode().arrays))
     second.discard()
     append_all(first, make_episode().arrays)
     first.seal()
-    with pytest.raises(DatasetError, match="episode 0 exists already"):
+    with pytest.raises(DatasetError, match=r"episode 0.*exists"):
         EpisodeWriter(dataset, make_episode().meta, constants_of(make_episode().arrays))
     third = start(dataset)
     assert third.meta.index == 1
