@@ -34,50 +34,56 @@ def test_a_dataset_is_found_again(dataset):
 
 
 @pytest.mark.parametrize(
-    ("task", "seed", "size", "message"),
+    ("task", "seed", "size", "facts"),
     [
-        ("picking", 0, 16, "task is 'centering', asked for 'picking'"),
-        ("centering", 1, 16, "seed is 0, asked for 1"),
-        ("centering", 0, 32, "config.camera.size is 16, asked for 32"),
+        ("picking", 0, 16, "task.*'centering'.*'picking'"),
+        ("centering", 1, 16, r"seed.*\b0\b.*\b1\b"),
+        ("centering", 0, 32, r"config\.camera\.size.*\b16\b.*\b32\b"),
     ],
 )
-def test_another_dataset_is_never_mixed_in(dataset, task, seed, size, message):
-    with pytest.raises(DatasetError, match=message):
+def test_another_dataset_is_never_mixed_in(dataset, task, seed, size, facts):
+    with pytest.raises(DatasetError, match=facts):
         Dataset.create_or_resume(dataset.path, task, seed, {"camera": {"size": size}})
 
 
-@pytest.mark.parametrize("config", [{}, {"camera": {}}, {"camera": {"size": 16}, "tags": True}])
-def test_what_only_one_of_two_configurations_has_makes_them_different(dataset, config):
-    with pytest.raises(DatasetError, match=r"config\.(camera\.size|tags) is"):
+@pytest.mark.parametrize(
+    ("config", "facts"),
+    [
+        ({}, r"config\.camera\.size.*\b16\b.*None"),
+        ({"camera": {}}, r"config\.camera\.size.*\b16\b.*None"),
+        ({"camera": {"size": 16}, "tags": True}, r"config\.tags.*None.*True"),
+    ],
+)
+def test_what_only_one_of_two_configurations_has_makes_them_different(dataset, config, facts):
+    with pytest.raises(DatasetError, match=facts):
         Dataset.create_or_resume(dataset.path, "centering", 0, config)
 
 
 def test_a_folder_with_other_files_is_left_alone(tmp_path):
     (tmp_path / "thesis.tex").write_text("do not touch")
-    with pytest.raises(DatasetError, match="holds other files"):
-        Dataset.create_or_resume(tmp_path, "centering", 0, {})
-    with pytest.raises(DatasetError, match="holds other files"):
-        Dataset.create_or_resume(tmp_path / "thesis.tex", "centering", 0, {})
+    for place in (tmp_path, tmp_path / "thesis.tex"):
+        with pytest.raises(DatasetError, match=rf"{place} .*dataset\.json"):
+            Dataset.create_or_resume(place, "centering", 0, {})
     assert [file.name for file in tmp_path.iterdir()] == ["thesis.tex"]
 
 
 def test_what_is_not_a_dataset_is_named(dataset, tmp_path):
-    with pytest.raises(FormatError, match="no such folder"):
+    with pytest.raises(FormatError, match="/absent: "):
         Dataset.open(tmp_path / "absent")
-    with pytest.raises(FormatError, match=r"has no dataset\.json"):
+    with pytest.raises(FormatError, match=rf"{tmp_path}: .*dataset\.json"):
         Dataset.open(tmp_path)
-    with pytest.raises(FormatError, match="is a file"):
+    with pytest.raises(FormatError, match=r"episode_000000\.hdf5.*\bfile\b"):
         Dataset.open(dataset.episode_path(0))
     (dataset.path / "dataset.json").write_text("{")
-    with pytest.raises(FormatError, match="not readable as JSON"):
+    with pytest.raises(FormatError, match=r"dataset\.json.*JSON"):
         Dataset.open(dataset.path)
     (dataset.path / "dataset.json").write_text('{"format": "svfl-dataset", "format_version": "3.1"}')
-    with pytest.raises(FormatError, match=r"format version 3\.1"):
+    with pytest.raises(FormatError, match=r"dataset\.json.*\b3\.1.*\b1\.x"):
         Dataset.open(dataset.path)
 
 
 def test_an_absent_episode_is_named(dataset):
-    with pytest.raises(DatasetError, match="no episode 17; it has 5 episodes, 0 to 4"):
+    with pytest.raises(DatasetError, match=r"episode 17\b.*\b5 episodes.*\b0 to 4\b"):
         dataset.read(17)
 
 
@@ -92,7 +98,7 @@ def test_only_one_collector_writes_and_remains_are_cleared(dataset):
     with dataset.writing():
         assert not remains.exists()
         second = subprocess.run([sys.executable, "-c", code, dataset.path], cwd=root, capture_output=True, text=True)
-        assert "another process is collecting" in second.stderr
+        assert "another process" in second.stderr
     third = subprocess.run([sys.executable, "-c", code, dataset.path], cwd=root, capture_output=True, text=True)
     assert third.stdout.strip() == "held"
 
@@ -128,13 +134,13 @@ def test_a_dataset_without_labels_is_refused(dataset):
     arrays = episode_arrays(np.random.default_rng(0))
     del arrays["labels/offset"], arrays["labels/direction"]
     write_episode(Episode(make_episode(5).meta, arrays), dataset.episode_path(5))
-    with pytest.raises(DatasetError, match=r"episode_000005\.hdf5: has no labels"):
+    with pytest.raises(DatasetError, match=r"episode_000005\.hdf5.*labels/offset.*labels/direction"):
         load_centering(dataset.path)
 
 
 def test_an_empty_dataset_is_refused(tmp_path):
     Dataset.create_or_resume(tmp_path / "empty", "centering", 0, {})
-    with pytest.raises(DatasetError, match="no episodes yet"):
+    with pytest.raises(DatasetError, match=r"empty.*no episodes"):
         load_centering(tmp_path / "empty")
 
 
@@ -154,7 +160,7 @@ def test_the_split_is_balanced_disjoint_and_has_one_test_set():
 
 def test_impossible_splits_are_refused():
     labels = np.arange(200) % 4
-    with pytest.raises(UsageError, match="must be at least 1"):
+    with pytest.raises(UsageError, match=r"\b0 training.*at least 1\b"):
         train_test_split(labels, 0, 100, 0)
-    with pytest.raises(DatasetError, match="at most 100 can be trained on"):
+    with pytest.raises(DatasetError, match=r"\b101 training.*\b100 test.*\b200\b.*at most 100\b"):
         train_test_split(labels, 101, 100, 0)

@@ -1,6 +1,7 @@
 """Nothing in a dataset folder is read or written through a link, nothing waits for a pipe, names have one meaning."""
 
 import os
+import re
 import shutil
 import signal
 
@@ -146,7 +147,7 @@ def test_the_same_recording_twice_is_found_and_never_split(dataset, tmp_path, co
         command("relabel", dataset.path, "--episode", 9, "--success", "no")
     code, out, _ = command("validate", dataset.path)
     assert code == 1
-    assert f"{dataset.episode_path(9)}: the same recording as episode_000003.hdf5" in out
+    assert re.search(rf"{dataset.episode_path(9)}: .*episode_000003\.hdf5", out)
     for words in (
         ("merge", dataset.path, tmp_path / "m"),
         ("filter", dataset.path, tmp_path / "m", "--task", "centering"),
@@ -154,8 +155,7 @@ def test_the_same_recording_twice_is_found_and_never_split(dataset, tmp_path, co
     ):
         code, _, err = command(*words)
         assert (code, err.count("\n")) == (1, 1)
-        assert "the same recording more than once" in err
-        assert "--once" in err
+        assert re.search(r"9(\.hdf5)? of \S*3\b.*--once", err)
     assert "1 copy left out" in command("filter", dataset.path, tmp_path / "m", "--once")[1]
     assert len(Dataset.open(tmp_path / "m")) == 4
     assert command("split", tmp_path / "m", "--ratios", "train=0.5", "test=0.5")[0] == 0
@@ -180,7 +180,7 @@ def test_of_two_shards_with_one_episode_the_later_is_read_and_that_is_said(datas
     code, out, _ = command("validate", packed.path)
     assert code == 0
     assert "in more than one shard" in out
-    assert "3 (shard_000000.zip, shard_000001.zip)" in out
+    assert re.search(r"\b3\b.*shard_000000\.zip.*shard_000001\.zip", out)
 
 
 def test_shards_of_any_name_can_be_packed_again(dataset, tmp_path, command):
@@ -197,7 +197,7 @@ def test_a_split_whose_episodes_are_gone_says_which_and_how_to_go_on(dataset, co
     for words in (("stats", dataset.path), ("split", dataset.path, "--ratios", "train=0.5", "test=0.5")):
         code, _, err = command(*words)
         assert (code, err.count("\n")) == (1, 1)
-        assert "lacks 1 of its 4 episodes (2)" in err
+        assert re.search(r"\b1 of its 4 episodes.*\b2\b", err)
         assert "--replace" in err
     assert command("split", dataset.path, "--ratios", "train=0.5", "test=0.5", "--replace")[0] == 0
     assert command("stats", dataset.path)[0] == 0

@@ -141,7 +141,7 @@ def test_json_has_bounds(kind):
 
 def test_json_has_a_size(tmp_path):
     assert parse_json('{"a": [1]}', "where", limit=10) == {"a": [1]}
-    with pytest.raises(FormatError, match="larger than the 9 bytes"):
+    with pytest.raises(FormatError, match=r"where.*\b9 bytes"):
         parse_json('{"a": [1]}', "where", limit=9)
 
 
@@ -190,13 +190,24 @@ def test_numpy_scalars_are_stored_as_what_they_are():
 
 
 @pytest.mark.parametrize(
-    "value", [math.nan, math.inf, np.float32("nan"), "\ud800", {1: 2}, object(), 2**BITS_LIMIT, {"a": {"b": {3}}}, b"x"]
+    ("value", "found"),
+    [
+        (math.nan, "nan"),
+        (math.inf, "inf"),
+        (np.float32("nan"), "nan"),
+        ("\ud800", r"\\ud800"),
+        ({1: 2}, r"key 1\b.*int"),
+        (object(), "object"),
+        (2**BITS_LIMIT, rf"{BITS_LIMIT + 1} bits.*\b{BITS_LIMIT}\b"),
+        ({"a": {"b": {3}}}, r"key\.a\.b\b.*set"),
+        (b"x", "bytes"),
+    ],
 )
-def test_what_could_not_be_read_again_is_not_written(tmp_path, value):
-    with pytest.raises(FieldError, match=r"(here|nan|text|deeper|JSON|finite|Unicode|integer)"):
+def test_what_could_not_be_read_again_is_not_written(tmp_path, value, found):
+    with pytest.raises(FieldError, match=f"^here.*{found}"):
         plain({"key": value}, "here")
     meta = replace(make_episode().meta, config={"key": value})
-    with pytest.raises(FieldError, match="metadata of episode 0 cannot be stored as JSON"):
+    with pytest.raises(FieldError, match=rf"episode 0\b.*{found}"):
         write_episode(replace(make_episode(), meta=meta), tmp_path / "e.hdf5")
     assert not list(tmp_path.iterdir())
 
@@ -204,7 +215,7 @@ def test_what_could_not_be_read_again_is_not_written(tmp_path, value):
 def test_what_nests_in_itself_is_an_error():
     value: list = []
     value.append(value)
-    with pytest.raises(FieldError, match="nested deeper"):
+    with pytest.raises(FieldError, match=rf"here.*\b{DEPTH_LIMIT}\b"):
         plain(value, "here")
 
 
@@ -243,5 +254,5 @@ def test_a_resealed_file_keeps_the_bounds(tmp_path):
     write_episode(make_episode(), file)
     with h5py.File(file, "a") as content:
         content.attrs["history"] = "[" * 3000
-    with pytest.raises(FormatError, match="history"):
+    with pytest.raises(FormatError, match=r"e\.hdf5.*history"):
         resealed_bytes(file, {"tool": "repair"})

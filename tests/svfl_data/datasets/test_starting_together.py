@@ -1,6 +1,7 @@
 """Processes that start a dataset in the same folder at the same moment: one description, and nobody is refused."""
 
 import functools
+import re
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -98,7 +99,7 @@ def test_of_two_that_disagree_one_wins_wherever_one_is_stopped(tmp_path):
         (lost,) = (error for error in became if error)
         assert isinstance(lost, DatasetError)
         won = became.index(None)
-        assert f"{place} holds another dataset: its seed is {won}, asked for {1 - won}" in str(lost)
+        assert re.search(rf"{place} .*seed.*\b{won}\b.*\b{1 - won}\b", str(lost))
         assert Dataset.open(place).info["seed"] == won
 
 
@@ -114,7 +115,7 @@ def test_of_two_splits_of_one_name_one_is_stored_wherever_one_is_stopped(tmp_pat
         became, more = interrupted(functools.partial(mine.save, dataset), line, functools.partial(others.save, dataset))
         lost = [error for error in became if error]
         assert len(lost) == (more and mine.sha256 != others.sha256)
-        assert all("holds another split; choose another name" in str(error) for error in lost)
+        assert all(isinstance(error, DatasetError) and "splits/default.json" in str(error) for error in lost)
         won = load_split(dataset, "default").sha256
         assert won == (others if became[0] else mine).sha256
         assert len(list((dataset.path / "splits").iterdir())) == 1
@@ -154,7 +155,7 @@ def test_what_a_killed_one_left_is_no_obstacle_and_is_cleared(tmp_path):
 )
 def test_foreign_files_are_still_refused(tmp_path, name):
     (tmp_path / name).write_text("do not touch")
-    with pytest.raises(DatasetError, match="holds other files and no dataset"):
+    with pytest.raises(DatasetError, match=rf"{tmp_path} .*dataset\.json"):
         start(tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == [name]
 
@@ -164,6 +165,6 @@ def test_a_disk_that_refuses_is_still_named(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.link", full)
-    with pytest.raises(StorageError, match=r"cannot write .*dataset\.json .*No space left on device"):
+    with pytest.raises(StorageError, match=r"dataset\.json.*No space left on device"):
         start(tmp_path / "d")
     assert not list((tmp_path / "d").iterdir())
