@@ -125,52 +125,55 @@ def of_named_type(opened):
 
 
 REFUSED = {
-    "external storage": (external, "tare has external storage: its numbers lie in other files"),
-    "external storage in what is not read": (external_and_unknown, "later/version has external storage"),
-    "virtual": (virtual, "tare is a virtual dataset"),
-    "external link": (lambda o: o.__setitem__("extra/x", h5py.ExternalLink("secret", "/a")), "extra/x is an external"),
-    "soft link": (lambda o: o.__setitem__("extra/x", h5py.SoftLink("/workspace")), "extra/x is a soft link"),
-    "loop": (loop, "extra/all is a second name"),
-    "second name": (lambda o: o.__setitem__("extra/x", o["workspace"]), "is a second name of an object"),
-    "named type": (named_type, "extra/kind is neither a group nor an array"),
-    "of a named type": (of_named_type, "kind is neither|extra/own has a named type"),
-    "reference": (with_extra(shape=(2,), dtype=h5py.ref_dtype), "extra/own is of a type other than"),
-    "region": (with_extra(shape=(2,), dtype=h5py.regionref_dtype), "extra/own is of a type other than"),
-    "vlen": (with_extra(shape=(2,), dtype=h5py.vlen_dtype("i4")), "extra/own is of a type other than"),
-    "vlen text": (with_extra(shape=(2,), dtype=h5py.string_dtype()), "extra/own is of a type other than"),
-    "compound": (with_extra(data=np.zeros(2, "f4,i4")), "extra/own is of a type other than"),
-    "lzf": (with_extra(data=np.zeros((9, 9)), compression="lzf"), r"extra/own is stored with filters \[32000\]"),
-    "scale offset": (with_extra(data=np.zeros((9, 9), int), scaleoffset=0), r"extra/own is stored with filters \[6\]"),
-    "order of filters": (gzip_before_shuffle, "extra/own is stored with filters"),
-    "unwritten": (with_extra(shape=(9,), dtype="f4"), "extra/own was declared but never written"),
+    "external storage": (external, "streams/wrench/tare.*external storage"),
+    "external storage in what is not read": (external_and_unknown, "later/version.*external storage"),
+    "virtual": (virtual, "streams/wrench/tare.*virtual"),
+    "external link": (lambda o: o.__setitem__("extra/x", h5py.ExternalLink("secret", "/a")), "extra/x.*external link"),
+    "soft link": (lambda o: o.__setitem__("extra/x", h5py.SoftLink("/workspace")), "extra/x.*soft link"),
+    "loop": (loop, "extra/all.*second name"),
+    "second name": (lambda o: o.__setitem__("extra/x", o["workspace"]), "workspace.*second name"),
+    "named type": (named_type, "extra/kind.*neither"),
+    "of a named type": (of_named_type, ": kind.*neither|extra/own.*named type"),
+    "reference": (with_extra(shape=(2,), dtype=h5py.ref_dtype), "extra/own.*type.*numbers"),
+    "region": (with_extra(shape=(2,), dtype=h5py.regionref_dtype), "extra/own.*type.*numbers"),
+    "vlen": (with_extra(shape=(2,), dtype=h5py.vlen_dtype("i4")), "extra/own.*type.*numbers"),
+    "vlen text": (with_extra(shape=(2,), dtype=h5py.string_dtype()), "extra/own.*type.*numbers"),
+    "compound": (with_extra(data=np.zeros(2, "f4,i4")), "extra/own.*type.*numbers"),
+    "lzf": (with_extra(data=np.zeros((9, 9)), compression="lzf"), r"extra/own.*\[32000\].*shuffle, gzip, fletcher32"),
+    "scale offset": (
+        with_extra(data=np.zeros((9, 9), int), scaleoffset=0),
+        r"extra/own.*\[6\].*shuffle, gzip, fletcher32",
+    ),
+    "order of filters": (gzip_before_shuffle, r"extra/own.*\[1, 2\].*shuffle, gzip, fletcher32"),
+    "unwritten": (with_extra(shape=(9,), dtype="f4"), "extra/own.*declared.*never written"),
     "unwritten chunks": (
         with_extra(shape=(9,), chunks=(3,), dtype="f4"),
-        "extra/own has chunks that were never written",
+        "extra/own.*chunks.*never written",
     ),
-    "pieces": (pieces, "streams/wrench/wrench is stored in pieces of rows"),
-    "empty": (with_extra(data=h5py.Empty("f8")), "extra/own has no shape"),
-    "deep": (deep, "lies more than 8 groups deep"),
-    "wide": (wide, "holds more than 1000 objects"),
-    "list of texts": (with_attribute("task", ["a", "b"]), "attribute task is not a single text or number"),
-    "reference as text": (lambda o: o.attrs.__setitem__("task", o["workspace"].ref), "attribute task is not a single"),
-    "numbers as unit": (with_attribute("unit", np.zeros(3), "workspace"), "attribute unit is not a single text"),
-    "no UTF-8": (with_attribute("task", np.bytes_(b"\xff\xfe")), "attribute task is not UTF-8"),
-    "huge text": (with_attribute("config", "{" + " " * (9 * MIB) + "}"), "attribute config is larger than"),
-    "control character": (lambda o: o.__setitem__("extra/\x1b[2J", 1.0), "has an impossible name, '.x1b"),
-    "dots": (lambda o: h5py.h5g.create(o["workspace"].parent.id, b"..\x07"), "has an impossible name"),
+    "pieces": (pieces, "streams/wrench/wrench.*pieces.*rows"),
+    "empty": (with_extra(data=h5py.Empty("f8")), "extra/own.*no shape"),
+    "deep": (deep, r"extra/a/a.*\b8 groups"),
+    "wide": (wide, r"\b1000 objects"),
+    "list of texts": (with_attribute("task", ["a", "b"]), "task.*single text or number"),
+    "reference as text": (lambda o: o.attrs.__setitem__("task", o["workspace"].ref), "task.*single text or number"),
+    "numbers as unit": (with_attribute("unit", np.zeros(3), "workspace"), "workspace.*unit.*single text or number"),
+    "no UTF-8": (with_attribute("task", np.bytes_(b"\xff\xfe")), "task.*UTF-8"),
+    "huge text": (with_attribute("config", "{" + " " * (9 * MIB) + "}"), f"config.*{8 * MIB}"),
+    "control character": (lambda o: o.__setitem__("extra/\x1b[2J", 1.0), r"extra/.*\\x1b\[2J"),
+    "dots": (lambda o: h5py.h5g.create(o["workspace"].parent.id, b"..\x07"), r"\.\.\\x07"),
     "claims chunks": (
         with_extra(shape=(200_000_000,), chunks=(1,), dtype="u1"),
-        "claims 200000000 chunks, more than the file",
+        r"extra/own.*\b200000000 chunks",
     ),
-    "claims rows": (with_extra(shape=(2**40,), chunks=(2**27,), dtype="u1"), "extra/own (has|claims)"),
+    "claims rows": (with_extra(shape=(2**40,), chunks=(2**27,), dtype="u1"), "extra/own.*chunks"),
 }
 
 
 @pytest.mark.parametrize("kind", REFUSED)
 def test_what_no_episode_of_ours_has_is_refused_in_one_line(file, kind, command):
-    change, message = REFUSED[kind]
+    change, facts = REFUSED[kind]
     changed(file, change)
-    with pytest.raises(FormatError, match=message) as refusal:
+    with pytest.raises(FormatError, match=facts) as refusal:
         read_episode(file)
     assert str(file) in str(refusal.value)
     for words in (("info", file), ("validate", file, "--json"), ("info", file, "--json")):
@@ -338,14 +341,14 @@ def test_the_limit_can_be_raised_and_the_message_says_how(tmp_path, monkeypatch)
     episode = make_episode()
     object.__setattr__(episode, "arrays", arrays)
     write_episode(episode, tmp_path / "e.hdf5")
-    with pytest.raises(FormatError, match=rf"most of them streams/wrench/wrench.*set {VARIABLE} to \d+") as refusal:
+    with pytest.raises(FormatError, match=rf"streams/wrench/wrench.*{VARIABLE}.* \d+$") as refusal:
         read_episode(tmp_path / "e.hdf5")
     monkeypatch.setenv(VARIABLE, str(refusal.value).split()[-1])
     forget()
     assert len(EpisodeReader.of_file(tmp_path / "e.hdf5")["streams/wrench/wrench"]) == rows
     monkeypatch.setenv(VARIABLE, "much")
     forget()
-    with pytest.raises(UsageError, match=f"{VARIABLE} is 'much'"):
+    with pytest.raises(UsageError, match=f"{VARIABLE}.*'much'"):
         read_episode(tmp_path / "e.hdf5")
 
 
@@ -381,7 +384,7 @@ def test_a_killed_examiner_is_replaced(tmp_path, file):
     for number in range(3):
         os.kill(examination._examiner.process.pid, signal.SIGKILL)
         write_episode(make_episode(number + 1), tmp_path / f"{number}.hdf5")
-        with pytest.raises(FormatError, match="the program that examines it ended"):
+        with pytest.raises(FormatError, match=rf"{number}\.hdf5.*ended"):
             read_episode(tmp_path / f"{number}.hdf5")
         forget()
         assert read_episode(tmp_path / f"{number}.hdf5").meta.index == number + 1
@@ -457,8 +460,10 @@ def test_no_other_file_can_be_opened_while_examining(file):
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "7\n"
 
 
-@pytest.mark.parametrize("kind", ["link", "pipe", "folder"])
-def test_members_of_a_dataset_are_ordinary_files(tmp_path, kind, file):
+@pytest.mark.parametrize(
+    ("kind", "found"), [("link", "symbolic link"), ("pipe", "named pipe"), ("folder", r"\bfolder")]
+)
+def test_members_of_a_dataset_are_ordinary_files(tmp_path, kind, found, file):
     dataset = Dataset.create_or_resume(tmp_path / "d", "centering", 0, {})
     member = dataset.episode_path(0)
     if kind == "link":
@@ -467,7 +472,7 @@ def test_members_of_a_dataset_are_ordinary_files(tmp_path, kind, file):
         os.mkfifo(member)
     else:
         member.mkdir()
-    with pytest.raises(FormatError, match=r"symbolic link|a named pipe|a folder"):
+    with pytest.raises(FormatError, match=f"{member}.*{found}"):
         dataset.read(0)
 
 
@@ -475,7 +480,7 @@ def test_a_file_that_the_user_names_may_be_a_link(tmp_path, file):
     (tmp_path / "mine.hdf5").symlink_to(file)
     assert read_episode(tmp_path / "mine.hdf5").meta.index == 0
     (tmp_path / "dead.hdf5").symlink_to(tmp_path / "absent")
-    with pytest.raises(FormatError, match="no such file"):
+    with pytest.raises(FormatError, match=r"dead\.hdf5"):
         read_episode(tmp_path / "dead.hdf5")
 
 
@@ -491,21 +496,21 @@ def shard_with(*names, content=b"x" * 100, attribute=0, compress=zipfile.ZIP_STO
 
 @pytest.mark.filterwarnings("ignore:Duplicate name")
 @pytest.mark.parametrize(
-    ("write", "message"),
+    ("write", "facts"),
     [
-        (shard_with("../episode_000001.hdf5"), "a name that leads out of the folder"),
-        (shard_with("/episode_000001.hdf5"), "a name that leads out of the folder"),
-        (shard_with("a/../../b"), "a name that leads out of the folder"),
-        (shard_with("episode_000003.hdf5", "episode_000003.hdf5"), "is a second episode 3"),
-        (shard_with("episode_000003.hdf5", attribute=0o120777 << 16), "encrypted, a link, or has two sizes"),
-        (shard_with("episode_000003.hdf5", compress=zipfile.ZIP_DEFLATED), "is compressed"),
+        (shard_with("../episode_000001.hdf5"), r": \.\./episode_000001\.hdf5.*name"),
+        (shard_with("/episode_000001.hdf5"), r": /episode_000001\.hdf5.*name"),
+        (shard_with("a/../../b"), r"a/\.\./\.\./b.*name"),
+        (shard_with("episode_000003.hdf5", "episode_000003.hdf5"), r"episode_000003\.hdf5.*second episode 3\b"),
+        (shard_with("episode_000003.hdf5", attribute=0o120777 << 16), r"episode_000003\.hdf5.*\blink\b"),
+        (shard_with("episode_000003.hdf5", compress=zipfile.ZIP_DEFLATED), r"episode_000003\.hdf5.*compressed"),
     ],
 )
-def test_a_shard_that_is_not_plain_is_refused(tmp_path, write, message):
+def test_a_shard_that_is_not_plain_is_refused(tmp_path, write, facts):
     dataset = Dataset.create_or_resume(tmp_path / "d", "centering", 0, {})
     with zipfile.ZipFile(dataset.path / "shard_000000.zip", "w") as archive:
         write(archive)
-    with pytest.raises(FormatError, match=message):
+    with pytest.raises(FormatError, match=rf"shard_000000\.zip.*{facts}"):
         dataset.read(3)
 
 
@@ -567,7 +572,7 @@ def test_whole_episodes_are_hashed_whatever_is_remembered(cache, file):
     with open(file, "r+b") as same:
         same.write(content)
     os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
-    with pytest.raises(FormatError, match="do not match its seal"):
+    with pytest.raises(FormatError, match=rf"{file.name}.*\b{len(content)} bytes.*seal"):
         EpisodeReader(extent).load()
 
 
@@ -620,7 +625,7 @@ def test_the_cache_drops_its_oldest(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("array", [np.zeros(2, "f4,i4"), np.array(["a", None]), np.array(["text"])])
 def test_nothing_is_written_that_could_not_be_read(array):
-    with pytest.raises(FieldError, match=r"extra/own has dtype .*numbers, booleans and byte strings"):
+    with pytest.raises(FieldError, match=r"extra/own.*numbers"):
         Episode(make_episode().meta, make_episode().arrays | {"extra/own": array})
 
 
@@ -637,14 +642,14 @@ def test_an_unsealed_file_is_examined_as_any_other(file):
     assert read_unsealed(file).meta == make_episode().meta
     with h5py.File(file, "a") as opened:
         external(opened)
-    with pytest.raises(FormatError, match="external storage"):
+    with pytest.raises(FormatError, match=r"streams/wrench/tare.*external storage"):
         read_unsealed(file)
     placement = header(Extent.of_file(rewritten(file))).placements["cameras/front/color"]
     offset, size, _ = placement.chunks[1]
     content = bytearray(whole)
     content[offset + size - 2] ^= 1  # of the checksum that HDF5 alone looks at
     file.write_bytes(content)
-    with pytest.raises(FormatError, match="damaged, cameras/front/color cannot be read"):
+    with pytest.raises(FormatError, match=f"{file.name}.*cameras/front/color"):
         read_unsealed(file)
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import FieldError, FormatError, SvflError
+from svfl_data.errors import FieldError, FormatError
 from svfl_data.schema.episode import Episode
 from svfl_data.storage.chunks import Extent
 from svfl_data.storage.header import forget
@@ -82,9 +82,9 @@ def test_any_rows_of_any_array_are_those_that_were_written(tmp_path_factory, own
 
 def test_rows_beyond_an_array_are_refused(file):
     color = EpisodeReader.of_file(file)["cameras/front/color"]
-    with pytest.raises(IndexError, match="no row 5; it has 5"):
+    with pytest.raises(IndexError, match=r"cameras/front/color.*\brow 5\b.*\bhas 5\b"):
         color[5]
-    with pytest.raises(FieldError, match="recorded without cameras/wrist/color"):
+    with pytest.raises(FieldError, match=r"cameras/wrist/color.*cameras/front/color"):
         EpisodeReader.of_file(file)["cameras/wrist/color"]
 
 
@@ -123,7 +123,7 @@ def test_no_damage_is_read(tmp_path):
         file.write_bytes(bad)
         with pytest.raises(FormatError, match=file.name):
             EpisodeReader.of_file(file).load()
-    with pytest.raises(FormatError, match="no such file"):
+    with pytest.raises(FormatError, match=r"absent\.hdf5"):
         EpisodeReader.of_file(tmp_path / "absent.hdf5")
 
 
@@ -132,7 +132,7 @@ def test_a_file_that_changes_while_it_is_read_is_refused(file):
     color = reader["cameras/front/color"]
     color[0]
     write_episode(make_episode(1), file)
-    with pytest.raises(FormatError, match="changed while it was being read"):
+    with pytest.raises(FormatError, match=f"{file.name}.*changed"):
         color[1]
     assert EpisodeReader.of_file(file).meta.index == 1
 
@@ -147,7 +147,7 @@ def test_damage_after_opening_is_found_or_harmless(file):
     with open(file, "r+b") as same:
         same.write(content)
     os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
-    with pytest.raises(FormatError, match="damaged at byte"):
+    with pytest.raises(FormatError, match=rf"{file.name}.*\bbyte {offset}\b"):
         frames[2]
 
 
@@ -171,37 +171,42 @@ def test_the_same_errors_lazily_and_whole(tmp_path):
         object.__setattr__(episode, "arrays", arrays | {path: value})
         file = tmp_path / f"{number}.hdf5"
         write_episode(episode, file)
-        with pytest.raises(SvflError, match=path):
+        with pytest.raises(FieldError, match=rf"{number}\.hdf5.*{path}"):
             read_episode(file)
-        with pytest.raises(SvflError, match=path):
+        with pytest.raises(FieldError, match=rf"{number}\.hdf5.*{path}"):
             EpisodeReader.of_file(file)["observations/proprio"]
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "error", "facts"),
     [
-        (lambda file: file["workspace"].attrs.modify("unit", "mm"), "workspace has unit 'mm', expected 'm'"),
+        (lambda file: file["workspace"].attrs.modify("unit", "mm"), FieldError, "workspace.*unit.*'mm'.*'m'"),
         (
             lambda file: file["streams/wrench/wrench"].attrs.modify("axes", "tool"),
-            "wrench has axes 'tool', expected 'base'",
+            FieldError,
+            "streams/wrench/wrench.*axes.*'tool'.*'base'",
         ),
-        (lambda file: file["streams/wrench/tare"].attrs.__delitem__("about"), "tare has about None"),
-        (lambda file: file.attrs.__delitem__("task"), "not a readable episode .*task"),
-        (lambda file: file.attrs.create("index", "three"), "not a readable episode .*index"),
-        (lambda file: file.attrs.modify("config", "{"), "not a readable episode"),
-        (lambda file: file.attrs.modify("format", "other"), "attribute format is 'other'"),
-        (lambda file: file.attrs.modify("format_version", "2.0"), r"format version 2\.0; this software reads 1\.x"),
+        (
+            lambda file: file["streams/wrench/tare"].attrs.__delitem__("about"),
+            FieldError,
+            "streams/wrench/tare.*about.*None.*'sensor origin'",
+        ),
+        (lambda file: file.attrs.__delitem__("task"), FormatError, "task.*missing"),
+        (lambda file: file.attrs.create("index", "three"), FormatError, r"\bint\b.*\bstr\b.*\bindex\b"),
+        (lambda file: file.attrs.modify("config", "{"), FormatError, "config.*JSON"),
+        (lambda file: file.attrs.modify("format", "other"), FormatError, "format.*'other'.*'svfl-episode'"),
+        (lambda file: file.attrs.modify("format_version", "2.0"), FormatError, r"\b2\.0\b.*\b1\.x"),
     ],
 )
-def test_what_is_sealed_but_wrong_is_refused_by_both(file, change, message):
+def test_what_is_sealed_but_wrong_is_refused_by_both(file, change, error, facts):
     with h5py.File(file, "a") as content:
         change(content)
     whole = file.read_bytes()
     content = whole[: whole.rindex(b"\nsvfl-sha256:")] if whole.count(b"\nsvfl-sha256:") else whole
     file.write_bytes(content + seal(content))
-    with pytest.raises(SvflError, match=message):
+    with pytest.raises(error, match=f"{file.name}.*{facts}"):
         read_episode(file)
-    with pytest.raises(SvflError, match=message):
+    with pytest.raises(error, match=f"{file.name}.*{facts}"):
         EpisodeReader.of_file(file).load()
 
 

@@ -1,5 +1,6 @@
 """An episode file gives back exactly what was written, or says what is wrong with it."""
 
+import errno
 import os
 import resource
 import signal
@@ -125,7 +126,7 @@ def test_an_absent_stream_is_named(tmp_path):
     arrays = episode_arrays(np.random.default_rng(0))
     del arrays["streams/joints/position"]
     episode = Episode(make_episode().meta, arrays, name="e.hdf5")
-    with pytest.raises(AttributeError, match=r"e\.hdf5 was recorded without streams/joints/position"):
+    with pytest.raises(AttributeError, match=r"e\.hdf5.*streams/joints/position"):
         _ = episode.joints
 
 
@@ -159,21 +160,21 @@ def spoil_unknown(arrays):
 
 
 @pytest.mark.parametrize(
-    ("spoil", "message"),
+    ("spoil", "facts"),
     [
-        (spoil_nan, r"streams/wrench/wrench holds nan at index \(7, 2\)"),
-        (spoil_shape, r"actions/action has shape \(4, 4\), expected \(N, 5\)"),
-        (spoil_rows, "5 observations need 4 actions, found 3"),
-        (spoil_dtype, "cameras/front/depth has dtype float32, expected uint16"),
-        (spoil_size, "cameras/front/depth has H = 15, but cameras/front/color has H = 16"),
-        (spoil_missing, "streams/wrench/tare is missing"),
-        (spoil_unknown, "unknown field 'temperature'"),
+        (spoil_nan, r"streams/wrench/wrench.*\bnan\b.*\(7, 2\)"),
+        (spoil_shape, r"actions/action.*\(4, 4\).*\(N, 5\)"),
+        (spoil_rows, r"\b5 observations.*\b4 actions.*\b3\b"),
+        (spoil_dtype, "cameras/front/depth.*float32.*uint16"),
+        (spoil_size, "cameras/front/depth.*H = 15.*cameras/front/color.*H = 16"),
+        (spoil_missing, "streams/wrench/tare.*missing"),
+        (spoil_unknown, "'temperature'.*observations/t_ns"),
     ],
 )
-def test_arrays_that_do_not_fit_are_refused(spoil, message):
+def test_arrays_that_do_not_fit_are_refused(spoil, facts):
     arrays = episode_arrays(np.random.default_rng(0))
     spoil(arrays)
-    with pytest.raises(FieldError, match=message):
+    with pytest.raises(FieldError, match=facts):
         Episode(make_episode().meta, arrays)
 
 
@@ -184,22 +185,22 @@ def reseal(path: Path) -> None:
 
 
 def test_missing_and_foreign_files_are_named(tmp_path):
-    with pytest.raises(FormatError, match="no such file"):
+    with pytest.raises(FormatError, match=r"absent\.hdf5"):
         read_episode(tmp_path / "absent.hdf5")
-    with pytest.raises(FormatError, match="is a folder"):
+    with pytest.raises(FormatError, match=rf"{tmp_path}: .*folder"):
         read_episode(tmp_path)
     (tmp_path / "empty.hdf5").touch()
-    with pytest.raises(FormatError, match=r"no HDF5 file, 0 bytes"):
+    with pytest.raises(FormatError, match=r"empty\.hdf5.*\b0 bytes"):
         read_episode(tmp_path / "empty.hdf5")
     (tmp_path / "text.hdf5").write_text("not HDF5")
-    with pytest.raises(FormatError, match="no HDF5 file"):
+    with pytest.raises(FormatError, match=r"text\.hdf5.*\b8 bytes"):
         read_episode(tmp_path / "text.hdf5")
     with h5py.File(tmp_path / "foreign.hdf5", "w") as file:
         file["data/demo_0/actions"] = np.zeros((3, 7))
-    with pytest.raises(FormatError, match="written by other software"):
+    with pytest.raises(FormatError, match=r"foreign\.hdf5.*sealed"):
         read_episode(tmp_path / "foreign.hdf5")
     reseal(tmp_path / "foreign.hdf5")
-    with pytest.raises(FormatError, match="not an episode"):
+    with pytest.raises(FormatError, match=r"foreign\.hdf5.*None.*'svfl-episode'"):
         read_episode(tmp_path / "foreign.hdf5")
 
 
@@ -214,7 +215,7 @@ def test_later_versions_are_read_if_minor_and_refused_if_major(tmp_path):
     with h5py.File(path, "a") as file:
         file.attrs["format_version"] = "2.0"
     reseal(path)
-    with pytest.raises(FormatError, match=r"format version 2\.0; this software reads 1\.x"):
+    with pytest.raises(FormatError, match=r"later\.hdf5.*\b2\.0\b.*\b1\.x"):
         read_episode(path)
 
 
@@ -224,7 +225,7 @@ def test_a_sealed_file_without_its_attributes_is_an_error_of_ours(tmp_path):
     with h5py.File(path, "a") as file:
         del file.attrs["task"]
     reseal(path)
-    with pytest.raises(FormatError, match=r"not a readable episode .*task"):
+    with pytest.raises(FormatError, match=r"bare\.hdf5.*task.*missing"):
         read_episode(path)
 
 
@@ -296,7 +297,7 @@ def test_a_full_disk_costs_only_the_unfinished_episode(tmp_path):
         try:
             write_episode(make_episode(1), tmp_path / "episode_000001.hdf5")
         except StorageError as error:
-            os._exit(0 if "episode_000001.hdf5" in str(error) and "intact" in str(error) else 3)
+            os._exit(0 if "episode_000001.hdf5" in str(error) and os.strerror(errno.EFBIG) in str(error) else 3)
         os._exit(4)
     _, status = os.waitpid(child, 0)
     assert os.waitstatus_to_exitcode(status) == 0
@@ -305,5 +306,5 @@ def test_a_full_disk_costs_only_the_unfinished_episode(tmp_path):
 
 
 def test_a_missing_folder_is_an_error_of_ours(tmp_path):
-    with pytest.raises(StorageError, match="cannot write"):
+    with pytest.raises(StorageError, match=f"absent/file.*{os.strerror(errno.ENOENT)}"):
         write_atomically(tmp_path / "absent" / "file", b"x")
