@@ -76,49 +76,55 @@ def test_only_successful_demonstrations_unless_asked(tmp_path):
     assert (batch["reward"][last] == 0).all()
     assert (batch["discount"][last] == np.float32(0.99)).all()
     assert (batch["reward"][batch["index"] == 7] == 1).all()
-    with pytest.raises(DatasetError, match=r"asked for 4 successful episodes, but of 4 there are 3; collect more, or"):
+    with pytest.raises(DatasetError, match=r"\b4 successful.* of 4 .*\b3\b"):
         ReplayBuffer.from_demos(dataset, 4, config=small())
-    with pytest.raises(DatasetError, match=r"asked for 1 successful episodes, but of 1 there are 0"):
+    with pytest.raises(DatasetError, match=r"\b1 successful.* of 1 .*\b0\b"):
         ReplayBuffer.from_demos(dataset, [1], config=small())
 
 
 def test_what_cannot_be_preloaded_is_named(tmp_path):
-    with pytest.raises(DatasetError, match="the dataset has no episodes yet"):
+    with pytest.raises(DatasetError, match=r"none.*no episodes"):
         ReplayBuffer.from_demos(Dataset.create_or_resume(tmp_path / "none", "picking", 0, {}))
     dataset = store(tmp_path / "d", make_demo(0), make_demo(1))
-    with pytest.raises(UsageError, match="asked for 0 episodes"):
+    with pytest.raises(UsageError, match=r"\b0 episodes.*\b1\b"):
         ReplayBuffer.from_demos(dataset, 0)
-    with pytest.raises(UsageError, match=r"2 demonstrations have 8 steps, the capacity is 7; choose a larger capacity"):
+    with pytest.raises(UsageError, match=r"\b2 demonstrations.*\b8 steps.*capacity.*\b7\b"):
         ReplayBuffer.from_demos(dataset, 2, capacity=7)
-    with pytest.raises(UsageError, match=r"crop is 64 px; the images have 16 x 16 px"):
+    with pytest.raises(UsageError, match=r"crop.*64 px.*16 x 16 px"):
         ReplayBuffer.from_demos(dataset, 2)
-    with pytest.raises(FieldError, match=r"000000\.hdf5: no camera 'wrist'; there are front"):
+    with pytest.raises(FieldError, match=r"episode_000000\.hdf5.*'wrist'.*front"):
         ReplayBuffer.from_demos(dataset, 2, config=small(), camera="wrist")
-    with pytest.raises(DatasetError, match="no episode 7"):
+    with pytest.raises(DatasetError, match=r"episode 7\b.*\b2 episodes.*\b0 to 1\b"):
         ReplayBuffer.from_demos(dataset, [0, 7], config=small())
 
 
 @pytest.mark.parametrize(
-    ("other", "message"),
+    ("other", "facts"),
     [
-        ({"task": "pushing"}, r"000001\.hdf5: its task is pushing, but picking in episode 0; one replay buffer holds"),
-        ({"size": 20}, "cameras/front/(color|depth) is uint"),
+        ({"task": "pushing"}, r"episode_000001\.hdf5.*task.*pushing.*picking.*episode 0\b"),
+        ({"size": 20}, r"cameras/front/(color|depth).*\(20, 20.*\(16, 16"),
         (
             {"config": {"world": {"max_move": 0.05, "max_turn": 0.2}}},
-            r"its action_bounds is \(0\.05, 0\.2\), but \(0\.",
+            r"action_bounds.*\(0\.05, 0\.2\).*\(0\.025, 0\.2\)",
         ),
-        ({"config": {}}, r"its action_bounds is None"),
-        ({"arrays": {"cameras/front/image_axes": np.eye(2)}}, "cameras/front/image_axes is 1"),
-        ({"arrays": {"cameras/front/depth_scale": np.array(1e-3)}}, r"cameras/front/depth_scale is 0\.001"),
+        ({"config": {}}, r"action_bounds.*None.*\(0\.025, 0\.2\)"),
+        ({"arrays": {"cameras/front/image_axes": np.eye(2)}}, r"cameras/front/image_axes.*\b1\.0 .*\b0\.0 "),
+        (
+            {"arrays": {"cameras/front/depth_scale": np.array(1e-3)}},
+            r"cameras/front/depth_scale.*\b0\.001 .*\b0\.0001 ",
+        ),
         (
             {"arrays": {"cameras/front/T_base_camera": moved(0.01)}},
-            "cameras/front/T_base_camera is ",
+            r"cameras/front/T_base_camera.*\b0\.21.*\b0\.2 ",
         ),
-        ({"arrays": {"cameras/front/intrinsics": np.diag([2.0, 2.0, 1.0])}}, "cameras/front/intrinsics is 2"),
+        (
+            {"arrays": {"cameras/front/intrinsics": np.diag([2.0, 2.0, 1.0])}},
+            r"cameras/front/intrinsics.*\b2\.0 .*\b20\.0 ",
+        ),
     ],
 )
-def test_episodes_of_different_kinds_are_not_mixed(tmp_path, other, message):
-    with pytest.raises(DatasetError, match=message):
+def test_episodes_of_different_kinds_are_not_mixed(tmp_path, other, facts):
+    with pytest.raises(DatasetError, match=facts):
         ReplayBuffer.from_demos(store(tmp_path / "d", make_demo(0), make_demo(1, **other)), 2, config=small())
 
 
@@ -127,9 +133,7 @@ def test_what_shows_another_view_is_refused_before_anything_is_kept(tmp_path):
     buffer = ReplayBuffer.from_demos(store(tmp_path / "d", demo), 1, config=small())
     buffer.begin_episode(observation(demo, 0), spec=spec_of(demo))
     above = replace(spec_of(demo), view="top, seen from 0.5 m")
-    with pytest.raises(
-        DatasetError, match=r"^the environment: its view is top, seen from 0\.5 m, but camera in the rep"
-    ):
+    with pytest.raises(DatasetError, match=r"environment.*view.*top, seen from 0\.5 m.*camera"):
         buffer.begin_episode(observation(demo, 0), spec=above)
 
 
@@ -140,13 +144,13 @@ def test_a_number_may_be_numpys_and_no_episode_counts_twice(tmp_path):
     assert len(buffer) == len(ReplayBuffer.from_demos(dataset, np.array([1, 0]), config=config)) == 8
     buffer.save(tmp_path / "b.replay")
     assert ReplayBuffer.load(tmp_path / "b.replay").config == config
-    with pytest.raises(UsageError, match=r"episode 1 is named more than once; expert_bonus makes"):
+    with pytest.raises(UsageError, match=r"episode 1\b.*expert_bonus"):
         ReplayBuffer.from_demos(dataset, [0, 1, np.int64(1)], config=config)
 
 
 def test_missing_depth_is_named(tmp_path):
     demo = make_demo(0, arrays={"cameras/front/depth": None})
-    with pytest.raises(FieldError, match=r"camera front was recorded without depth$"):
+    with pytest.raises(FieldError, match=r"episode_000000\.hdf5.*front.*\bdepth$"):
         ReplayBuffer.from_demos(store(tmp_path / "d", demo), 1, config=small())
 
 
@@ -154,14 +158,14 @@ def test_an_action_beyond_the_bounds_is_refused_and_nothing_kept(tmp_path):
     demo = make_demo(0)
     buffer = ReplayBuffer(10, spec_of(demo), small())
     buffer.begin_episode(observation(demo, 0))
-    for column, value, name in (
-        (0, -1.0, "the gripper opening is -1"),
-        (2, 0.03, "dy is 0.03 m"),
-        (4, -0.3, "dtheta is -0.3"),
+    for column, value, facts in (
+        (0, -1.0, r"gripper opening.*-1\b.*\b0 to 1\b"),
+        (2, 0.03, r"dy.*\b0\.03 m.*-0\.025 to 0\.025 m"),
+        (4, -0.3, r"dtheta.*-0\.3 rad.*-0\.2 to 0\.2 rad"),
     ):
         action = demo.action[0].copy()
         action[column] = value
-        with pytest.raises(FieldError, match=f"action: {name}.*outside"):
+        with pytest.raises(FieldError, match=f"action.*{facts}"):
             buffer.add(action, observation(demo, 1), 0.0, False, False)
     buffer.add(demo.action[0], observation(demo, 1), 0.0, True, False)
     assert len(buffer) == 1
@@ -171,11 +175,11 @@ def test_clocks_that_cannot_be_trusted_are_named(tmp_path):
     times = make_demo(0).wrench_t_ns.copy()
     times[7] = 0
     dataset = store(tmp_path / "back", make_demo(0, arrays={"streams/wrench/t_ns": times}))
-    with pytest.raises(DatasetError, match=r"unfit for training; .*streams/wrench/t_ns\[7\]: backward timestamps"):
+    with pytest.raises(DatasetError, match=r"\b1 of 1 .*episode_000000\.hdf5.*streams/wrench/t_ns\[7\].*backward"):
         ReplayBuffer.from_demos(dataset, 1, config=small())
     late = make_demo(0).cameras["front"].t_ns + 1
     dataset = store(tmp_path / "late", make_demo(0, arrays={"cameras/front/t_ns": late}))
-    with pytest.raises(DatasetError, match="camera front had no frame yet at the first observation"):
+    with pytest.raises(DatasetError, match=r"episode_000000\.hdf5.*front.*no frame"):
         ReplayBuffer.from_demos(dataset, 1, config=small())
 
 
@@ -183,45 +187,45 @@ def test_what_an_agent_cannot_add_is_named_and_not_kept():
     demo = make_demo(0)
     seen = observation(demo, 0)
     buffer = ReplayBuffer(3, spec_of(demo), small())
-    with pytest.raises(UsageError, match="add before begin_episode"):
+    with pytest.raises(UsageError, match="begin_episode"):
         buffer.add(demo.action[0], seen, 0.0, False, False)
-    with pytest.raises(FieldError, match="observation: wrench is missing; it has image, proprio"):
+    with pytest.raises(FieldError, match=r"wrench.*image, proprio"):
         buffer.begin_episode({name: value for name, value in seen.items() if name != "wrench"})
-    with pytest.raises(FieldError, match=r"image has shape \(4, 8, 8\), expected \(4, 16, 16\)"):
+    with pytest.raises(FieldError, match=r"image.*\(4, 8, 8\).*\(4, 16, 16\)"):
         buffer.begin_episode(seen | {"image": seen["image"][:, :8, :8]})
-    with pytest.raises(FieldError, match=r"image: colour from .* to 510 in units of 255; 0 to 255 are possible"):
+    with pytest.raises(FieldError, match=r"image.*\b510\b.*\b0 to 255\b"):
         buffer.begin_episode(seen | {"image": np.full((4, 16, 16), 2.0)})
     buffer.begin_episode(seen)
     buffer.begin_episode(seen)  # nothing has happened since the reset
-    with pytest.raises(FieldError, match=r"action has shape \(4,\), expected \(5,\)"):
+    with pytest.raises(FieldError, match=r"action.*\(4,\).*\(5,\)"):
         buffer.add(demo.action[0][:4], seen, 0.0, False, True)
-    with pytest.raises(FieldError, match=r"proprio \(float32\) holds something that is not a finite number"):
+    with pytest.raises(FieldError, match=r"proprio.*float32.*finite"):
         buffer.add(demo.action[0], seen | {"proprio": np.full(5, np.nan, np.float32)}, 0.0, False, True)
-    with pytest.raises(FieldError, match="reward"):
+    with pytest.raises(FieldError, match=r"reward.*finite"):
         buffer.add(demo.action[0], seen, np.inf, False, True)
     assert len(buffer) == 0
     for _ in range(3):
         buffer.add(demo.action[0], seen, 0.0, False, False)
-    with pytest.raises(UsageError, match="the last episode has not ended after 3 steps"):
+    with pytest.raises(UsageError, match=r"\b3 steps.*terminated or truncated"):
         buffer.begin_episode(seen)
-    with pytest.raises(UsageError, match="an episode of more than 3 steps does not fit"):
+    with pytest.raises(UsageError, match=r"\b3 steps.*capacity"):
         buffer.add(demo.action[0], seen, 0.0, False, False)
 
 
 @pytest.mark.parametrize(
-    ("setting", "message"),
+    ("setting", "facts"),
     [
-        ({"n_step": 0}, "n_step is 0; it must be at least 1"),
-        ({"frames": 0}, "frames is 0; it must be at least 1"),
-        ({"group_order": 2.5}, r"group_order is 2\.5; it must be at least 1, and a whole number"),
-        ({"seed": -1}, "seed is -1; it must be at least 0"),
-        ({"gamma": 1.5}, r"gamma is 1\.5; it must be from 0 to 1"),
-        ({"alpha": -0.1}, r"alpha is -0\.1"),
-        ({"expert_bonus": float("nan")}, "expert_bonus is nan"),
+        ({"n_step": 0}, r"n_step.*\b0\b.*at least 1\b"),
+        ({"frames": 0}, r"frames.*\b0\b.*at least 1\b"),
+        ({"group_order": 2.5}, r"group_order.*\b2\.5\b.*at least 1\b.*whole"),
+        ({"seed": -1}, r"seed.*-1\b.*at least 0\b"),
+        ({"gamma": 1.5}, r"gamma.*\b1\.5\b.*\b0 to 1\b"),
+        ({"alpha": -0.1}, r"alpha.*-0\.1\b.*\b0 to 1\b"),
+        ({"expert_bonus": float("nan")}, r"expert_bonus.*\bnan\b.*\b0\b"),
     ],
 )
-def test_settings_out_of_range_are_named(setting, message):
-    with pytest.raises(UsageError, match=message):
+def test_settings_out_of_range_are_named(setting, facts):
+    with pytest.raises(UsageError, match=facts):
         ReplayConfig(**setting)
 
 

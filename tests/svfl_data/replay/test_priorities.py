@@ -113,20 +113,20 @@ def test_what_is_drawn_after_many_rounds_is_what_was_added_last():
 
 def test_wrong_updates_are_refused():
     buffer = agent_buffer(4)
-    with pytest.raises(UsageError, match=r"there have been 4"):
+    with pytest.raises(UsageError, match=r"\b3 to 4\b.*\b4\b"):
         buffer.update_priorities(np.array([3, 4]), np.zeros(2))
-    with pytest.raises(UsageError, match=r"there have been 4"):
+    with pytest.raises(UsageError, match=r"-1 to -1\b.*\b4\b"):
         buffer.update_priorities(np.array([-1]), np.zeros(1))
-    with pytest.raises(UsageError, match=r"1 of 2 TD errors are not finite"):
+    with pytest.raises(UsageError, match=r"\b1 of 2 .*finite"):
         buffer.update_priorities(np.array([0, 1]), np.array([np.nan, 0]))
-    with pytest.raises(UsageError, match=r"int64 indices \(2,\) and TD errors \(3,\)"):
+    with pytest.raises(UsageError, match=r"int64.*\(2,\).*\(3,\).*\(B,\)"):
         buffer.update_priorities(np.array([0, 1]), np.zeros(3))
     buffer.update_priorities(np.array([], np.int64), np.array([]))
 
 
 def test_an_empty_buffer_says_so():
     buffer = agent_buffer()
-    with pytest.raises(DatasetError, match="the replay buffer is empty: preload demonstrations, or add an episode"):
+    with pytest.raises(DatasetError, match="empty"):
         buffer.sample()
-    with pytest.raises(UsageError, match="batch_size is 0"):
+    with pytest.raises(UsageError, match=r"batch_size.*\b0\b.*at least 1\b"):
         buffer.sample(0)

@@ -77,11 +77,11 @@ def test_a_disk_that_refuses_leaves_the_old_file(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(StorageError, match=r"cannot write .*b\.replay: No space left on device; everything written"):
+    with pytest.raises(StorageError, match=r"b\.replay.*No space left on device"):
         used(seed=1).save(file)
     assert file.read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == ["b.replay"]
-    with pytest.raises(StorageError, match="cannot write"):
+    with pytest.raises(StorageError, match=r"nowhere/b\.replay.*No such file"):
         used().save(tmp_path / "nowhere" / "b.replay")
 
 
@@ -120,27 +120,27 @@ def test_a_file_that_is_cut_off_is_refused(saved, keep):
     file, whole = saved
     short = file.with_name("short.replay")
     short.write_bytes(whole[: keep if isinstance(keep, int) else int(keep * len(whole))])
-    with pytest.raises(FormatError, match=r"short\.replay: not a saved replay buffer, or damaged"):
+    with pytest.raises(FormatError, match=r"short\.replay"):
         ReplayBuffer.load(short)
 
 
 def test_foreign_files_are_refused(tmp_path):
-    with pytest.raises(FormatError, match="no such file"):
+    with pytest.raises(FormatError, match="/absent: "):
         ReplayBuffer.load(tmp_path / "absent")
-    with pytest.raises(FormatError, match="not a file"):
+    with pytest.raises(FormatError, match=f"{tmp_path}: .*file"):
         ReplayBuffer.load(tmp_path)
     np.savez(tmp_path / "a.npz", np.zeros(3))
-    with pytest.raises(FormatError, match=r"a ZIP file, but not a saved replay buffer \(it has no replay\.json\)"):
+    with pytest.raises(FormatError, match=r"a\.npz.*replay\.json"):
         ReplayBuffer.load(tmp_path / "a.npz")
-    for header, message in (
-        ({"format": "svfl-split"}, "format is not 'svfl-replay'"),
-        ({"format": "svfl-replay", "format_version": "1.0"}, r"format version 1\.0; this software reads 2\.x"),
+    for header, facts in (
+        ({"format": "svfl-split"}, "'svfl-replay'"),
+        ({"format": "svfl-replay", "format_version": "1.0"}, r"\b1\.0\b.*\b2\.x"),
         ({"format": "svfl-replay", "format_version": "2.0"}, "damaged"),
-        ([1], "format is not 'svfl-replay'"),
+        ([1], "'svfl-replay'"),
     ):
         with zipfile.ZipFile(tmp_path / "b.replay", "w") as archive:
             archive.writestr("replay.json", json.dumps(header))
-        with pytest.raises(FormatError, match=message):
+        with pytest.raises(FormatError, match=rf"b\.replay.*{facts}"):
             ReplayBuffer.load(tmp_path / "b.replay")
 
 
@@ -172,9 +172,7 @@ def test_a_header_with_impossible_numbers_is_refused(saved, path, value):
     if (path, value) == ("capacity", 14):
         assert len(ReplayBuffer.load(other)) == 11  # larger than needed is possible
         return
-    with pytest.raises(
-        FormatError, match=r"impossible\.replay: not (a saved replay buffer, or damaged|readable as JSON) \([^\n]+\)$"
-    ):
+    with pytest.raises(FormatError, match=r"impossible\.replay: [^\n]+\([^\n]+\)$"):
         ReplayBuffer.load(other)
 
 
@@ -190,5 +188,5 @@ def test_an_array_of_another_size_than_its_member_is_refused(saved, shape, dtype
     with zipfile.ZipFile(file) as archive, zipfile.ZipFile(other, "w") as forged:
         for member in archive.namelist():
             forged.writestr(member, header.getvalue() + b"x" * 64 if member == "priority.npy" else archive.read(member))
-    with pytest.raises(FormatError, match=r"declared\.replay: not a saved replay buffer, or damaged \([^\n]+\)$"):
+    with pytest.raises(FormatError, match=r"declared\.replay: [^\n]*\bpriority\b[^\n]*$"):
         ReplayBuffer.load(other)
