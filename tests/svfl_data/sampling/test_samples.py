@@ -202,18 +202,18 @@ def test_a_pickled_copy_gives_the_same_samples_and_is_small(dataset):
 
 
 def test_what_cannot_be_sampled_is_named(dataset, tmp_path):
-    with pytest.raises(UsageError, match=r"crop is 17 px; cameras/front/color has 16 x 16 px"):
+    with pytest.raises(UsageError, match=r"crop.*17 px.*cameras/front/color.*16 x 16 px"):
         Samples(dataset, crop=17)
-    with pytest.raises(UsageError, match="frames is 0"):
+    with pytest.raises(UsageError, match=r"frames.*\b0\b.*at least 1\b"):
         Samples(dataset, frames=0)
-    with pytest.raises(FieldError, match="recorded without cameras/wrist/t_ns"):
+    with pytest.raises(FieldError, match=r"episode_000000\.hdf5.*cameras/wrist/t_ns.*cameras/front/t_ns"):
         Samples(dataset, cameras=["wrist"])
-    with pytest.raises(DatasetError, match="no episode 2"):
+    with pytest.raises(DatasetError, match=r"episode 2\b.*\b3 episodes.*\b0 to 4\b"):
         Samples(dataset, [2])
-    with pytest.raises(DatasetError, match="no episodes to take samples from"):
+    with pytest.raises(DatasetError, match=r"empty.*no episodes"):
         Samples(Dataset.create_or_resume(tmp_path / "empty", "centering", 0, {}))
     write_episode(make_episode(9, size=20), dataset.episode_path(9))
-    with pytest.raises(DatasetError, match=r"color is uint8 \(20, 20, 3\) in .*0009.hdf5, but .*\(16, 16, 3\)"):
+    with pytest.raises(DatasetError, match=r"cameras/front/color.*\(20, 20, 3\).*episode_000009\.hdf5.*\(16, 16, 3\)"):
         Samples(dataset)
 
 
@@ -224,17 +224,17 @@ def test_time_that_runs_backwards_is_refused(dataset):
     episode = make_episode(5)
     object.__setattr__(episode, "arrays", arrays)
     write_episode(episode, dataset.episode_path(5))
-    with pytest.raises(DatasetError, match=r"1 of 4 episodes are unfit for training; .*t_ns\[50\]: backward"):
+    with pytest.raises(DatasetError, match=r"\b1 of 4 .*episode_000005\.hdf5.*streams/wrench/t_ns\[50\].*backward"):
         Samples(dataset)
-    with pytest.raises(DatasetError, match=r"000005\.hdf5: streams/wrench/t_ns decreases at row 50"):
+    with pytest.raises(DatasetError, match=r"episode_000005\.hdf5.*streams/wrench/t_ns.*backwards.*\brow 50\b"):
         Samples(dataset, validated=False)
 
 
 def test_the_budget_is_checked_before_images_are_read(dataset, monkeypatch):
     Samples(dataset, budget=60_000)
-    with pytest.raises(DatasetError, match=r"of images\), the budget is 0\.0 MB; choose cache=False, fewer episodes"):
+    with pytest.raises(DatasetError, match=r"images.*budget.*0\.0 MB.*cache=False"):
         Samples(dataset, budget=30_000, cache=True)
-    with pytest.raises(DatasetError, match="choose fewer episodes or a larger budget"):
+    with pytest.raises(DatasetError, match=r"budget.*0\.0 MB(?!.*cache=False)"):
         Samples(dataset, budget=1_000)
 
 

@@ -1,6 +1,7 @@
 """Splits are by episode and stored; statistics come from the training part only and scale with the group."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -64,47 +65,48 @@ def test_a_stored_split_comes_back_and_is_never_overwritten(dataset):
     file = split.save(dataset)
     assert load_split(dataset, "default") == split
     split.save(dataset)
-    with pytest.raises(DatasetError, match="holds another split"):
+    with pytest.raises(DatasetError, match=r"splits/default\.json.*another split.*--replace"):
         split_episodes(dataset.indices, SHARES, seed=1).save(dataset)
     assert json.loads(file.read_text())["seed"] == 0
-    with pytest.raises(DatasetError, match="no part 'dev'; it has train, valid, test"):
+    with pytest.raises(DatasetError, match=r"'default'.*'dev'.*train, valid, test"):
         split["dev"]
 
 
 def test_what_is_no_split_is_refused(dataset):
     split = split_episodes(dataset.indices, SHARES, seed=0)
     file = split.save(dataset)
-    with pytest.raises(DatasetError, match="no split 'other'; it has default"):
+    with pytest.raises(DatasetError, match=r"'other'.*\bdefault\b"):
         load_split(dataset, "other")
-    with pytest.raises(UsageError, match="cannot be the name"):
+    with pytest.raises(UsageError, match=r"'\.\./dataset'"):
         load_split(dataset, "../dataset")
     content = json.loads(file.read_text())
     moved = {part: list(indices) for part, indices in split.parts.items()}
     moved["train"].append(moved["test"].pop())
-    for broken, message in (
-        ("{", "not readable as JSON"),
-        ("[]", "not a split"),
-        (json.dumps(content | {"format_version": "2.0"}), r"format version 2\.0"),
-        (json.dumps(content | {"parts": moved}), "was edited"),
-        (json.dumps({key: value for key, value in content.items() if key != "rule"}), "fields of a split are missing"),
+    for broken, facts in (
+        ("{", "JSON"),
+        ("[]", "'svfl-split'"),
+        (json.dumps(content | {"format_version": "2.0"}), r"\b2\.0\b.*\b1\.x"),
+        (json.dumps(content | {"parts": moved}), "parts.*hash"),
+        (json.dumps({key: value for key, value in content.items() if key != "rule"}), "rule"),
     ):
         file.write_text(broken)
-        with pytest.raises(FormatError, match=message):
+        with pytest.raises(FormatError, match=rf"splits/default\.json: .*{facts}"):
             load_split(dataset, "default")
     file.write_text(json.dumps(content))
-    dataset.episode_path(split["test"][0]).unlink()
-    with pytest.raises(DatasetError, match=r"lacks 1 of its 5 episodes .*--replace"):
+    gone = split["test"][0]
+    dataset.episode_path(gone).unlink()
+    with pytest.raises(DatasetError, match=rf"\b1 of its 5 episodes \({gone}\).*--name default --replace"):
         load_split(dataset, "default")
 
 
 @pytest.mark.parametrize("shares", [{}, {"train": 0.0}, {"train": -0.1, "test": 0.5}, {"train": 0.7, "test": 0.4}])
 def test_shares_must_be_shares(shares):
-    with pytest.raises(UsageError, match="shares must be positive"):
+    with pytest.raises(UsageError, match=re.escape(str(shares))):
         split_episodes(range(10), shares, 0)
 
 
 def test_too_few_episodes_are_refused():
-    with pytest.raises(DatasetError, match="2 episodes are too few"):
+    with pytest.raises(DatasetError, match=rf"\b2 episodes.*{re.escape(str(SHARES))}"):
         split_episodes(range(2), SHARES, 0)
 
 
@@ -189,21 +191,21 @@ def test_pixels_without_depth_do_not_count(dataset):
 def test_statistics_belong_to_one_split_of_the_same_episodes(dataset):
     split = split_episodes(dataset.indices, SHARES, seed=0)
     split.save(dataset)
-    with pytest.raises(DatasetError, match="no statistics of split 'default' yet"):
+    with pytest.raises(DatasetError, match=r"no statistics.*'default'"):
         load_statistics(dataset, split)
     found = compute_statistics(dataset, split["train"])
     save_statistics(dataset, split, found)
     assert load_statistics(dataset, split) == found
     other = Split("default", 1, split.rule, split_episodes(dataset.indices, SHARES, seed=1).parts)
-    with pytest.raises(DatasetError, match="another split"):
+    with pytest.raises(DatasetError, match=r"default\.statistics\.json.*another split"):
         load_statistics(dataset, other)
     write_episode(make_episode(split["test"][0], steps=9), dataset.episode_path(split["test"][0]))
     assert load_statistics(dataset, split) == found  # a test episode changes nothing
     write_episode(make_episode(split["train"][0], steps=9), dataset.episode_path(split["train"][0]))
-    with pytest.raises(DatasetError, match="training episodes have changed"):
+    with pytest.raises(DatasetError, match=r"default\.statistics\.json.*training episodes"):
         load_statistics(dataset, split)
     statistics_file(dataset, "default").write_text('{"fields": 3}')
-    with pytest.raises(FormatError, match="not readable as statistics"):
+    with pytest.raises(FormatError, match=r"default\.statistics\.json.*'svfl-statistics'"):
         load_statistics(dataset, split)
-    with pytest.raises(DatasetError, match="no episodes to take statistics of"):
+    with pytest.raises(DatasetError, match="no episodes"):
         compute_statistics(dataset, [])
