@@ -49,7 +49,7 @@ def test_a_packed_dataset_reads_the_same(dataset, tmp_path):
     one, other = (Samples(each, frames=2, crop=8).batch(range(20)) for each in (dataset, packed))
     for key, value in one.items():
         np.testing.assert_array_equal(value, other[key])
-    with pytest.raises(DatasetError, match="no episode 3; it has 7 episodes, 0 to 1000000"):
+    with pytest.raises(DatasetError, match=r"episode 3\b.*\b7 episodes.*\b0 to 1000000\b"):
         packed.read(3)
 
 
@@ -137,28 +137,28 @@ def test_damage_is_refused_and_named(dataset, tmp_path):
             pass
     assert silent <= 4
     shard.write_bytes(b"not a zip")
-    with pytest.raises(FormatError, match=r"shard_000000\.zip: not a readable shard"):
+    with pytest.raises(FormatError, match=r"shard_000000\.zip"):
         packed.read(0)
     with zipfile.ZipFile(shard, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.write(dataset.episode_path(0), "episode_000000.hdf5")
-    with pytest.raises(FormatError, match="is compressed"):
+    with pytest.raises(FormatError, match=r"shard_000000\.zip.*episode_000000\.hdf5.*compressed"):
         packed.read(0)
 
 
 def test_a_damaged_episode_is_not_packed(dataset, tmp_path):
     dataset.episode_path(5).write_bytes(dataset.episode_path(5).read_bytes()[:-10])
-    with pytest.raises(FormatError, match="episode_000005"):
+    with pytest.raises(FormatError, match=r"episode_000005\.hdf5"):
         pack(dataset, tmp_path / "packed")
     assert not list((tmp_path / "packed").glob(".*"))
 
 
 def test_what_cannot_be_packed_is_refused(dataset, tmp_path):
-    with pytest.raises(UsageError, match="is the dataset itself"):
+    with pytest.raises(UsageError, match=f"{dataset.path} .*itself"):
         pack(dataset, dataset.path)
-    with pytest.raises(UsageError, match="shard_bytes is 0"):
+    with pytest.raises(UsageError, match=r"shard_bytes.*\b0\b.*at least 1\b"):
         pack(dataset, tmp_path / "packed", 0)
     Dataset.create_or_resume(tmp_path / "other", "picking", 0, {})
-    with pytest.raises(DatasetError, match="holds another dataset"):
+    with pytest.raises(DatasetError, match=r"other .*task.*'picking'.*'centering'"):
         pack(dataset, tmp_path / "other")
 
 
@@ -173,7 +173,7 @@ def test_a_full_disk_leaves_what_was_finished(dataset, tmp_path, monkeypatch):
         replace(aside, file)
 
     monkeypatch.setattr(os, "replace", full)
-    with pytest.raises(StorageError, match=r"shard_000001\.zip \(\d+ bytes\): No space left"):
+    with pytest.raises(StorageError, match=r"shard_000001\.zip.*\b\d+ bytes.*No space left"):
         pack(dataset, target.path, 60_000)
     assert sorted(file.name for file in target.path.iterdir()) == ["dataset.json", "shard_000000.zip"]
     assert target.read(0).meta.index == 0
