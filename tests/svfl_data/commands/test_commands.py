@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import subprocess
 import sys
 
@@ -180,10 +181,10 @@ def test_validate_succeeds_on_what_is_sound_and_fails_with_1_on_an_error(command
     week.episode_path(5).write_bytes(week.episode_path(5).read_bytes()[:-100])
     code, out, err = command("validate", week.path)
     assert code == 1
-    assert "episode_000004.hdf5: streams/wrench/t_ns[5]: duplicate timestamps at row 5 (0.010 s)" in out
-    assert "episode_000005.hdf5: not a sealed episode" in out
+    assert re.search(r"episode_000004\.hdf5.*streams/wrench/t_ns\[5\].*duplicate.*\b0\.010 s", out)
+    assert re.search(r"episode_000005\.hdf5.*sealed", out)
     assert one_line(err)
-    assert "2 errors, 1 warning in 4 episodes" in err
+    assert re.search(r"\b2 errors.*\b1 warning.*\b4 episodes", err)
     code, out, _ = command("validate", week.path, "--json")
     report = json.loads(out)
     assert (code, report["errors"], report["episodes"]) == (1, 2, 4)
@@ -243,7 +244,7 @@ def test_merge_of_a_merge_remembers_both(command, week, tmp_path):
     command("filter", week.path, tmp_path / "few", "--where", "index=4")
     code, _, err = command("merge", tmp_path / "few", week.path, tmp_path / "all")
     assert (code, one_line(err)) == (1, True)
-    assert "the same recording more than once" in err
+    assert re.search(r"episode_\d{6}\.hdf5 of .*episode_\d{6}\.hdf5.*--once", err)
     assert "1 copy left out" in command("merge", tmp_path / "few", week.path, tmp_path / "all", "--once")[1]
     assert len(Dataset.open(tmp_path / "all")) == 4
     history = Dataset.open(tmp_path / "all").read(0).meta.history
@@ -412,7 +413,7 @@ def test_repair_says_what_it_did_and_what_was_lost(command, week):
     assert code == 1
     assert json.loads(out)[0]["done"] == "quarantined"
     assert one_line(err)
-    assert "were lost: episode_000003.hdf5" in err
+    assert re.search(r"lost.*episode_000003\.hdf5", err)
     assert command("repair", week.path)[0] == 0
     assert command("validate", week.path)[0] == 0
 

@@ -55,10 +55,10 @@ def test_every_mistake_is_one_line_with_its_exit_code(command, dataset, tmp_path
         ((tmp_path / "nowhere",), 1, "no such folder"),
         ((tmp_path / "nowhere.hdf5",), 1, "no such file"),
         ((no_dataset,), 1, "not a dataset"),
-        ((empty,), 1, "no episodes yet"),
-        ((truncated,), 1, "truncated"),
-        ((foreign,), 1, "not a sealed episode: truncated, or written by other software"),
-        ((text,), 1, "not an episode file (no HDF5 file, 4 bytes)"),
+        ((empty,), 1, "no episodes"),
+        ((truncated,), 1, "sealed"),
+        ((foreign,), 1, "sealed"),
+        ((text,), 1, "4 bytes"),
         ((dataset.path, "--episode", 7), 1, "2 episodes, 2 to 5"),
         ((dataset.path, "--episode", -1), 2, "integer of at least 0"),
         ((dataset.episode_path(2), "--episode", 2), 2, "--episode chooses from a dataset"),
@@ -68,6 +68,7 @@ def test_every_mistake_is_one_line_with_its_exit_code(command, dataset, tmp_path
         assert (found, out) == (code, ""), words
         assert one_line(err), err
         assert said in err
+        assert code == 2 or str(words[0]) in err
     assert not target.exists()
 
 

@@ -163,10 +163,10 @@ def gathered(path, entity, component):
 
 
 def test_live_without_a_viewer_is_one_line():
-    with pytest.raises(UsageError, match="no viewer listens there"):
-        Live("127.0.0.1:9")
-    with pytest.raises(UsageError, match="no viewer listens there"):
-        Live("nowhere")
+    for address in ("127.0.0.1:9", "nowhere"):
+        with pytest.raises(UsageError, match=f"--rerun {address}") as caught:
+            Live(address)
+        assert "\n" not in str(caught.value)
 
 
 def test_predicted_direction_is_drawn_with_its_probability_beside_the_true_one(tmp_path):
@@ -207,9 +207,9 @@ def test_what_a_policy_would_do_is_drawn_and_where_it_looks(tmp_path):
 
 def test_a_checkpoint_that_is_none_is_one_line(tmp_path):
     (tmp_path / "a.txt").touch()
-    with pytest.raises(UsageError, match=r"kinds: \.ckpt"):
+    with pytest.raises(UsageError, match=r"--checkpoint .*a\.txt.*\.ckpt"):
         predictions.load(tmp_path / "a.txt")
-    with pytest.raises(FormatError, match="no such file"):
+    with pytest.raises(FormatError, match=r"a\.ckpt"):
         predictions.load(tmp_path / "a.ckpt")
 
 
