@@ -139,7 +139,7 @@ def test_a_full_disk_costs_nothing_that_was_there(name, disk, capfd):
     file.write_bytes(BEFORE)
     disk.fill()
     names = sorted(os.listdir(disk.folder))
-    with pytest.raises(StorageError, match=re.escape(f"cannot write {file}")) as caught:
+    with pytest.raises(StorageError, match=re.escape(str(file))) as caught:
         WRITERS[name](file)
     assert os.strerror(errno.ENOSPC) in str(caught.value)
     assert file.read_bytes() == BEFORE

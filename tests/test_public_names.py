@@ -47,7 +47,7 @@ def test_names_for_programs_and_for_type_checkers_are_the_same(package):
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_a_name_that_is_not_there_is_said(package):
-    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'Datset'"):
+    with pytest.raises(AttributeError, match=f"'{package}'.*'Datset'"):
         PACKAGES[package].Datset  # noqa: B018
     assert PACKAGES[package].__version__[0].isdigit()
 

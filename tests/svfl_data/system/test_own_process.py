@@ -31,7 +31,7 @@ class Plain(OwnProcess):
 @pytest.mark.parametrize("kind", [Frozen, Plain])
 @pytest.mark.parametrize("carry", [copy.copy, copy.deepcopy, pickle.dumps, lambda owner: pickle.dumps([owner], 2)])
 def test_it_is_neither_pickled_nor_copied(kind, carry):
-    with pytest.raises(UsageError, match=f"{kind.__name__} can be neither pickled nor copied"):
+    with pytest.raises(UsageError, match=f"{kind.__name__}.*process {os.getpid()} "):
         carry(kind([1]))
 
 

@@ -18,13 +18,13 @@ def test_a_link_is_neither_read_nor_written_through(tmp_path):
     secret.write_text("mine")
     (tmp_path / "link").symlink_to(secret)
     for flags in (os.O_RDONLY, os.O_WRONLY | os.O_APPEND | os.O_CREAT, os.O_WRONLY | os.O_TRUNC):
-        with pytest.raises(FormatError, match="symbolic link"):
+        with pytest.raises(FormatError, match=f"{tmp_path / 'link'}.*symbolic link"):
             open_regular(tmp_path / "link", flags)
     assert secret.read_text() == "mine"
 
 
-@pytest.mark.parametrize("kind", ["pipe", "folder", "device"])
-def test_what_is_no_ordinary_file_is_refused_at_once(tmp_path, kind):
+@pytest.mark.parametrize(("kind", "found"), [("pipe", "named pipe"), ("folder", "folder"), ("device", "device")])
+def test_what_is_no_ordinary_file_is_refused_at_once(tmp_path, kind, found):
     path = tmp_path / "thing"
     if kind == "pipe":
         os.mkfifo(path)
@@ -32,14 +32,14 @@ def test_what_is_no_ordinary_file_is_refused_at_once(tmp_path, kind):
         path.mkdir()
     else:
         path = type(path)(os.devnull)
-    with pytest.raises(FormatError, match="not an ordinary file"):
+    with pytest.raises(FormatError, match=f"{path}.*{found}"):
         open_regular(path)
 
 
 def test_no_more_is_read_than_allowed(tmp_path):
     (tmp_path / "file").write_bytes(bytes(10))
     assert read_regular(tmp_path / "file", 10) == bytes(10)
-    with pytest.raises(FormatError, match="larger than the 9 bytes"):
+    with pytest.raises(FormatError, match=rf"{tmp_path / 'file'}.*\b9 bytes"):
         read_regular(tmp_path / "file", 9)
 
 
