@@ -364,7 +364,8 @@ def _begin(path: Path, info: dict[str, Any]) -> None:
     """
     empty = not path.exists() or (path.is_dir() and all(BEGINNING.fullmatch(name) for name in os.listdir(path)))
     if not empty and not (path / INFO).exists():
-        raise DatasetError(f"{path} holds other files and no {INFO}; name a new or empty folder")
+        found = f"holds other files and no {INFO}" if path.is_dir() else "is not a folder"
+        raise DatasetError(f"{path} {found}; name a new or empty folder")
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

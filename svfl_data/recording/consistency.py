@@ -86,8 +86,8 @@ class Agreement:
             for found in common.differences(setup, whole):
                 kept = "; what was recorded is kept, and svfl-data repair makes an episode of it" if whole else ""
                 raise DatasetError(
-                    f"{self._dataset.path}: {found.name} is {found.here}, but the dataset was recorded with "
-                    f"{found.there} ({found.where}); record into a new dataset, or say that it varies between "
+                    f"{self._dataset.path}: {found.name} is {found.here} in this episode, but {found.there} in "
+                    f"{found.where}; record into a new dataset, or say that it varies between "
                     f"episodes (varies=[{found.name.removeprefix(RATES)!r}]){kept}"
                 )
             self._write(setup)

@@ -255,8 +255,8 @@ class Samples:
         if need > self.budget:
             way = "cache=False, " if self.cache else ""
             raise DatasetError(
-                f"{self.dataset.path}: samples need {need / 1e6:.1f} MB of memory ({images / 1e6:.1f} MB of images), "
-                f"the budget is {self.budget / 1e6:.1f} MB; choose {way}fewer episodes or a larger budget"
+                f"{self.dataset.path}: samples need {need / 1e6:.3g} MB of memory ({images / 1e6:.3g} MB of images), "
+                f"the budget is {self.budget / 1e6:.3g} MB; choose {way}fewer episodes or a larger budget"
             )
 
     def __getstate__(self) -> dict[str, Any]:

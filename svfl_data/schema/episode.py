@@ -169,7 +169,9 @@ def _array(owner: Episode | Camera, fields: dict[str, Any], name: str, where: st
         raise AttributeError(f"{type(owner).__name__} has no {name!r}; it has {', '.join(fields)}")
     key = name if isinstance(owner, Camera) else fields[name].path
     if key not in arrays:
-        raise AttributeError(f"{where} was recorded without {fields[name].path}")
+        raise AttributeError(
+            f"{where} was recorded without {fields[name].path.replace(CAMERA, owner.__dict__.get('name', CAMERA))}"
+        )
     found: np.ndarray = arrays[key]  # or a `StoredArray`, which is indexed like an array
     return found
 

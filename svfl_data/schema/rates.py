@@ -134,5 +134,5 @@ def _unit_words(ratio: float) -> str:
     """Return which unit explains the ratio between a found and a declared rate, as the end of a message."""
     for power, unit in ((3, "microseconds"), (6, "milliseconds"), (9, "seconds")):
         if 10**power / RATE_FACTOR <= ratio <= 10**power * RATE_FACTOR:
-            return f"; are its time stamps {unit} instead of nanoseconds?"
+            return f"; its time stamps may be {unit} instead of nanoseconds"
     return ""

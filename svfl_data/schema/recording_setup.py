@@ -160,7 +160,7 @@ class Common:
         where, cameras = self._first
         for camera in sorted(cameras ^ setup.cameras):
             if self._compared(f"cameras/{camera}/intrinsics", setup):
-                words = ("missing", "there") if camera in cameras else ("there", "missing")
+                words = ("missing", "present") if camera in cameras else ("present", "missing")
                 yield Difference(f"cameras/{camera}", *words, where)
         own = {**setup.numbers, **setup.rows}
         for name, (where, value) in self._facts.items():
@@ -169,7 +169,7 @@ class Common:
             if name in own and not _same(own[name], value):
                 yield Difference(name, *_words(name, own[name], value), where)
             elif whole and name not in own and name.startswith("cameras/") and name.split("/")[1] in setup.cameras:
-                yield Difference(name, "missing", "there", where)
+                yield Difference(name, "missing", "present", where)
 
     def _compared(self, name: str, setup: Setup) -> bool:
         path = name.removeprefix(RATES)

@@ -168,7 +168,8 @@ def _shape_faults(field: Field, array: Readable, sizes: Sizes, path: str) -> Ite
             elif isinstance(expected, str):
                 known, owner = sizes.setdefault(expected, (found, path))
                 if found != known:
-                    yield f"has {expected} = {found}, but {owner} has {expected} = {known}"
+                    other = "its earlier rows have" if owner == path else f"{owner} has"
+                    yield f"has {expected} = {found}, but {other} {expected} = {known}"
 
 
 def _value_faults(field: Field, array: Readable) -> Iterator[str]:

@@ -78,10 +78,7 @@ def port(text: str) -> int:
     Raises:
         argparse.ArgumentTypeError: If the text is not such an integer.
     """
-    number = _integer(text, 1)
-    if number > LAST_PORT:
-        raise argparse.ArgumentTypeError(f"{text!r} is not an integer from 1 to {LAST_PORT}")
-    return number
+    return _integer(text, 1, LAST_PORT)
 
 
 def natural(text: str) -> int:
@@ -93,13 +90,14 @@ def natural(text: str) -> int:
     return _integer(text, 0)
 
 
-def _integer(text: str, least: int) -> int:
+def _integer(text: str, least: int, most: int | None = None) -> int:
     try:
         value = int(text)
     except ValueError:
         value = least - 1
-    if value < least:
-        raise argparse.ArgumentTypeError(f"{text!r} is not an integer of at least {least}")
+    if value < least or (most is not None and value > most):
+        possible = f"of at least {least}" if most is None else f"from {least} to {most}"
+        raise argparse.ArgumentTypeError(f"{text!r} is not an integer {possible}")
     return value
 
 

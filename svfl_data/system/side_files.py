@@ -172,7 +172,7 @@ def _check_leaf(key: str, value: Any, where: object, kind: type[SvflError]) -> N
         if not math.isfinite(value):
             raise kind(f"{where}: {named} is {value}; only finite numbers can be stored as JSON")
     elif value is not None and type(value) is not bool:
-        raise kind(f"{where}: {named} is a {type(value).__name__}, which JSON cannot represent")
+        raise kind(f"{where}: {named} has type {type(value).__name__}, which JSON cannot represent")
 
 
 def plain(value: Any, where: object) -> Any:  # noqa: ANN401 - any value
@@ -196,10 +196,9 @@ def _plain(value: Any, where: object, depth: int) -> Any:  # noqa: ANN401 - any 
     if isinstance(value, dict):
         for key in value:
             if not isinstance(key, str):
-                raise FieldError(
-                    f"{where}: key {printable(repr(key), 80)} is a {type(key).__name__}, JSON has only text"
-                )
-        return {str(key): _plain(item, where, depth + 1) for key, item in value.items()}
+                found = f"{printable(repr(key), 80)} of type {type(key).__name__}"
+                raise FieldError(f"{where}: has the key {found}; keys in JSON are text")
+        return {str(key): _plain(item, f"{where}.{printable(key, 80)}", depth + 1) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item, where, depth + 1) for item in value]
     if isinstance(value, np.ndarray):

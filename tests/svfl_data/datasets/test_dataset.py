@@ -61,8 +61,8 @@ def test_what_only_one_of_two_configurations_has_makes_them_different(dataset, c
 
 def test_a_folder_with_other_files_is_left_alone(tmp_path):
     (tmp_path / "thesis.tex").write_text("do not touch")
-    for place in (tmp_path, tmp_path / "thesis.tex"):
-        with pytest.raises(DatasetError, match=rf"{place} .*dataset\.json"):
+    for place, found in ((tmp_path, r"dataset\.json"), (tmp_path / "thesis.tex", "not a folder")):
+        with pytest.raises(DatasetError, match=rf"{place} .*{found}"):
             Dataset.create_or_resume(place, "centering", 0, {})
     assert [file.name for file in tmp_path.iterdir()] == ["thesis.tex"]
 
