@@ -1,5 +1,6 @@
 """Validate, reading and training are one judgement: they say the same of every kind of finding, in one line."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +27,7 @@ from tests.helpers.spoiled import INVALID, SPOILERS, black_image, drop_outs, fre
 pytestmark = pytest.mark.slow
 
 WRENCH, CAMERA, LABELS = "streams/wrench/", "cameras/front/", "labels/"
+SATURATED = r"episode_000001\.hdf5: streams/wrench/wrench\[\d+\]: fx"
 
 
 def clone(path):
@@ -105,13 +107,11 @@ def test_only_what_is_used_counts(tmp_path):
     dataset = written(tmp_path / "d", saturation)
     check_usable(dataset, [0, 1], ["cameras/front"])
     check_usable(dataset, [0])
-    with pytest.raises(
-        DatasetError, match=r"; the first: error: episode_000001.hdf5: streams/wrench/wrench\[\d+\]: fx"
-    ):
+    with pytest.raises(DatasetError, match=SATURATED):
         check_usable(dataset, [0, 1], ["streams/wrench"])
     dark = written(tmp_path / "dark", black_image)
     check_usable(dark, [0, 1], ["streams/wrench"])
-    with pytest.raises(DatasetError, match="images are all black"):
+    with pytest.raises(DatasetError, match=r"cameras/front/.* all black"):
         check_usable(dark, [0, 1])
 
 
@@ -127,14 +127,14 @@ def test_verdicts_are_kept_by_content_and_looked_at_no_image_again(tmp_path, mon
         monkeypatch.setattr("svfl_data.checks.judging.IMAGE_CHECKS", (None,) * (len(outcomes) > 1))
     assert outcomes[0] is None
     assert outcomes[1] == outcomes[2]
-    assert "fx is saturated" in outcomes[1]
+    assert re.search(SATURATED, outcomes[1])
     assert not list(dataset.path.glob(".*")), "nothing in the dataset's folder"
     (kept,) = (tmp_path / "cache" / "verdicts").iterdir()
     for damage in (b"", b"SQLite format 3\0" + bytes(200), b"x" * 5000):
         kept.write_bytes(damage)
         monkeypatch.undo()
         monkeypatch.setenv("SVFL_CACHE_DIR", str(tmp_path / "cache"))
-        with pytest.raises(DatasetError, match="fx is saturated"):
+        with pytest.raises(DatasetError, match=SATURATED):
             check_usable(dataset, [0, 1])
 
 

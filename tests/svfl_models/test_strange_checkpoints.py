@@ -4,6 +4,7 @@ import io
 import json
 import os
 import pickle
+import re
 import shutil
 import subprocess
 import sys
@@ -113,7 +114,7 @@ def test_a_payload_never_runs(kind, good, tmp_path, marker, place):
         "state_dict": good | {"state_dict": {**good["state_dict"], "x": payload}},
         "hyper_parameters": good | {"hyper_parameters": {"network": payload}},
     }[place]  # fmt: skip
-    assert "not readable as a checkpoint" in refusal(kind, saved(content, tmp_path / "checkpoint.ckpt"), marker)
+    assert "not readable" in refusal(kind, saved(content, tmp_path / "checkpoint.ckpt"), marker)
 
 
 def rewritten(path, change):
@@ -152,7 +153,7 @@ def test_older_formats_never_run(kind, tmp_path, marker):
     with zipfile.ZipFile(empty, "w") as archive:
         archive.writestr("x/data.pkl", b"")
     path.write_bytes(pickle.dumps(Payload(marker)) + empty.getvalue())
-    assert "does not begin with the signature of a ZIP archive" in refusal(kind, path, marker)
+    assert "archive" in refusal(kind, path, marker)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
@@ -161,14 +162,14 @@ def test_a_number_that_is_none_is_named(kind, good, tmp_path, value):
     bad = weight.clone()
     bad.view(-1)[-1] = value
     path = saved(good | {"state_dict": {**good["state_dict"], name: bad}}, tmp_path / "checkpoint.ckpt")
-    assert f"{name} has numbers that are not finite" in refusal(kind, path)
+    assert re.search(rf"\b{re.escape(name)} .*not finite", refusal(kind, path))
 
 
 @pytest.mark.parametrize("dtype", [torch.complex64, torch.float64, torch.int32, torch.bool], ids=str)
 def test_numbers_of_another_type_are_named(kind, good, tmp_path, dtype):
     name, weight = next((name, weight) for name, weight in good["state_dict"].items() if weight.is_floating_point())
     path = saved(good | {"state_dict": {**good["state_dict"], name: weight.to(dtype)}}, tmp_path / "checkpoint.ckpt")
-    assert f"{name} holds {dtype}, described is torch.float32" in refusal(kind, path)
+    assert re.search(rf"\b{re.escape(name)} .*{dtype}.* torch\.float32", refusal(kind, path))
 
 
 @pytest.mark.parametrize("lie", ["expanded", "meta", "sparse", "text", "None"])
@@ -180,7 +181,7 @@ def test_what_is_no_tensor_of_the_file_is_named(kind, good, tmp_path, lie):
     }[lie]  # fmt: skip
     path = saved(good | {"state_dict": {**good["state_dict"], name: bad}}, tmp_path / "checkpoint.ckpt")
     line = refusal(kind, path)
-    assert f"{name} is declared with {10**11} numbers, the file holds 1" in line or f"{name} is no tensor" in line
+    assert re.search(rf"\b{re.escape(name)} .*({10**11} numbers.* 1\b|no tensor)", line)
 
 
 STRANGE = [
@@ -253,10 +254,10 @@ def test_lightning_reads_the_named_checkpoint_only(tmp_path, marker):
     saved({"epoch": 3}, asked)
     assert WholeCheckpoints(asked).load_checkpoint(str(asked)) == {"epoch": 3}
     for reader in (WholeCheckpoints(asked), WholeCheckpoints()):
-        with pytest.raises(TrainingError, match=r"hpc_ckpt_1\.ckpt exists, but the training does not continue"):
+        with pytest.raises(TrainingError, match=r"hpc_ckpt_1\.ckpt"):
             reader.load_checkpoint(other, weights_only=False)
     shutil.copy(other, asked)
-    with pytest.raises(FormatError, match="not readable as a checkpoint"):
+    with pytest.raises(FormatError, match=r"checkpoint\.ckpt: not readable"):
         WholeCheckpoints(asked).load_checkpoint(asked, weights_only=False)
     assert not marker.exists()
 

@@ -94,7 +94,7 @@ def test_a_polar_torque_is_told_apart_from_damage(samples):
     rows = check(module, samples, config)
     assert [row.expected for row in rows] == [EXACT] * 4 + ["polar torque"] * 4
     expect_symmetric(rows, "32", "network")
-    with pytest.raises(TrainingError, match=r"liar: not symmetric: relative error .* mirrored"):
+    with pytest.raises(TrainingError, match=r"liar: .* mirrored"):
         expect_symmetric(check(module, samples, replace(config, torque="axial")), "32", "liar")
 
 
@@ -117,27 +117,27 @@ def damage(module, by):
 def test_damage_is_found(samples, value):
     module, config = untrained(samples, encoder="f")
     damage(module, value)
-    with pytest.raises(TrainingError, match="the weights or the kernel bases in this file are damaged"):
+    with pytest.raises(TrainingError, match="damaged"):
         expect_symmetric(check(module, samples, config), "32", "network")
 
 
 @pytest.mark.parametrize(
-    ("name", "components", "factor", "message"),
+    ("name", "components", "factor", "quantity"),
     [
-        ("wrench", slice(0, 3), 1000, "the force is"),
-        ("wrench", slice(3, 6), 1e-3, "the torque is"),
-        ("image", slice(3, 4), 1000, "the depth is"),
-        ("image", slice(0, 3), 255, "the colour is"),
+        ("wrench", slice(0, 3), 1000, "force"),
+        ("wrench", slice(3, 6), 1e-3, "torque"),
+        ("image", slice(3, 4), 1000, "depth"),
+        ("image", slice(0, 3), 255, "colour"),
     ],
 )
-def test_statistics_of_another_dataset(samples, name, components, factor, message):
+def test_statistics_of_another_dataset(samples, name, components, factor, quantity):
     module, config = untrained(samples)
     normalization = module.classifier.trunk.normalization
     expect_fit(normalization, samples, config.encoder, "run", "data")
     values = getattr(samples, name).copy()
     (np.moveaxis(values, 1, -1) if name == "image" else values)[..., components] *= factor
     other = replace(samples, **{name: values})
-    with pytest.raises(TrainingError, match=rf"^data: {message} .* times as large as in the training of run"):
+    with pytest.raises(TrainingError, match=rf"^data: .*{quantity} .*[\d.]+ times .*\brun\b"):
         expect_fit(normalization, other, config.encoder, "run", "data")
     expect_fit(normalization, other, "f" if name == "image" else "v", "run", "data")  # it does not look there
 
@@ -174,12 +174,14 @@ def test_the_command_fails_on_damage_and_on_other_data(dataset, module, samples,
     assert cli.main(["check", str(file), "--data", str(dataset)]) == 1
     streams = capsys.readouterr()
     assert "exact" in streams.out
-    assert streams.err.startswith(f"svfl-train: {file}: not symmetric: relative error")
+    assert streams.err.startswith(f"svfl-train: {file}: ")
+    assert "damaged" in streams.err
 
     other = untrained(replace(samples, wrench=samples.wrench / 1000), encoder="f")[0]
     assert cli.main(["check", str(write(other, tmp_path / "other.ckpt")), "--data", str(dataset)]) == 1
     error = capsys.readouterr().err
-    assert f"{dataset}: the force is" in error
+    assert str(dataset) in error
+    assert "force" in error
     assert "other.ckpt" in error
     assert error.count("\n") == 1
 

@@ -123,24 +123,24 @@ def test_the_paper_preset_has_the_size_of_the_reference():
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("options", "facts"),
     [
-        ({"encoder": "fv"}, "unknown encoder 'fv'; possible: v, f, vf"),
-        ({"group": "D5"}, "unknown group 'D5'; possible: D4, C4, C8, D8, D12, none"),
-        ({"preset": "big"}, "unknown preset 'big'; possible: tiny, default, wide, paper"),
-        ({"target": "class"}, "unknown target 'class'; possible: direction, offset"),
-        ({"image_size": 48}, "unknown image size 48; possible: 8, 16, 32, 64, 128"),
-        ({"torque": "none"}, "unknown torque typing 'none'; possible: axial, polar"),
+        ({"encoder": "fv"}, "encoder 'fv'.* v, f, vf"),
+        ({"group": "D5"}, "group 'D5'.* D4, C4, C8, D8, D12, none"),
+        ({"preset": "big"}, "preset 'big'.* tiny, default, wide, paper"),
+        ({"target": "class"}, "target 'class'.* direction, offset"),
+        ({"image_size": 48}, "image size 48.* 8, 16, 32, 64, 128"),
+        ({"torque": "none"}, "torque .*'none'.* axial, polar"),
     ],
 )
-def test_unknown_choices(options, message):
-    with pytest.raises(TrainingError, match=message):
+def test_unknown_choices(options, facts):
+    with pytest.raises(TrainingError, match=facts):
         CenteringClassifier(**options)
 
 
 def test_inputs_the_network_was_not_built_for(batch):
     network = CenteringClassifier()
-    with pytest.raises(TrainingError, match=r"'wrench' has shape \(8, 32, 6\); .* built for \(B, 64, 6\)"):
+    with pytest.raises(TrainingError, match=r"'wrench' .*\(8, 32, 6\).* \(B, 64, 6\)"):
         network(batch | {"wrench": batch["wrench"][:, :32]})
-    with pytest.raises(TrainingError, match="the batch has no 'image'; it has wrench"):
+    with pytest.raises(TrainingError, match=r"no 'image'.* wrench"):
         network({"wrench": batch["wrench"]})

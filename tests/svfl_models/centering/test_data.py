@@ -68,14 +68,14 @@ def test_batches_hold_what_the_encoder_looks_at(encoder, fields, samples):
 def test_poisoned_samples_are_refused_by_episode(samples):
     wrench = samples.wrench.copy()
     wrench[7, 3, 2] = np.nan
-    with pytest.raises(TrainingError, match="wrench of episode 7 holds NaN or infinity"):
+    with pytest.raises(TrainingError, match=r"wrench .*episode 7 .*NaN or infinity"):
         CenteringData(samples, dataclasses.replace(samples, wrench=wrench), config())
     small = dataclasses.replace(samples, image=samples.image[..., :32, :32])
-    with pytest.raises(TrainingError, match="images are 32 x 32 pixels, smaller than the network's 64 x 64"):
+    with pytest.raises(TrainingError, match=r"32 x 32 .*64 x 64"):
         CenteringData(small, samples, config())
     assert len(CenteringData(small, samples, config(image_size=16)).train_set) == len(samples)
     flat = dataclasses.replace(samples, image=samples.image[..., :70, :])
-    with pytest.raises(TrainingError, match="images are 70 x 76 pixels; needed: square ones"):
+    with pytest.raises(TrainingError, match=r"70 x 76 .*square"):
         CenteringData(flat, samples, config())
 
 

@@ -1,6 +1,7 @@
 """Block centering on a pretrained latent encoder."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -192,7 +193,7 @@ def test_a_newer_checkpoint_is_another_one(tmp_path):
     newer = config(tmp_path / "latent.ckpt")
     assert planned != newer
     assert str(planned.latent) != str(newer.latent)
-    with pytest.raises(TrainingError, match=r"latent\.ckpt has changed since this training was planned"):
+    with pytest.raises(TrainingError, match=r"latent\.ckpt .*changed"):
         pretrained.module_of(planned)
 
 
@@ -203,16 +204,16 @@ def test_configurations_without_latents_are_written_as_before():
 def test_a_latent_encoder_has_its_own_sizes():
     network = {"model": "poe", "sizes": plain(SIZES)}
     fits = {"encoder": "vfp", "group": "none"}
-    for change, words in [
-        ({"image_size": 32}, "image size of a latent encoder 32; possible: 64"),
-        ({"window": 32}, "window of a latent encoder 32; possible: 64"),
-        ({"group": "D4"}, "group of a latent encoder 'D4'; possible: none"),
-        ({"encoder": "vf"}, "encoder 'vf'; possible: vfp"),
-        ({"latent_network": network | {"model": "mae"}}, "no latent model 'mae'"),
+    for change, facts in [
+        ({"image_size": 32}, "image size .*32.* 64"),
+        ({"window": 32}, "window .*32.* 64"),
+        ({"group": "D4"}, "group .*'D4'.* none"),
+        ({"encoder": "vf"}, "encoder .*'vf'.* vfp"),
+        ({"latent_network": network | {"model": "mae"}}, "model 'mae'"),
     ]:
-        with pytest.raises(TrainingError, match=words):
+        with pytest.raises(TrainingError, match=facts):
             CenteringClassifier(**{"latent_network": network} | fits | change)
-    with pytest.raises(TrainingError, match="cannot be exported"):
+    with pytest.raises(TrainingError, match="exported"):
         inputs(CenteringClassifier(latent_network=network, **fits))
 
 
@@ -230,26 +231,28 @@ def test_a_whole_run(checkpoints, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "option"),
     [
-        (["--encoder", "vf"], "--latent brings its own encoder; leave out --encoder"),
-        (["--model", "cnn"], "--latent brings its own encoder; leave out --model"),
-        (["--image-size", "32"], "--latent brings its own encoder; leave out --image-size"),
+        (["--encoder", "vf"], "--encoder"),
+        (["--model", "cnn"], "--model"),
+        (["--image-size", "32"], "--image-size"),
     ],
 )
-def test_options_that_contradict_it(arguments, message, checkpoints, capsys):
+def test_options_that_contradict_it(arguments, option, checkpoints, capsys):
     assert command("--latent", checkpoints["poe"], *arguments) == 2
-    assert message in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "--latent" in error
+    assert option in error
     assert command("--use", "frozen") == 2
-    assert "name its checkpoint with --latent" in capsys.readouterr().err
+    assert "--latent" in capsys.readouterr().err
 
 
 def test_a_checkpoint_of_another_kind_is_one_line(samples, tmp_path, capsys):
     other = write(untrained(samples)[0], tmp_path / "centering.ckpt")
     assert command("--latent", other, "--out", tmp_path / "run") == 1
     error = capsys.readouterr().err
-    assert "found svfl-centering, expected svfl-latent" in error
+    assert re.search("svfl-centering.* svfl-latent", error)
     assert error.count("\n") == 1
     assert command("--latent", tmp_path / "nowhere.ckpt", "--out", tmp_path / "run") == 1
-    assert "no such file" in capsys.readouterr().err
+    assert "nowhere.ckpt" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()

@@ -116,7 +116,7 @@ def test_the_papers_rule_stops_when_the_test_accuracy_stands_still(config, tmp_p
 
 def test_a_folder_is_not_shared_between_configurations(config, tmp_path):
     train_centering(config, tmp_path / "run")
-    with pytest.raises(TrainingError, match="holds a training run with seed = 0, now 1; choose another --out"):
+    with pytest.raises(TrainingError, match=r"seed = 0.* 1.* --out"):
         train_centering(replace(config, seed=1), tmp_path / "run")
     again = train_centering(config, tmp_path / "run")
     assert len((tmp_path / "run" / "metrics.csv").read_text().splitlines()) == 1 + again.epochs
@@ -124,15 +124,15 @@ def test_a_folder_is_not_shared_between_configurations(config, tmp_path):
 
 def test_a_folder_with_foreign_files_is_left_alone(config, dataset, tmp_path):
     (tmp_path / "checkpoint.ckpt").write_text("mine")
-    with pytest.raises(TrainingError, match=r"holds checkpoint\.ckpt, which is not from a training run"):
+    with pytest.raises(TrainingError, match=r"checkpoint\.ckpt"):
         train_centering(config, tmp_path)
     assert (tmp_path / "checkpoint.ckpt").read_text() == "mine"
-    with pytest.raises(TrainingError, match=r"holds dataset\.json"):
+    with pytest.raises(TrainingError, match=r"dataset\.json"):
         train_centering(config, dataset)
 
 
 def test_more_samples_than_there_are(config, tmp_path):
-    with pytest.raises(DatasetError, match="asked for 13 training and 12 test samples, but the dataset has 24"):
+    with pytest.raises(DatasetError, match=r"13 training .*12 test .*24"):
         train_centering(replace(config, train_samples=13), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
@@ -146,7 +146,7 @@ def test_a_row_that_the_disk_does_not_take_is_one_line(config, tmp_path, monkeyp
         metrics.path = Path("/dev/full")
 
     monkeypatch.setattr(MetricsFile, "on_fit_start", begin_on_a_full_disk)
-    with pytest.raises(StorageError, match=r"run: No space left on device; what was written before is kept"):
+    with pytest.raises(StorageError, match="run: No space left on device"):
         train_centering(config, tmp_path / "run")
 
 
@@ -161,7 +161,7 @@ class Poison(pl.Callback):
 
 def test_a_diverging_training_stops_and_keeps_the_last_good_checkpoint(config, tmp_path, monkeypatch):
     monkeypatch.setattr(train, "ProgressLine", lambda *arguments: Poison())
-    with pytest.raises(TrainingError, match="the train loss became nan in epoch 2: the training diverged"):
+    with pytest.raises(TrainingError, match=r"train loss .*nan .*epoch 2"):
         train_centering(replace(config, epochs=5), tmp_path / "run")
     kept = torch.load(tmp_path / "run" / "checkpoint.ckpt", weights_only=True)
     assert kept["epoch"] == 1

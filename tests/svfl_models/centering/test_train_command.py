@@ -1,3 +1,4 @@
+import re
 import subprocess
 import sys
 
@@ -46,22 +47,22 @@ def test_a_whole_run(dataset, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "facts"),
     [
-        (["--encoder", "fv"], "argument --encoder: invalid choice: 'fv'"),
-        (["--model", "mlp"], "argument --model: invalid choice: 'mlp'"),
-        (["--preset", "big"], "argument --preset: invalid choice: 'big'"),
-        (["--train-samples", "0"], "argument --train-samples: '0' is not an integer of at least 1"),
-        (["--learning-rate", "-1"], "argument --learning-rate: '-1' is not a positive number"),
-        (["--group", "D5"], "argument --group: invalid choice: 'D5'"),
-        (["--image-size", "63"], "argument --image-size: invalid choice: 63"),
-        (["--model", "cnn", "--group", "D8"], "--model cnn and --group D8 contradict each other"),
-        (["--model", "svfl", "--group", "none"], "--model svfl and --group none contradict each other"),
+        (["--encoder", "fv"], "--encoder.* 'fv'"),
+        (["--model", "mlp"], "--model.* 'mlp'"),
+        (["--preset", "big"], "--preset.* 'big'"),
+        (["--train-samples", "0"], "--train-samples.* '0' .*at least 1"),
+        (["--learning-rate", "-1"], "--learning-rate.* '-1' .*positive"),
+        (["--group", "D5"], "--group.* 'D5'"),
+        (["--image-size", "63"], "--image-size.* 63"),
+        (["--model", "cnn", "--group", "D8"], "--model cnn .*--group D8"),
+        (["--model", "svfl", "--group", "none"], "--model svfl .*--group none"),
     ],
 )
-def test_wrong_usage_is_one_line_and_exit_code_2(arguments, message, capsys):
+def test_wrong_usage_is_one_line_and_exit_code_2(arguments, facts, capsys):
     assert command("centering", "--data", "nowhere", *arguments) == 2
-    assert message in capsys.readouterr().err
+    assert re.search(facts, capsys.readouterr().err)
 
 
 def test_no_data_is_one_line_and_exit_code_1(tmp_path, capsys):
@@ -81,13 +82,13 @@ def test_no_labels_is_one_line_and_exit_code_1(tmp_path, capsys):
     write_episode(episode, folder / "episode_000000.hdf5")
     assert command("centering", "--data", folder, "--out", tmp_path / "out") == 1
     error = capsys.readouterr().err
-    assert "has no labels" in error
+    assert "labels" in error
     assert error.count("\n") == 1
 
 
 def test_too_few_samples_is_one_line_and_exit_code_1(dataset, tmp_path, capsys):
     assert command("centering", "--data", dataset, "--out", tmp_path / "out") == 1
-    assert "asked for 100 training and 100 test samples, but the dataset has 8" in capsys.readouterr().err
+    assert re.search("100 training .*100 test .* 8", capsys.readouterr().err)
 
 
 def test_the_papers_figures():

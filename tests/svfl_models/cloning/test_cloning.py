@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -137,19 +138,19 @@ def test_an_interruption_leaves_no_trace(encoder, config, tmp_path, monkeypatch)
 
 def test_another_configuration_does_not_go_on_there(run, config):
     _, out = run
-    with pytest.raises(TrainingError, match="holds a training run with epochs = 3, now 4"):
+    with pytest.raises(TrainingError, match=r"epochs = 3\b.* 4\b"):
         train.train_cloning(replace(config, epochs=4), out, QUIET)
 
 
 def test_a_damaged_checkpoint_is_said_before_training_goes_on(config, tmp_path):
     run_folder.claim(tmp_path / "run", config.plain())
     (tmp_path / "run" / run_folder.CHECKPOINT).write_text("half a file")
-    with pytest.raises(FormatError, match=r"checkpoint\.ckpt: not a checkpoint \(or one that is cut off\)"):
+    with pytest.raises(FormatError, match=r"checkpoint\.ckpt"):
         train.train_cloning(config, tmp_path / "run", QUIET)
 
 
 def test_a_training_that_diverges_says_so(config, tmp_path):
-    with pytest.raises(TrainingError, match="the training diverged; try a smaller learning rate than 1e\\+30"):
+    with pytest.raises(TrainingError, match=r"learning rate .*1e\+30"):
         train.train_cloning(replace(config, encoder="p", learning_rate=1e30), tmp_path / "run", QUIET)
 
 
@@ -159,17 +160,17 @@ def test_a_checkpoint_says_what_it_is(run, tmp_path):
     assert (module.deployment.task, module.deployment.switch, module.training) == ("block_picking", True, False)
     found = weights(out)
     other = tmp_path / "other.ckpt"
-    for change, message in (
-        ({"svfl": {"format": "svfl-centering"}}, "not a checkpoint of a policy .found svfl-centering"),
-        ({"svfl": None}, "no mark of svfl-train"),
-        ({"svfl": found["svfl"] | {"format_version": "2.0"}}, "format version 2.0; this release reads 1.0"),
-        ({"state_dict": {}}, "weights and description do not fit each other"),
-        ({"hyper_parameters": found["hyper_parameters"] | {"loss": "x"}}, "unknown loss 'x'"),
+    for change, facts in (
+        ({"svfl": {"format": "svfl-centering"}}, "svfl-centering.* svfl-policy"),
+        ({"svfl": None}, "svfl-policy"),
+        ({"svfl": found["svfl"] | {"format_version": "2.0"}}, r" 2\.0\b.* 1\.0\b"),
+        ({"state_dict": {}}, "do not fit"),
+        ({"hyper_parameters": found["hyper_parameters"] | {"loss": "x"}}, "loss 'x'"),
     ):
         torch.save(found | change, other)
-        with pytest.raises(FormatError, match=message):
+        with pytest.raises(FormatError, match=facts):
             load_policy(other)
-    with pytest.raises(FormatError, match=r"nothing\.ckpt: no such file"):
+    with pytest.raises(FormatError, match=r"nothing\.ckpt"):
         load_policy(tmp_path / "nothing.ckpt")
 
 
@@ -191,18 +192,18 @@ def test_the_command(config, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "message"),
+    ("arguments", "code", "facts"),
     [
-        (["--encoder", "fp"], 2, "argument --encoder: invalid choice: 'fp'"),
-        (["--model", "cnn", "--group", "D8"], 2, "--model cnn and --group D8 contradict each other"),
-        (["--loss", "l1"], 2, "argument --loss: invalid choice"),
-        ([], 1, "asked for 50 successful episodes, but it has 6 among 6"),
+        (["--encoder", "fp"], 2, "--encoder.* 'fp'"),
+        (["--model", "cnn", "--group", "D8"], 2, "--model cnn.* --group D8"),
+        (["--loss", "l1"], 2, "--loss.* 'l1'"),
+        ([], 1, " 50 successful episodes.* 6 among 6"),
     ],
 )
-def test_mistakes_are_one_line(arguments, code, message, config, tmp_path, capsys):
+def test_mistakes_are_one_line(arguments, code, facts, config, tmp_path, capsys):
     assert command("bc", "--data", config.data, "--out", tmp_path / "run", *arguments) == code
     error = capsys.readouterr().err
-    assert message in error
+    assert re.search(facts, error)
     assert error.count("\n") == 1
     assert not (tmp_path / "run").exists()
 

@@ -174,26 +174,26 @@ def slow(episode):
 
 
 @pytest.mark.parametrize(
-    ("odd", "message"),
+    ("odd", "facts"),
     [
         (
             lambda one: Episode(replace(one.meta, task="mug_picking"), one.arrays),
-            "task mug_picking, episode 0 has block",
+            "task mug_picking.* episode 0 .*block_picking",
         ),
-        (lambda one: changed(one, image_axes=np.eye(2)), r"episode 3 has image_axes \[\[1.0, 0.0\], \[0.0, 1.0\]\]"),
-        (lambda one: changed(one, workspace=one.workspace + 0.1), r"episode 3 has centre \[0.65, 0.1\]"),
-        (slow, "episode 3 has step_ms 100.0, episode 0 has 50.0"),
+        (lambda one: changed(one, image_axes=np.eye(2)), r"episode 3 .*image_axes \[\[1\.0, 0\.0\], \[0\.0, 1\.0\]\]"),
+        (lambda one: changed(one, workspace=one.workspace + 0.1), r"episode 3 .*centre \[0\.65, 0\.1\]"),
+        (slow, r"episode 3 .*step_ms 100\.0.* episode 0 .*50\.0"),
         (
             far,
-            r"1 of 6 episodes are unfit for training; .*actions/action\[2\]: dz is 0.05 m, outside -0.025 to 0.025 m",
+            r"1 of 6 episodes.* actions/action\[2\]: dz .*0\.05 m.* -0\.025 to 0\.025 m",
         ),
-        (lambda _: demonstration(3, size=12), "episode 3 has image_side 12, episode 0 has 10"),
+        (lambda _: demonstration(3, size=12), "episode 3 .*image_side 12.* episode 0 .*10"),
     ],
 )
-def test_demonstrations_of_different_things_are_refused(odd, message, tmp_path):
+def test_demonstrations_of_different_things_are_refused(odd, facts, tmp_path):
     episodes = [demonstration(index) for index in range(6)]
     folder = write(tmp_path / "odd", [*episodes[:3], odd(episodes[3]), *episodes[4:]])
-    with pytest.raises(DatasetError, match=message):
+    with pytest.raises(DatasetError, match=facts):
         data_of(folder)
 
 
@@ -209,7 +209,7 @@ def test_uneven_control_periods_are_said_and_change_nothing(tmp_path, capsys):
     even = [demonstration(index) for index in range(6)]
     uneven = [at_rate(one, 1 + 0.06 * index) for index, one in enumerate(even)]
     data = [data_of(write(tmp_path / name, some)) for name, some in (("even", even), ("uneven", uneven))]
-    assert "steps last 50.0 to 65.0 ms in different episodes" in capsys.readouterr().err
+    assert "50.0 to 65.0 ms" in capsys.readouterr().err
     batches = [one.train_set.batch(range(len(one.train_set))) for one in data]
     assert all(torch.equal(values, batches[1][name]) for name, values in batches[0].items())
     assert data[1].deployment.step_ms == pytest.approx(57.5)
@@ -230,26 +230,26 @@ def test_the_bounds_of_actions_are_those_of_the_configuration(tmp_path):
     with torch.no_grad():
         said = [ActingPolicy(policy, replace(one.deployment, switch=False), "camera").eval()(*inputs) for one in data]
     torch.testing.assert_close(said[0] * torch.from_numpy(factor), said[1])
-    with pytest.raises(DatasetError, match=r"episode 5 has max_move 0\.1, episode 0 has 0\.025"):
+    with pytest.raises(DatasetError, match=r"episode 5 .*max_move 0\.1\b.* episode 0 .*0\.025"):
         data_of(write(tmp_path / "mixed", [*episodes[:5], wide[5]]))
 
 
 def test_missing_fields_are_named(tmp_path):
     folder = write(tmp_path / "flat", [changed(demonstration(index), depth=None) for index in range(6)])
-    with pytest.raises(FieldError, match="recorded without cameras/front/depth;"):
+    with pytest.raises(FieldError, match=r"cameras/front/depth\b"):
         data_of(folder)
-    with pytest.raises(FieldError, match="recorded without cameras/top/"):
+    with pytest.raises(FieldError, match="cameras/top/"):
         data_of(demonstrations(tmp_path / "front"), camera="top")
 
 
 def test_too_few_episodes_and_too_small_images(folder, tmp_path):
-    with pytest.raises(DatasetError, match="asked for 50 successful episodes, but it has 6 among 6"):
+    with pytest.raises(DatasetError, match=r" 50 successful episodes.* 6 among 6"):
         data_of(folder, episodes=50)
-    with pytest.raises(DatasetError, match="asked for 1 episode; needed: one to learn from and one held out"):
+    with pytest.raises(DatasetError, match=r" 1 episode\b"):
         data_of(folder, episodes=1)
-    with pytest.raises(DatasetError, match="too few to split"):
+    with pytest.raises(DatasetError, match=r"\b2 episodes .*split"):
         data_of(folder, episodes=2, valid=0.1)
-    with pytest.raises(TrainingError, match="images are 10 x 10 pixels, smaller than the network's 64 x 64"):
+    with pytest.raises(TrainingError, match=r"10 x 10 .*64 x 64"):
         data_of(folder, image_size=64)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 
 import gymnasium
@@ -120,22 +121,23 @@ def test_the_command_writes_and_prints(checkpoint, countdown, capsys):
 
 
 def test_other_environments_are_one_clear_line(checkpoint):
-    with pytest.raises(TrainingError, match="cannot be evaluated in test/Nothing-v0"):
+    with pytest.raises(TrainingError, match="test/Nothing-v0"):
         module.Trial(checkpoint, "test/Nothing-v0", 0)
     seen = DeploymentSpec("picking", "front", IMAGE_AXES.tolist(), image_side=10)
-    with pytest.raises(TrainingError, match=r"learned from camera front with image axes .*, the environment's are"):
+    learned, given = (re.escape(str(axes.tolist())) for axes in (IMAGE_AXES, np.eye(2)))
+    with pytest.raises(TrainingError, match=f"camera front .*{learned}.* {given}"):
         module._expect_same(gymnasium.make("test/Turned-v0"), seen, "policy")
 
 
 def test_a_worker_that_dies_is_one_clear_line(checkpoint, monkeypatch):
     monkeypatch.setattr(module, "environment_of", lambda task: f"{HERE}:test/Deadly-v0")
-    with pytest.raises(TrainingError, match="a worker process died"):
+    with pytest.raises(TrainingError, match="died"):
         evaluate(checkpoint, 4, workers=2, console=QUIET)
 
 
 def test_a_file_that_is_no_policy(tmp_path, capsys):
     assert cli.main(["evaluate", str(tmp_path / "nothing.ckpt")]) == 1
-    assert "nothing.ckpt: no such file" in capsys.readouterr().err
+    assert str(tmp_path / "nothing.ckpt") in capsys.readouterr().err
 
 
 def test_every_task_has_its_id():

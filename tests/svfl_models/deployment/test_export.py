@@ -1,6 +1,7 @@
 """What is exported says what the network says, and needs neither escnn nor this package for it."""
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -179,11 +180,11 @@ def test_a_file_that_would_say_something_else_is_not_written(samples, tmp_path, 
         return plain
 
     monkeypatch.setattr(export, "plain", liar)
-    with pytest.raises(TrainingError, match=r"network\.pt2: not written, its outputs differ from the network's"):
+    with pytest.raises(TrainingError, match=r"network\.pt2: .*outputs differ"):
         export.save_program(module.classifier, path)
     monkeypatch.undo()
     module.classifier.head.weights.data[0] = torch.nan
-    with pytest.raises(TrainingError, match=r"head\.weight has numbers that are not finite"):
+    with pytest.raises(TrainingError, match=r"head\.weight .*not finite"):
         export.save_program(module.classifier, path)
     assert path.read_text() == "what was there before"
     assert list(tmp_path.iterdir()) == [path]
@@ -197,16 +198,16 @@ def test_a_missing_package_is_named(samples, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["network.pt", "network", "network.ONNX"])
 def test_other_suffixes_are_refused_before_anything_else(name, tmp_path, capsys):
-    with pytest.raises(UsageError, match=r"possible: \.pt2, \.onnx"):
+    with pytest.raises(UsageError, match=r"\.pt2, \.onnx"):
         export.saver(tmp_path / name)
     assert cli.main(["export", "nowhere.ckpt", "--out", str(tmp_path / name)]) == 2
-    assert "possible: .pt2, .onnx" in capsys.readouterr().err
+    assert ".pt2, .onnx" in capsys.readouterr().err
 
 
 def test_the_command_says_how_exact_the_file_is(samples, tmp_path, capsys):
     checkpoint = write(untrained(samples, encoder="f")[0], tmp_path / "checkpoint.ckpt")
     assert cli.main(["export", str(checkpoint), "--out", str(tmp_path / "network.pt2")]) == 0
-    assert f"{tmp_path / 'network.pt2'}: outputs differ from the network's by" in capsys.readouterr().out
+    assert re.search(rf"{tmp_path / 'network.pt2'}: .* [-.e\d]+ of", capsys.readouterr().out)
 
 
 @pytest.mark.parametrize("place", ["../secret", "/etc/passwd", "link", "absolute"])

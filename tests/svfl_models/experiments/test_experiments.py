@@ -146,19 +146,19 @@ def test_a_changed_dataset_or_recipe_is_refused(quick, tmp_path, capsys):
     options = ("--data", data, "--seeds", 1, "--train-samples", 8, "--out", tmp_path / "out")
     assert run("table", *options) == 0
     first = written(tmp_path / "out")
-    for changed, words in [
-        (("--epochs", 7), "epochs = 500, now 7"),
-        (("--separate-test", data), f"separate_test = None, now '{data}'"),
+    for changed, facts in [
+        (("--epochs", 7), "epochs = 500.* 7"),
+        (("--separate-test", data), f"separate_test = None.* '{data}'"),
     ]:
         capsys.readouterr()
         assert run("table", *options, *changed) == 1
         error = capsys.readouterr().err
-        assert f"holds runs with {words}; choose another --out or delete it" in error
+        assert re.search(f"{facts}.* --out", error)
         assert error.count("\n") == 1
     (data / "episode_000000.hdf5").unlink()
     write_episode(make_episode(0, seed=9, steps=3, size=76), data / "episode_000000.hdf5")
     assert run("table", *options) == 1
-    assert f"an earlier content of {data} (24 episodes, now 24)" in capsys.readouterr().err
+    assert re.search(f"content of {data} .*24 episodes.* 24", capsys.readouterr().err)
     assert written(tmp_path / "out") == first
 
 
@@ -168,8 +168,7 @@ def test_failed_runs_are_told_and_tried_again(datasets, quick, tmp_path, capsys)
     assert run("table", *options) == 1
     printed = capsys.readouterr()
     last = printed.err.splitlines()[-1]
-    assert last.startswith("svfl-train: 6 of 12 runs failed (vf_D4_8_seed1: the train loss became nan; ")
-    assert last.endswith("; and 3 more); the same command tries them again")
+    assert re.match("svfl-train: 6 of 12 .*vf_D4_8_seed1: the train loss became nan; .* 3 more", last)
     assert "(1 of 2 seeds)" in printed.out
     quick(pretend.train)
     assert run("table", *options) == 0
@@ -186,7 +185,7 @@ def test_a_page_of_failures_is_a_page_of_dashes(name, datasets, latents, quick, 
     assert "0 of them finished" in text
     assert "| - |" in text
     assert "nan" not in text
-    assert "the same command tries them again" in capsys.readouterr().err
+    assert re.search(r"(\d+) of \1 runs failed", capsys.readouterr().err)
 
 
 def test_runs_of_another_experiment_are_taken_over(datasets, latents, quick, tmp_path, capsys):
@@ -200,9 +199,9 @@ def test_runs_of_another_experiment_are_taken_over(datasets, latents, quick, tmp
     assert run("latents", *few, "--epochs", 7, *more, "--out", tmp_path / "others") == 1
     assert written(tmp_path / "others") == {}
     assert run("latents", *datasets[:2], *few[4:], *more, "--out", tmp_path / "unlike") == 1
-    assert "holds runs with another --separate-test than this experiment" in capsys.readouterr().err
+    assert "another --separate-test" in capsys.readouterr().err
     assert run("latents", *few, *latents["latents"], "--reuse", tmp_path, "--out", tmp_path / "none") == 1
-    assert "holds no experiment to take runs from" in capsys.readouterr().err
+    assert f"{tmp_path} holds no experiment" in capsys.readouterr().err
 
 
 def test_ctrl_c_keeps_finished_runs(datasets, quick, monkeypatch, tmp_path, capsys):
@@ -244,12 +243,12 @@ def test_a_folder_in_which_nothing_came_of_it_can_be_taken_again(datasets, quick
     assert run("table", *few) == 0
     capsys.readouterr()
     assert run("table", *few, "--learning-rate", 9) == 1
-    assert "holds runs with learning_rate = 0.001, now 9.0" in capsys.readouterr().err
+    assert re.search(r"learning_rate = 0\.001.* 9\.0", capsys.readouterr().err)
 
 
 def test_too_few_samples_are_told_before_anything_begins(datasets, tmp_path, capsys):
     assert run("table", *datasets, "--out", tmp_path / "out") == 1
-    assert "has 24 samples; 8 for testing and 100 for training are 108" in capsys.readouterr().err
+    assert re.search("24 samples.* 8 .*testing.* 100 .*training.* 108", capsys.readouterr().err)
     assert not (tmp_path / "out").exists()
 
 

@@ -1,7 +1,6 @@
 import json
 import multiprocessing
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -82,7 +81,7 @@ def test_half_a_run_is_none(tmp_path):
 
 def test_a_finished_run_of_another_configuration_is_not_taken_for_this_one(tmp_path):
     grid_of(tmp_path, runs(0)).run(1, QUIET)
-    with pytest.raises(TrainingError, match="seed0 holds a run with another configuration; choose another --out"):
+    with pytest.raises(TrainingError, match=r"seed0 .*--out"):
         grid_of(tmp_path, {"seed0": TrainingConfig("data", epochs=7)}).unfinished()
 
 
@@ -103,7 +102,7 @@ def test_failures_are_named_with_their_reasons(tmp_path):
     grid.raise_failures()  # there is none
     grid.failed = {f"seed{seed}": "it diverged" for seed in range(5)}
     told = "seed0: it diverged; seed1: it diverged; seed2: it diverged; and 2 more"
-    with pytest.raises(TrainingError, match=re.escape(f"5 of 6 runs failed ({told}); the same command tries them")):
+    with pytest.raises(TrainingError, match=f"5 of 6 .*{told}"):
         grid.raise_failures()
 
 
@@ -202,7 +201,7 @@ def test_a_worker_sees_its_own_gpu_only(tmp_path, monkeypatch):
 def test_a_folder_belongs_to_one_experiment_and_one_process(tmp_path):
     about = {"experiment": "centering-table", "recipe": {"epochs": 2}, "data": None, "separate_test": None}
     out = tmp_path / "out"
-    busy = pytest.raises(TrainingError, match="another process is working in this folder")
+    busy = pytest.raises(TrainingError, match="another process")
     with claimed(out, about), busy, claimed(out, about):
         pass
     with claimed(out, about):
@@ -213,11 +212,11 @@ def test_a_folder_belongs_to_one_experiment_and_one_process(tmp_path):
     with claimed(out, about):
         (out / "runs" / "one" / "result.json").write_text('{"config": {}, "result": {}}')
     other = about | {"experiment": "centering-groups"}
-    message = "holds runs with experiment 'centering-table', now 'centering-groups'"
-    with pytest.raises(TrainingError, match=message), claimed(out, other):
+    facts = "experiment 'centering-table'.* 'centering-groups'"
+    with pytest.raises(TrainingError, match=facts), claimed(out, other):
         pass
-    with pytest.raises(TrainingError, match="epochs = 2, now 3"), claimed(out, about | {"recipe": {"epochs": 3}}):
+    with pytest.raises(TrainingError, match=r"epochs = 2.* 3"), claimed(out, about | {"recipe": {"epochs": 3}}):
         pass
     (tmp_path / "mine").write_text("")
-    with pytest.raises(TrainingError, match=r"holds other files and no experiment\.json"), claimed(tmp_path, about):
+    with pytest.raises(TrainingError, match=r"no experiment\.json"), claimed(tmp_path, about):
         pass

@@ -133,26 +133,26 @@ def moved_camera(index):
 
 
 @pytest.mark.parametrize(
-    ("episodes", "changed", "words"),
+    ("episodes", "changed", "facts"),
     [
-        ([], {}, "the dataset has no episodes yet"),
-        ([lifting(0)], {}, "1 episodes are too few to split"),
+        ([], {}, "no episodes"),
+        ([lifting(0)], {}, r"\b1 episodes .*split"),
         ([lifting(index, steps=LIFT_FROM + 1) for index in range(3)], {"sequence": 9},
-         "a sequence has 9 actions, the longest of 2 episodes has 8; choose a shorter --sequence"),
+         "9 actions.* 2 episodes .*8.* --sequence"),
         ([lifting(index, success=False) for index in range(3)], {},
-         "reward is 0 in every step of the 2 training episodes"),
+         "reward .*0 .*2 training episodes"),
         ([lifting(index) for index in range(3)], {"contact_n": 99.0},
-         r"contact is 0 in every step .* the threshold is 99 N, the force at an observation is 0\.\d+ to 2\d N"),
+         r"contact .*0 .*99 N.* 0\.\d+ to 2\d N"),
         ([lifting(0), lifting(1, task="block_pushing")], {},
-         "holds episodes of block_picking, block_pushing; --mixed learns from all of them"),
+         "block_picking, block_pushing.* --mixed"),
         ([lifting(0), lifting(1, config={"world": {"max_move": 0.05, "max_turn": 0.2}})], {},
-         "actions have different limits, 0.025 m, 0.19635 rad and 0.05 m, 0.2 rad; --mixed"),
+         r"0\.025 m, 0\.19635 rad .*0\.05 m, 0\.2 rad.* --mixed"),
         ([lifting(0), moved_camera(1)], {}, "cameras/front/T_base_camera"),
     ],
 )  # fmt: skip
-def test_what_cannot_serve_is_refused_before_training(tmp_path, episodes, changed, words):
+def test_what_cannot_serve_is_refused_before_training(tmp_path, episodes, changed, facts):
     folder = written(tmp_path / "data", episodes)
-    with pytest.raises(DatasetError, match=words):
+    with pytest.raises(DatasetError, match=facts):
         sequences_of(dataclasses.replace(config(folder), **changed))
 
 
@@ -166,7 +166,7 @@ def test_without_annotations_and_object_nothing_says_when_there_is_contact(tmp_p
     episode = lifting(0)
     arrays = {path: array for path, array in episode.arrays.items() if not path.startswith("streams/object")}
     folder = written(tmp_path / "data", [dataclasses.replace(episode, arrays=arrays)])
-    with pytest.raises(DatasetError, match=r"nothing says when there is contact.* svfl-data relabel .* --contact"):
+    with pytest.raises(DatasetError, match=r"contact.* svfl-data relabel .* --contact"):
         load_recordings(Dataset.open(folder), 0.5)
 
 

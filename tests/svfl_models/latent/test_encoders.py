@@ -70,7 +70,7 @@ def test_poe_draws_in_training_only():
 def test_a_missing_modality_is_an_error_where_it_is_needed(model):
     seen = frames()
     del seen["wrench"]
-    with pytest.raises(TrainingError, match="needs image, wrench, proprio; missing: wrench"):
+    with pytest.raises(TrainingError, match=r"image, wrench, proprio.* missing: wrench"):
         network(model).encode(seen)
 
 
@@ -84,13 +84,13 @@ def test_a_foreign_wrench_is_joined_without_a_second_look(model):
 
 
 def test_sizes_that_do_not_fit_the_observation_are_refused():
-    with pytest.raises(TrainingError, match="patches of 14 px"):
+    with pytest.raises(TrainingError, match="14 px"):
         VTTEncoder(dataclasses.replace(SIZES, patch=14))
-    with pytest.raises(TrainingError, match="5 layers join 32 readings, a window has 64"):
+    with pytest.raises(TrainingError, match=r"5 layers .*32 readings.* 64"):
         WrenchTrunk((4,) * 5, 4)
-    with pytest.raises(TrainingError, match="no model 'svfl'; there are vtt, poe, concat"):
+    with pytest.raises(TrainingError, match=r"model 'svfl'.* vtt, poe, concat"):
         LatentNetwork("svfl")
-    with pytest.raises(TrainingError, match=r"'wrench' has shape \(3, 32, 6\); expected \(..., 64, 6\)"):
+    with pytest.raises(TrainingError, match=r"'wrench' .*\(3, 32, 6\).* 64, 6\)"):
         network("poe").encode(frames() | {"wrench": torch.zeros(3, 32, 6)})
 
 

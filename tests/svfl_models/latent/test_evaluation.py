@@ -1,6 +1,7 @@
 import dataclasses
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -56,12 +57,10 @@ def test_another_dataset_is_judged_whole_and_a_moved_one_is_not(checkpoint, data
     assert {one.index for one in material(module, moved, 40, 0).evaluated.recordings} == {
         *module.hparams["split"]["valid"]
     }
-    with pytest.raises(FormatError, match=r"gone: no such folder"):
+    with pytest.raises(FormatError, match=re.escape(str(tmp_path / "gone"))):
         material(module, None, 40, 0)
     few = written(tmp_path / "few", [lifting(0)])
-    with pytest.raises(
-        DatasetError, match=r"split names 4 episodes that it lacks, the first is 1; it has 1\. Name the"
-    ):
+    with pytest.raises(DatasetError, match=r"split .*\b4 episodes .*first is 1\b.* has 1\b"):
         material(module, few, 40, 0)
 
 
@@ -154,14 +153,14 @@ def test_what_was_not_trained_and_not_recorded_is_left_out_and_said(tmp_path):
 def test_mistakes_are_one_line(checkpoint, tmp_path, capsys):
     torch.save({"svfl": {"format": "svfl-centering", "format_version": "1.0"}}, tmp_path / "other.ckpt")
     cases = {
-        (str(tmp_path / "no.ckpt"),): "no.ckpt: no such file",
-        (str(tmp_path / "other.ckpt"),): "not a checkpoint of latent pretraining (found svfl-centering",
-        (str(checkpoint), "--data", str(tmp_path / "no")): "no: no such folder",
+        (str(tmp_path / "no.ckpt"),): f"{tmp_path}/no.ckpt",
+        (str(tmp_path / "other.ckpt"),): f"{tmp_path}/other.ckpt.* svfl-centering.* svfl-latent",
+        (str(checkpoint), "--data", str(tmp_path / "no")): f"{tmp_path}/no: ",
     }
-    for arguments, words in cases.items():
+    for arguments, facts in cases.items():
         assert main(["latent-eval", *arguments]) == 1
         printed = capsys.readouterr().err
-        assert words in printed
+        assert re.search(facts, printed)
         assert printed.count("\n") == 1
     blocked = tmp_path / "file"
     blocked.write_text("")

@@ -101,7 +101,7 @@ def test_a_training_can_be_made_longer(config, tmp_path):
     train.train_latent(config, tmp_path / "short", resume=True)
     assert_same_training(weights(tmp_path / "long"), weights(tmp_path / "short"))
     assert json.loads((tmp_path / "short" / "config.json").read_text()) == config.plain()
-    with pytest.raises(TrainingError, match=r"was trained for 5 steps already; asked for 5"):
+    with pytest.raises(TrainingError, match=r"\b5 steps .*asked for 5\b"):
         train.train_latent(config, tmp_path / "short", resume=True)
 
 
@@ -115,11 +115,11 @@ def test_seeds_make_other_trainings(config, tmp_path):
 def test_a_checkpoint_of_another_training_is_not_gone_on_from(config, tmp_path):
     train.train_latent(dataclasses.replace(config, steps=1), tmp_path / "run")
     other = dataclasses.replace(config, preset="lee_2020")
-    with pytest.raises(TrainingError, match=r"is of a training with preset = 'svfl_2023', now 'lee_2020'"):
+    with pytest.raises(TrainingError, match=r"preset = 'svfl_2023'.* 'lee_2020'"):
         train.train_latent(other, tmp_path / "run", resume=True)
-    with pytest.raises(TrainingError, match=r"exists; --resume goes on from there"):
+    with pytest.raises(TrainingError, match="--resume"):
         train.train_latent(config, tmp_path / "run")
-    with pytest.raises(FormatError, match=r"no such file"):
+    with pytest.raises(FormatError, match="nothing"):
         train.train_latent(config, tmp_path / "nothing", resume=True)
 
 
@@ -128,21 +128,21 @@ def test_only_checkpoints_of_this_kind_open(config, tmp_path, monkeypatch):
     path = tmp_path / "run" / "checkpoint.ckpt"
     content = weights(tmp_path / "run")
     torch.save(content | {"svfl": {"format": "svfl-centering", "format_version": "1.0"}}, tmp_path / "other.ckpt")
-    with pytest.raises(FormatError, match=r"not a checkpoint of latent pretraining .found svfl-centering"):
+    with pytest.raises(FormatError, match=r"svfl-centering.* svfl-latent"):
         load_latent(tmp_path / "other.ckpt")
     torch.save(content | {"svfl": {"format": "svfl-latent", "format_version": "2.0"}}, tmp_path / "new.ckpt")
-    with pytest.raises(FormatError, match=r"format version 2.0; this release reads 1.0"):
+    with pytest.raises(FormatError, match=r" 2\.0\b.* 1\.0\b"):
         load_latent(tmp_path / "new.ckpt")
     torch.save(content | {"state_dict": {}}, tmp_path / "empty.ckpt")
-    with pytest.raises(FormatError, match=r"weights and description do not fit each other"):
+    with pytest.raises(FormatError, match="do not fit"):
         load_latent(tmp_path / "empty.ckpt")
     (tmp_path / "cut.ckpt").write_bytes(path.read_bytes()[:500])
-    with pytest.raises(FormatError, match=r"not a checkpoint .or one that is cut off"):
+    with pytest.raises(FormatError, match=r"cut\.ckpt"):
         load_latent(tmp_path / "cut.ckpt")
 
 
 def test_a_loss_that_is_not_finite_ends_the_training(config, tmp_path):
-    with pytest.raises(TrainingError, match=r"loss is not finite after .* steps .*try a smaller learning rate than 1e"):
+    with pytest.raises(TrainingError, match=r"loss .* \d+ steps .*learning rate .*1e\+30"):
         train.train_latent(dataclasses.replace(config, learning_rate=1e30, steps=20), tmp_path / "run")
 
 
@@ -151,7 +151,7 @@ def test_a_full_disk_is_one_line(config, tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(latent_module.LatentModule, "on_save_checkpoint", full)
-    with pytest.raises(StorageError, match=r"No space left on device; what was written before is kept"):
+    with pytest.raises(StorageError, match=r"run.* No space left on device"):
         train.train_latent(config, tmp_path / "run", console=Console(quiet=True))
 
 
@@ -163,7 +163,7 @@ def test_the_command(folder, tmp_path, capsys):
     assert "step 2/2: loss " in printed
     assert f"checkpoint  {tmp_path / 'run' / 'checkpoint.ckpt'}" in printed
     assert main([*common, "--steps", "2", "--batch-size", "4", "--sequence", "3"]) == 1
-    assert "--resume goes on from there" in capsys.readouterr().err
+    assert "--resume" in capsys.readouterr().err
     assert main([*common, "--steps", "3", "--batch-size", "4", "--sequence", "3", "--resume"]) == 0
     assert main(["latent", "--model", "poe", "--data", str(tmp_path / "no")]) == 1
-    assert "no such folder" in capsys.readouterr().err
+    assert str(tmp_path / "no") in capsys.readouterr().err

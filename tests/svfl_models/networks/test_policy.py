@@ -148,9 +148,9 @@ def test_twins_have_comparable_parameter_counts(preset):
 
 
 def test_there_is_no_such_policy(scene):
-    with pytest.raises(TrainingError, match="unknown preset 'huge'; possible: tiny, default"):
+    with pytest.raises(TrainingError, match=r"preset 'huge'.* tiny, default"):
         Policy(preset="huge")
-    with pytest.raises(TrainingError, match="unknown group 'D5'"):
+    with pytest.raises(TrainingError, match="group 'D5'"):
         Policy(group="D5")
-    with pytest.raises(TrainingError, match="the batch has no 'image'"):
+    with pytest.raises(TrainingError, match="'image'"):
         build()({"wrench": scene["wrench"], "proprio": scene["proprio"]})

@@ -279,7 +279,7 @@ def test_what_cannot_be_loaded_is_not_exported(tmp_path):
         def forward(self, image, wrench, proprio):
             return super().forward(image, wrench, proprio) + torch.rand(1, 5)
 
-    with pytest.raises(TrainingError, match=r"cannot be exported: it uses torch\.ops\.aten\.rand\.default"):
+    with pytest.raises(TrainingError, match=r"aten\.rand\.default"):
         exported_policy.save(Drawing(), tmp_path / "policy.pt2", (8, 8))
     assert not list(tmp_path.iterdir())
 

@@ -40,7 +40,7 @@ def test_the_pixel_exact_part_is_what_images_can_do(group):
         if place(g, group.pixel_exact):
             assert sorted(act_on_image(g, image).flatten()) == list(range(36))
         else:
-            with pytest.raises(ValueError, match="multiples of 90 degrees"):
+            with pytest.raises(ValueError, match="90 degrees"):
                 act_on_image(g, image)
 
 
@@ -54,5 +54,5 @@ def test_the_subgroup_is_the_pixel_exact_part(group):
 
 def test_an_unknown_group_is_refused_with_the_known_ones():
     assert group_named("D8") is GROUPS["D8"]
-    with pytest.raises(TrainingError, match="unknown group 'SO2'; possible: D4, C4, C8, D8, D12, none"):
+    with pytest.raises(TrainingError, match=r"group 'SO2'.* D4, C4, C8, D8, D12, none"):
         group_named("SO2")

@@ -102,7 +102,7 @@ def test_the_network_is_not_changed(grippers):
 
 
 def test_an_output_of_zero_proves_nothing(grippers):
-    with pytest.raises(ValueError, match="the output is zero"):
+    with pytest.raises(ValueError, match=r"output .*zero"):
         equivariance_error(lambda b: torch.zeros(8, 8), grippers, act_on_output=act_on_hidden())
 
 
