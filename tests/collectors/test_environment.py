@@ -102,14 +102,14 @@ def test_normalised_actions_reach_the_bounds():
 
 
 def test_mistakes_are_clear(env):
-    with pytest.raises(UsageError, match="step before reset"):
+    with pytest.raises(UsageError, match=r"step .*reset"):
         env.step(np.zeros(5, np.float32))
-    with pytest.raises(UsageError, match="expert before reset"):
+    with pytest.raises(UsageError, match=r"expert .*reset"):
         env.expert()
     env.reset(seed=0)
     with pytest.raises(UsageError, match="5 finite numbers"):
         env.step(np.array([1, np.nan, 0, 0, 0], np.float32))
-    with pytest.raises(UsageError, match=r"no task 'juggling'; the tasks are .*block_picking"):
+    with pytest.raises(UsageError, match=r"task 'juggling'.* block_picking"):
         Environment("juggling")
-    with pytest.raises(UsageError, match="no view 'below'; there are camera, top"):
+    with pytest.raises(UsageError, match=r"view 'below'.* camera, top"):
         Environment("block_picking", view="below")

@@ -38,9 +38,7 @@ def test_the_layout_of_an_environment_is_that_of_its_demonstrations(env, picked)
     observation, _ = env.reset(seed=0)
     buffer.begin_episode(observation, spec=ReplaySpec.of_environment(env, "block_picking"))
     env.view = "top"
-    with pytest.raises(
-        DatasetError, match=r"the environment: its view is top, seen from [\d.]+ m, but camera in the re"
-    ):
+    with pytest.raises(DatasetError, match=r"view .*top, .*[\d.]+ m.* camera"):
         buffer.begin_episode(observation, spec=ReplaySpec.of_environment(env, "block_picking"))
 
 

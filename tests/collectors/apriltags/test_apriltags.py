@@ -184,10 +184,10 @@ def test_layouts_round_trip_and_are_checked(tmp_path):
     assert again.family == CUBE.family
     assert all(np.array_equal(again.tags[id].corners, tag.corners) for id, tag in CUBE.tags.items())
     assert np.allclose(CUBE.scaled(1.01).tags[2].corners, 1.01 * CUBE.tags[2].corners)
-    with pytest.raises(UsageError, match="different ids"):
+    with pytest.raises(UsageError, match=r"ids .*\[0, 0\]"):
         Layout.of("tag36h11", [CUBE.tags[0], CUBE.tags[0]])
-    with pytest.raises(StorageError, match="cannot read"):
+    with pytest.raises(StorageError, match=r"none\.json"):
         Layout.read(tmp_path / "none.json")
     file.write_text('{"family": "tag36h11", "tags": [{"id": 1}]}')
-    with pytest.raises(FormatError, match="no layout of tags"):
+    with pytest.raises(FormatError, match=r"cube\.json"):
         Layout.read(file)

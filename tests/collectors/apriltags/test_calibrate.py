@@ -120,16 +120,16 @@ def test_known_places_of_the_board_and_what_can_be_wrong(tmp_path):
     out = calibrate(tmp_path, boards, *words, "--printed", 100)
     assert off(read_calibrations(out)["front"])[0] < 3.0
     (tmp_path / "boards.csv").write_text(table(boards[:1]))
-    with pytest.raises(UsageError, match=r"no row for 1\.png"):
+    with pytest.raises(UsageError, match=r"boards\.csv: .*1\.png"):
         calibrate(tmp_path, [], *words)
     (tmp_path / "boards.csv").write_text("picture,x\n0.png,1\n")
-    with pytest.raises(FormatError, match="line 2"):
+    with pytest.raises(FormatError, match=r"boards\.csv.* line 2"):
         calibrate(tmp_path, [], *words)
     (tmp_path / "pictures" / "0.png").write_bytes(b"no picture")
-    with pytest.raises(FormatError, match="no picture"):
+    with pytest.raises(FormatError, match=r"0\.png"):
         calibrate(tmp_path, [], "--board-pose", "0,0,0,0")
     (tmp_path / "calibration.json").write_text("{}")
-    with pytest.raises(FormatError, match="no calibration file"):
+    with pytest.raises(FormatError, match=r"calibration\.json"):
         read_calibrations(tmp_path / "calibration.json")
 
 
@@ -176,31 +176,31 @@ def test_the_pictures_of_an_episode(episode, capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "error", "message"),
+    ("words", "error", "facts"),
     [
-        (["--camera", "wrist"], UsageError, "no camera 'wrist'; its cameras are front"),
-        (["--episode", "7"], DatasetError, "no episode 7"),
-        (["--intrinsics", "0,0,0,0"], UsageError, "cannot be those of 0, which has 640 x 480 px"),
-        (["--intrinsics", "660,660,700,240"], UsageError, "another resolution"),
-        (["--printed", "9"], UsageError, "about 100 mm"),
+        (["--camera", "wrist"], UsageError, "camera 'wrist'.* front"),
+        (["--episode", "7"], DatasetError, "episode 7"),
+        (["--intrinsics", "0,0,0,0"], UsageError, "0,0,0,0 .*640 x 480 px"),
+        (["--intrinsics", "660,660,700,240"], UsageError, "660,660,700,240 .*640 x 480 px"),
+        (["--printed", "9"], UsageError, "--printed 9.* 100 mm"),
     ],
 )
-def test_options_that_do_not_fit_an_episode(episode, words, error, message):
-    with pytest.raises(error, match=message):
+def test_options_that_do_not_fit_an_episode(episode, words, error, facts):
+    with pytest.raises(error, match=facts):
         of_episode(episode, "--board-pose", "0.47,-0.06,0,20", *words)
 
 
 def test_a_board_that_is_not_seen(episode):
     file, out = episode.parent / "other.json", episode.parent / "none.json"
     Layout.grid(COLUMNS, ROWS, 1e-3 * SIZE_MM, 0.05, first=100).write(file)
-    with pytest.raises(CollectError, match=r"tags 100, 101, .* are in none of 5 pictures"):
+    with pytest.raises(CollectError, match=r"tags 100, 101, .* 5 pictures"):
         of_episode(episode, "--board-pose", "0,0,0,0", "--board", file, "--out", out)
     assert not out.exists()
 
 
 def test_a_board_file_that_does_not_fit_the_pictures_gives_no_camera(tmp_path):
     Layout.grid(COLUMNS, ROWS, 1e-3 * SIZE_MM, 0.05, first=2).write(tmp_path / "other.json")
-    with pytest.raises(CollectError, match=r"error .* px, .*: another board's file, .*; no file is written"):
+    with pytest.raises(CollectError, match=r"error [\d.]+ px.* board"):
         calibrate(
             tmp_path,
             [board_pose(0.47, -0.06, 0.0, 20.0)],
@@ -229,10 +229,10 @@ def test_pictures_of_different_sizes(tmp_path):
     (tmp_path / "pictures").mkdir()
     cv2.imwrite(str(tmp_path / "pictures" / "a.png"), picture)
     cv2.imwrite(str(tmp_path / "pictures" / "b.png"), picture[:400])
-    with pytest.raises(UsageError, match=r"b\.png has 640 x 400 px, a\.png 640 x 480"):
+    with pytest.raises(UsageError, match=r"b\.png .*640 x 400 .*a\.png .*640 x 480"):
         calibrate(tmp_path, [], "--board-pose", "0.47,-0.06,0,20")
     cv2.imwrite(str(tmp_path / "pictures" / "b.png"), picture)
-    with pytest.raises(FormatError, match="no dataset"):  # a folder of pictures has no episodes
+    with pytest.raises(FormatError, match=str(tmp_path / "pictures")):  # a folder of pictures has no episodes
         calibrate(tmp_path, [], "--board-pose", "0.47,-0.06,0,20", "--episode", 0)
 
 
@@ -240,29 +240,29 @@ def test_one_or_two_pictures_of_a_board_in_the_gripper_are_too_few(tmp_path):
     grippers, held = gripper_poses(tilt=0.4)
     (tmp_path / "grippers.csv").write_text(table(grippers))
     for count in (1, 2):
-        with pytest.raises(CollectError, match=f"seen in {count} of the pictures; 3 are needed"):
+        with pytest.raises(CollectError, match=f"in {count} of the pictures.* 3 "):
             calibrate(
                 tmp_path, [gripper @ held for gripper in grippers[:count]], "--gripper-poses", tmp_path / "grippers.csv"
             )
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
+    ("content", "facts"),
     [
-        (f"{HEADER}\n0,nan,0,0,0,0,0,1\n", "line 2: .* are not numbers"),
-        (f"{HEADER}\n0,inf,0,0,0,0,0,1\n", "line 2: .* are not numbers"),
-        (f"{HEADER}\n0,0,0,0,0,0,0.5,1\n", "has norm 1.12, not 1"),
-        (f"{HEADER}\n0,0,0,0,0,0,0,1\n0,0,0,0,0,0,0,1\n", "line 3: a second pose for 0"),
-        (f"{HEADER}\n0,0,0\n", "there is no z"),
+        (f"{HEADER}\n0,nan,0,0,0,0,0,1\n", r"line 2: .*\bnan\b"),
+        (f"{HEADER}\n0,inf,0,0,0,0,0,1\n", r"line 2: .*\binf\b"),
+        (f"{HEADER}\n0,0,0,0,0,0,0.5,1\n", r"norm 1\.12"),
+        (f"{HEADER}\n0,0,0,0,0,0,0,1\n0,0,0,0,0,0,0,1\n", "line 3: .* 0"),
+        (f"{HEADER}\n0,0,0\n", "no z"),
         (f"{HEADER}\n0,x,0,0,0,0,0,1\n", "line 2: .*'x'"),
-        ("picture,x,y,z,qx,qy,qz\n0,0,0,0,0,0,0\n", "there is no qw"),
-        ("", "has no poses"),
-        ("\x89", "no table of poses"),
+        ("picture,x,y,z,qx,qy,qz\n0,0,0,0,0,0,0\n", "no qw"),
+        ("", r"poses\.csv .*picture,x,y,z,"),
+        ("\x89", r"poses\.csv .*picture,x,y,z,"),
     ],
 )
-def test_tables_that_are_wrong(tmp_path, content, message):
+def test_tables_that_are_wrong(tmp_path, content, facts):
     (tmp_path / "poses.csv").write_bytes(content.encode("latin-1"))
-    with pytest.raises(FormatError, match=message):
+    with pytest.raises(FormatError, match=facts):
         read_poses(tmp_path / "poses.csv")
 
 
@@ -286,13 +286,13 @@ def test_a_table_from_a_spreadsheet(tmp_path):
 def test_a_board_file_with_something_else_than_a_pose(tmp_path, T):
     tags = [{"id": 0, "size": 0.03, "T_body_tag": T}]
     (tmp_path / "board.json").write_text(json.dumps({"family": "tag36h11", "tags": tags}))
-    with pytest.raises(FormatError, match=r"is not a pose|not readable as JSON"):
+    with pytest.raises(FormatError, match=r"board\.json"):
         Layout.read(tmp_path / "board.json")
 
 
 def test_a_board_file_that_is_another_file_is_named_in_one_short_line(tmp_path):
     (tmp_path / "board.json").write_bytes(b"\x89HDF" * 1000)
-    with pytest.raises(FormatError, match="no layout of tags") as raised:
+    with pytest.raises(FormatError, match=r"board\.json") as raised:
         Layout.read(tmp_path / "board.json")
     assert len(str(raised.value)) < 400
 

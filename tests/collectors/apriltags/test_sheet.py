@@ -112,7 +112,7 @@ def test_a_cube_with_smaller_tags_in_the_middle_of_pieces_as_large_as_its_faces(
     (page,) = tag_pages("tag36h11", [0, 1], 30.0, "a4", piece=50.0)
     one, two = TagDetector()(picture(page, DPI))
     assert np.abs(mm(two.corners) - mm(one.corners) - (50.0 + GAP, 0.0)).max() < 0.3
-    with pytest.raises(UsageError, match="a face of 50 mm has room for 40 mm"):
+    with pytest.raises(UsageError, match=r"50 mm .*40 mm"):
         collect("--cube", 50, "--size", 41, "--out", tmp_path / "cube.pdf")
 
 
@@ -138,16 +138,16 @@ def test_boards_of_all_families_are_read_from_their_sheets(family):
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("words", "facts"),
     [
-        (["--board", "9x9", "--out", "x.pdf"], "do not fit on a4: at most 16 mm"),
-        (["--board", "200x200", "--out", "x.pdf"], "do not fit on a4, whatever their size"),
-        (["--size", "200", "--out", "x.pdf"], "at most 148 mm, 186 mm with"),
-        (["--cube", "200", "--out", "x.pdf"], "at most 148 mm, 186 mm with"),
+        (["--board", "9x9", "--out", "x.pdf"], " a4: .*16 mm"),
+        (["--board", "200x200", "--out", "x.pdf"], "200 x 200 .*a4"),
+        (["--size", "200", "--out", "x.pdf"], "148 mm.* 186 mm"),
+        (["--cube", "200", "--out", "x.pdf"], "148 mm.* 186 mm"),
         (["--out", "x.jpg"], r"FILE\.pdf"),
         (["--count", "40", "--family", "tag16h5", "--out", "x.pdf"], "0 to 29"),
     ],
 )
-def test_what_does_not_fit_is_refused(words, message):
-    with pytest.raises(UsageError, match=message):
+def test_what_does_not_fit_is_refused(words, facts):
+    with pytest.raises(UsageError, match=facts):
         collect(*words)

@@ -173,7 +173,7 @@ def test_success_never_rests_on_an_old_pose(scene):
     told = [watch.achieved, *(watch.done() for _ in range(6))]
     fresh = round(MAX_AGE / 0.05)
     assert told == [True] * (fresh + 1) + [False] * (6 - fresh)
-    with pytest.raises(CollectError, match=r"tags 0, 1.* last seen .* s ago.*one can see it"):
+    with pytest.raises(CollectError, match=r"tags 0, 1\b.* [\d.]+ s ago"):
         watch.reset_pose()
 
 
@@ -191,7 +191,7 @@ def test_the_last_picture_of_a_camera_that_hangs_is_not_one_of_now(scene):
     watch = Watch(Tracker(scene.layout), {"one": Hangs()}, goal, now=lambda: next(clock))
     told = [watch.achieved, *(watch.done() for _ in range(5))]
     assert told == [True] * 4 + [False] * 2  # 0, 0.05, 0.1, 0.15 s, then too old
-    with pytest.raises(CollectError, match=r"last seen 1\.2 s ago"):
+    with pytest.raises(CollectError, match=r"\b1\.2 s ago"):
         watch.reset_pose()
 
 

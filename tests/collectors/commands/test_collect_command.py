@@ -1,6 +1,7 @@
 """``svfl-collect``: reproducible with any number of workers, killed and resumed, and clear about mistakes."""
 
 import os
+import re
 import resource
 import shutil
 import signal
@@ -83,37 +84,37 @@ def test_another_dataset_is_refused(collected):
     before = contents(collected)
     done = collect("centering", "--samples", SAMPLES, "--seed", 1, "--out", collected)
     assert done.returncode == 1
-    assert "holds another dataset: its seed is 0, asked for 1" in done.stderr
+    assert re.search("seed .*0.* 1", done.stderr)
     assert done.stderr.count("\n") == 1
     assert contents(collected) == before
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "facts"),
     [
         (
             ["juggling", "--out", "x"],
-            "invalid choice: 'juggling' (choose from 'expert', 'centering', 'policy', 'replay', ",
+            "'juggling' .*'expert', 'centering', 'policy', 'replay', ",
         ),
-        (["centering", "--samples", "0", "--out", "x"], "'0' is not an integer of at least 1"),
-        (["centering", "--samples", "many", "--out", "x"], "'many' is not an integer"),
-        (["centering", "--workers", "-1", "--out", "x"], "'-1' is not an integer of at least 1"),
-        (["centering", "--seed", "-1", "--out", "x"], "'-1' is not an integer of at least 0"),
-        (["centering", "--border", "50", "--out", "x"], "not an angle in degrees between 0 and 40"),
-        (["centering", "--sensor-noise", "loud", "--out", "x"], "invalid choice: 'loud'"),
+        (["centering", "--samples", "0", "--out", "x"], "--samples.* '0' .*at least 1"),
+        (["centering", "--samples", "many", "--out", "x"], "--samples.* 'many'"),
+        (["centering", "--workers", "-1", "--out", "x"], "--workers.* '-1' .*at least 1"),
+        (["centering", "--seed", "-1", "--out", "x"], "--seed.* '-1' .*at least 0"),
+        (["centering", "--border", "50", "--out", "x"], "--border.* '50' .*0 and 40"),
+        (["centering", "--sensor-noise", "loud", "--out", "x"], "--sensor-noise.* 'loud'"),
         (
             ["centering", "--cameras", "front,back", "--out", "x"],
-            "no camera 'back'; the cameras are front, top, side_left",
+            "camera 'back'.* front, top, side_left",
         ),
-        (["centering", "--address", "here:1", "--out", "x"], "--address here:1 is for --executor ray"),
+        (["centering", "--address", "here:1", "--out", "x"], "--address here:1 .*--executor ray"),
         (["centering"], "--out"),
         ([], "COMMAND"),
     ],
 )
-def test_wrong_arguments_are_one_line_and_code_2(arguments, message):
+def test_wrong_arguments_are_one_line_and_code_2(arguments, facts):
     done = collect(*arguments)
     assert done.returncode == 2
-    assert message in done.stderr
+    assert re.search(facts, done.stderr)
     assert done.stderr.count("\n") == 1
 
 

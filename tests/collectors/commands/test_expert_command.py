@@ -1,6 +1,7 @@
 """``svfl-collect expert``: demonstrations only, the same bytes in any order, and failures kept apart."""
 
 import json
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -88,7 +89,7 @@ def test_failures_are_kept_in_a_dataset_of_their_own(clumsy, expert, tmp_path):
 
 def test_an_expert_that_never_succeeds_is_an_error(expert, monkeypatch):
     monkeypatch.setattr(BlockPicking, "expert", lambda self, gripper: gripper.rest(1))
-    with pytest.raises(CollectError, match=r"episode 4 of block_picking .* none of 20 .* 20 x the expert gave up"):
+    with pytest.raises(CollectError, match=r"episode 4 of block_picking .*\b20 x .*gave up"):
         expert(4)
 
 
@@ -120,37 +121,37 @@ def test_every_camera_sees_the_workspace(name):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "facts"),
     [
-        (["--task", "juggling"], "argument --task: invalid choice: 'juggling' (choose from '"),
-        (["--noise", "2.5"], "'2.5' is not a number between 0 and 2"),
-        (["--noise", "nan"], "'nan' is not a number between 0 and 2"),
-        (["--episodes", "0"], "'0' is not an integer of at least 1"),
-        (["--workers", "-2"], "'-2' is not an integer of at least 1"),
-        (["--cameras", "front,"], "no camera ''; the cameras are front, top"),
-        (["--executor", "slurm"], "invalid choice: 'slurm'"),
+        (["--task", "juggling"], "--task.* 'juggling' .*'block_picking'"),
+        (["--noise", "2.5"], r"--noise.* '2\.5' .*0 and 2"),
+        (["--noise", "nan"], "--noise.* 'nan' .*0 and 2"),
+        (["--episodes", "0"], "--episodes.* '0' .*at least 1"),
+        (["--workers", "-2"], "--workers.* '-2' .*at least 1"),
+        (["--cameras", "front,"], "camera ''.* front, top"),
+        (["--executor", "slurm"], "--executor.* 'slurm'"),
     ],
 )
-def test_wrong_arguments_are_one_line_and_code_2(arguments, message, tmp_path):
+def test_wrong_arguments_are_one_line_and_code_2(arguments, facts, tmp_path):
     done = collect("expert", "--task", "block_picking", "--out", tmp_path / "x", *arguments)
     assert done.returncode == 2
-    assert message in done.stderr
+    assert re.search(facts, done.stderr)
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "x").exists()
 
 
 def test_a_folder_with_other_data_is_refused(picked, tmp_path):
     before = contents(picked)
-    for arguments, message in (
-        (("expert", "--task", "all", "--out", picked), "holds a dataset; --task all needs a folder"),
+    for arguments, facts in (
+        (("expert", "--task", "all", "--out", picked), "a dataset; --task all .*folder"),
         (
             ("expert", "--task", "block_picking", "--out", picked),
-            "its config.world.cameras.front.height is 16, asked for 76",
+            r"config\.world\.cameras\.front\.height .*16\b.* 76\b",
         ),
-        (("centering", "--out", picked), "holds another dataset: its task is 'block_picking', asked for 'centering'"),
+        (("centering", "--out", picked), "task .*'block_picking'.* 'centering'"),
     ):
         done = collect(*arguments)
         assert done.returncode == 1
-        assert message in done.stderr
+        assert re.search(facts, done.stderr)
         assert done.stderr.count("\n") == 1
     assert contents(picked) == before

@@ -75,7 +75,7 @@ def test_a_policy_is_recorded_and_counted(lift, tmp_path):
         "policy", "--task", "block_picking", "--checkpoint", other, "--image-size", 16, "--out", dataset.path
     )
     assert done.returncode == 1
-    assert "holds another dataset: its config.checkpoint." in done.stderr
+    assert "config.checkpoint." in done.stderr
     assert contents(tmp_path / "two") == before
 
 
@@ -108,34 +108,34 @@ class Force(torch.nn.Module):
 
 
 def test_networks_of_another_shape_are_not_saved(tmp_path):
-    with pytest.raises(TrainingError, match="does not take image, wrench and proprio"):
+    with pytest.raises(TrainingError, match="image, wrench and proprio"):
         save(Other(), tmp_path / "x.pt2", (16, 16))
-    with pytest.raises(TrainingError, match=r"gives \(1, 6\), an action is \(1, 5\)"):
+    with pytest.raises(TrainingError, match=r"\(1, 6\).* \(1, 5\)"):
         save(Force(), tmp_path / "x.pt2", (16, 16))
     assert not (tmp_path / "x.pt2").exists()
 
 
 def test_files_that_are_no_policies_are_one_clear_line(lift, tmp_path):
     file = tmp_path / "x.pt2"
-    with pytest.raises(FormatError, match="no such file"):
+    with pytest.raises(FormatError, match=r"x\.pt2"):
         load(file)
     for length in (200, 2000):
         file.write_bytes(lift.read_bytes()[:-length])
-        with pytest.raises(FormatError, match=r"x\.pt2: not a"):
+        with pytest.raises(FormatError, match=r"x\.pt2"):
             load(file)
     file.write_text("hello")
-    with pytest.raises(FormatError, match="not an exported program"):
+    with pytest.raises(FormatError, match=r"x\.pt2"):
         load(file)
     torch.save({"weights": torch.zeros(3)}, file)
-    with pytest.raises(FormatError, match="not an exported program"):
+    with pytest.raises(FormatError, match=r"x\.pt2"):
         load(file)
     inputs = (torch.zeros(1, 4, 16, 16), torch.zeros(1, 5))
     program = torch.export.export(Other(), inputs)
     torch.export.save(program, file)
-    with pytest.raises(FormatError, match="not an exported program"):
+    with pytest.raises(FormatError, match=r"x\.pt2: .*svfl_policy\.json"):
         load(file)
     torch.export.save(program, file, extra_files={"svfl_policy.json": '{"depth_scale": 1e-4}'})
-    with pytest.raises(FormatError, match=r"takes \(1, 4, 16, 16\), \(1, 5\) and gives \(1, 5\), but a policy takes"):
+    with pytest.raises(FormatError, match=r"\(1, 4, 16, 16\), \(1, 5\) .*\(1, 5\).* wrench \(1, 64, 6\)"):
         load(file)
 
 
@@ -148,28 +148,28 @@ class Root(Lift):
 
 def test_actions_that_are_no_numbers_and_other_cameras_are_errors(lift, tmp_path):
     save(Root(), tmp_path / "nan.pt2", (16, 16))
-    with pytest.raises(TrainingError, match=r"action is not finite: .*nan"):
+    with pytest.raises(TrainingError, match=r"action .*not finite.*\bnan\b"):
         load(tmp_path / "nan.pt2")(seen())
-    with pytest.raises(TrainingError, match="action has numbers that are not finite"):
+    with pytest.raises(TrainingError, match=r"action .*not finite"):
         save(Lift(RAISED * np.nan), tmp_path / "weights.pt2", (16, 16))
     assert not (tmp_path / "weights.pt2").exists()
-    with pytest.raises(TrainingError, match="was made for images of 16 x 16 px, the first camera gives 24 x 24"):
+    with pytest.raises(TrainingError, match=r"16 x 16 px.* 24 x 24"):
         load(lift)(seen(size=24))
 
 
 @pytest.mark.parametrize(
-    ("checkpoint", "code", "message"),
+    ("checkpoint", "code", "facts"),
     [
-        ("none.pt2", 1, "none.pt2: no such file"),
-        ("policy.onnx", 2, "loads policies of this kind; kinds: .ckpt, .pt2"),
-        ("cut.pt2", 1, "cut.pt2: not a"),
+        ("none.pt2", 1, "none.pt2: "),
+        ("policy.onnx", 2, ".ckpt, .pt2"),
+        ("cut.pt2", 1, "cut.pt2: "),
     ],
 )
-def test_a_checkpoint_that_cannot_be_loaded_is_one_line(checkpoint, code, message, tmp_path, lift):
+def test_a_checkpoint_that_cannot_be_loaded_is_one_line(checkpoint, code, facts, tmp_path, lift):
     (tmp_path / "cut.pt2").write_bytes(lift.read_bytes()[:-200])
     done = collect("policy", "--task", "block_picking", "--checkpoint", tmp_path / checkpoint, "--out", tmp_path / "x")
     assert done.returncode == code
-    assert message in done.stderr
+    assert facts in done.stderr
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "x").exists()
 

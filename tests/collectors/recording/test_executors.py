@@ -27,7 +27,7 @@ def test_a_process_that_dies_is_replaced_and_its_episode_redone(dataset, tmp_pat
     done = collect_dataset(dataset, 5, 2, collector)
     assert sorted(finished.index for finished in done) == dataset.indices == [0, 1, 2, 3, 4]
     errors = capfd.readouterr().err
-    assert errors.count("a worker process died; episode") == 1
+    assert errors.count("will be redone") == 1
     assert errors.count("\n") == 1
     whole = Dataset.create_or_resume(tmp_path / "whole", "made", 0, {})
     collect_dataset(whole, 5, 1, Made())
@@ -35,7 +35,7 @@ def test_a_process_that_dies_is_replaced_and_its_episode_redone(dataset, tmp_pat
 
 
 def test_processes_that_keep_dying_end_it(dataset, capfd):
-    with pytest.raises(CollectError, match=r"a worker process died 3 times in a row .* episode 2; .* resumes"):
+    with pytest.raises(CollectError, match=r"3 times .* episode 2\b"):
         collect_dataset(dataset, 3, 1, Made(dies_at=2))
     assert dataset.indices == [0, 1]
     assert capfd.readouterr().err.count("will be redone") == 2
@@ -53,7 +53,7 @@ def test_no_process_is_one_line(dataset, monkeypatch):
         raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
     monkeypatch.setattr(popen_spawn_posix.Popen, "_launch", refuse)
-    with pytest.raises(StorageError, match="no worker process can be started: Resource temporarily unavailable"):
+    with pytest.raises(StorageError, match=os.strerror(errno.EAGAIN)):
         collect_dataset(dataset, 1, 1, Made())
 
 

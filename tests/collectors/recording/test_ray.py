@@ -58,12 +58,12 @@ def test_a_worker_that_dies_is_replaced(cluster, tmp_path, capfd):
     assert dataset.indices == [0, 1, 2, 3]
     assert dataset.read(1).meta.index == 1
     errors = capfd.readouterr().err
-    assert errors.count("a Ray worker died; episode 1 will be redone") == 1
+    assert errors.count("episode 1 will be redone") == 1
 
 
 def test_workers_that_keep_dying_end_it(cluster, tmp_path, capfd):
     dataset = Dataset.create_or_resume(tmp_path / "data", "made", 0, {})
-    with pytest.raises(CollectError, match=r"a Ray worker died 3 times in a row .* episode 1;"):
+    with pytest.raises(CollectError, match=r"3 times .* episode 1\b"):
         collect_dataset(dataset, 2, 1, Made(dies_at=1), cluster)
     assert dataset.indices == [0]
 
@@ -121,11 +121,13 @@ def test_without_ray_it_says_what_to_install(tmp_path):
     root = Path(__file__).parents[3]
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 1
-    assert done.stderr == "svfl-collect: Ray is not installed here; run: pip install 'svfl[ray]'\n"
+    assert done.stderr.count("\n") == 1
+    assert "Ray" in done.stderr
+    assert done.stderr.endswith("pip install 'svfl[ray]'\n")
 
 
 def test_no_cluster_is_one_clear_line(tmp_path):
     dataset = Dataset.create_or_resume(tmp_path / "data", "made", 0, {})
     ray.shutdown()
-    with pytest.raises(CollectError, match=r"no Ray cluster at 127.0.0.1:1"):
+    with pytest.raises(CollectError, match=r"127\.0\.0\.1:1\b"):
         collect_dataset(dataset, 1, 1, Made(), Ray("127.0.0.1:1"))

@@ -3,6 +3,7 @@
 import copy
 import os
 import pickle
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -81,7 +82,7 @@ def test_a_fork_is_refused_every_use(owner):
             try:
                 use(owner)
             except UsageError as error:
-                count += f"{os.getppid()} and was used in process {os.getpid()}" in str(error)
+                count += bool(re.search(rf"\b{os.getppid()}\b.*\b{os.getpid()}\b", str(error)))
         return count
 
     assert in_a_fork(refused) == len(USES[type(owner)])
@@ -89,7 +90,7 @@ def test_a_fork_is_refused_every_use(owner):
 
 @pytest.mark.parametrize("carry", [pickle.dumps, copy.copy, copy.deepcopy])
 def test_it_is_neither_pickled_nor_copied(owner, carry):
-    with pytest.raises(UsageError, match="can be neither pickled nor copied"):
+    with pytest.raises(UsageError, match="pickled nor copied"):
         carry(owner)
 
 
@@ -108,7 +109,7 @@ def test_a_fork_that_leaves_the_block_leaves_the_parents_world_alone():
 def test_a_closed_world_says_so():
     world = World(SMALL)
     world.close()
-    with pytest.raises(UsageError, match="this World is closed"):
+    with pytest.raises(UsageError, match="closed"):
         world.reset(seed=0)
 
 

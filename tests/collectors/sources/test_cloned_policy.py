@@ -116,17 +116,15 @@ def seen_and_said(network):
 
 def test_another_kind_of_file_is_refused(tmp_path):
     centering = write(untrained(centering_samples(8, seed=0), encoder="f")[0], tmp_path / "centering.ckpt")
-    with pytest.raises(
-        FormatError, match=r"not a checkpoint of a policy \(found svfl-centering, expected svfl-policy\)"
-    ):
+    with pytest.raises(FormatError, match=r"svfl-centering.* svfl-policy"):
         acting.load(centering)
 
 
 def test_a_policy_becomes_no_onnx(checkpoint, capsys):
-    with pytest.raises(UsageError, match=r"cannot export a policy to \.onnx; possible: \.pt2"):
+    with pytest.raises(UsageError, match=r"\.onnx.* \.pt2"):
         acting.export(load_policy(checkpoint), checkpoint.with_name("policy.onnx"))
     assert cli.main(["export", str(checkpoint), "--out", "nowhere/policy.pt2"]) == 1
-    assert "nowhere/policy.pt2: no such folder" in capsys.readouterr().err
+    assert "nowhere/policy.pt2: " in capsys.readouterr().err
 
 
 def test_collectors_find_the_loader():
@@ -147,7 +145,7 @@ def test_images_of_another_size_are_one_clear_line(checkpoint, monkeypatch):
     camera = next(iter(WorldConfig().cameras.values()))
     small = WorldConfig(cameras={"front": type(camera)(height=24, width=24)})
     collector = PolicyCollector(0, "block_picking", checkpoint, small)
-    with pytest.raises(TrainingError, match="was made for images of 76 x 76 px, the first camera gives 24 x 24"):
+    with pytest.raises(TrainingError, match=r"76 x 76 px.* 24 x 24"):
         collector(0)
     collector.opened.close()
 

@@ -90,7 +90,7 @@ def test_what_is_not_from_the_simulation_is_refused():
 
 
 def test_a_configuration_of_another_software_is_refused(picked):
-    with pytest.raises(FormatError, match=r"config.world.noise: this software does not know hum"):
+    with pytest.raises(FormatError, match=r"config\.world\.noise: .*\bhum\b"):
         from_json(WorldConfig, {"noise": {"hum": 1.0}}, "config.world")
     assert from_json(WorldConfig, Dataset.open(picked).info["config"]["world"], "config.world") == SMALL
 
@@ -149,35 +149,35 @@ def centered() -> Episode:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "facts"),
     [
-        ({"world": []}, "config.world: Expected `object`, got `array`"),
+        ({"world": []}, r"config\.world: .*`object`.*`array`"),
         ({"world": {"physics_steps": 10**9}}, "`int` <= 1000"),
-        ({"world": {"physics_steps": 1000}}, "readings or more, the file has"),
-        ({"world": {"cameras": {"front": {"height": 4000, "width": 4000}}}}, "config.world has cameras"),
+        ({"world": {"physics_steps": 1000}}, r"\d readings .*\d"),
+        ({"world": {"cameras": {"front": {"height": 4000, "width": 4000}}}}, r"config\.world .*4000.*16"),
         (
             {"world": {"cameras": {"front": {"tilt": 1}}}},
-            "config.world.cameras.front: this software does not know tilt",
+            r"config\.world\.cameras\.front: .*\btilt\b",
         ),
         (
             {"world": {"blend_steps": 10}},
-            "config.world: this software does not know blend_steps; was it another version",
+            r"config\.world: .*\bblend_steps\b",
         ),
-        ({"world": {"admittance": {"mass": -1.0}}}, "admittance.mass"),
+        ({"world": {"admittance": {"mass": -1.0}}}, r"admittance\.mass"),
         ({"world": {"home": [0.55, 0.0]}}, "length 3"),
-        ({"world": {"workspace": [[0.55, 0.35], [-0.2, 0.2], [-0.01, 0.25]]}}, "a workspace has a low and a higher"),
-        ({"attempt": -1}, "config: Expected `int` >= 0 - at `$.attempt`"),
-        ({"attempt": "first"}, "config: Expected `int`, got `str`"),
-        ({"index": [0]}, "config: Expected `int | null`, got `array`"),
+        ({"world": {"workspace": [[0.55, 0.35], [-0.2, 0.2], [-0.01, 0.25]]}}, r"workspace .*0\.55, 0\.35"),
+        ({"attempt": -1}, r"config: .*`int` >= 0 .*attempt"),
+        ({"attempt": "first"}, "config: .*`int`.*`str`"),
+        ({"index": [0]}, r"config: .*`int \| null`.*`array`"),
     ],
 )
-def test_a_strange_configuration_is_named(picked, change, message):
+def test_a_strange_configuration_is_named(picked, change, facts):
     episode = Dataset.open(picked).read(0)
     world = change.get("world", {})
     config = episode.meta.config | change
     if isinstance(world, dict):
         config["world"] = episode.meta.config["world"] | world
-    with pytest.raises(FormatError, match=re.escape(message)):
+    with pytest.raises(FormatError, match=facts):
         replay(Episode(replace(episode.meta, config=config), episode.arrays))
 
 
@@ -187,7 +187,7 @@ def test_a_scene_without_room_is_refused(picked, task):
     episode = Dataset.open(picked).read(0)
     narrow = episode.meta.config["world"] | {"workspace": [[0.45, 0.65], [-0.1, 0.1], [-0.01, 0.25]]}
     meta = replace(episode.meta, task=task, config=episode.meta.config | {"world": narrow})
-    with pytest.raises(CollectError, match="no two places"):
+    with pytest.raises(CollectError, match=r"two places [\d.]+ m apart"):
         replay(Episode(meta, episode.arrays))
 
 
@@ -221,9 +221,9 @@ def test_the_command_says_exact_or_what_differs(picked, tmp_path):
     (tmp_path / "e.hdf5").write_bytes(episode_bytes(Episode(episode.meta, arrays)))
     done = collect("replay", tmp_path / "e.hdf5")
     assert done.returncode == 1
-    assert "differs when simulated again: observations/proprio by 0.25" in done.stderr
+    assert "observations/proprio by 0.25" in done.stderr
     assert done.stderr.count("\n") == 1
 
     done = collect("replay", picked, "--episode", 7)
     assert done.returncode == 1
-    assert "no episode 7; it has 3 episodes, 0 to 2" in done.stderr
+    assert re.search("episode 7.* 3 episodes, 0 to 2", done.stderr)

@@ -1,5 +1,6 @@
 """``svfl-collect teleop`` where something is missing: one line that says what, and exit code 1 or 2."""
 
+import re
 import sys
 
 import pytest
@@ -25,29 +26,29 @@ def answer(monkeypatch, capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "facts"),
     [
-        (["joystick"], "no device 'joystick'; the devices are keyboard, gamepad, spacemouse, script FILE"),
-        (["script"], "script takes one FILE"),
+        (["joystick"], "'joystick'.* keyboard, gamepad, spacemouse, script FILE"),
+        (["script"], "script .*FILE"),
         (["keyboard", "fast"], "the others take none"),
     ],
 )
-def test_a_device_that_does_not_exist(answer, words, says):
+def test_a_device_that_does_not_exist(answer, words, facts):
     code, line = answer(*words)
     assert code == 2
-    assert says in line
+    assert re.search(facts, line)
 
 
 def test_no_log_to_replay(answer, tmp_path):
     code, line = answer("script", str(tmp_path / "absent.log"))
     assert code == 1
-    assert "absent.log: No such file" in line
+    assert "absent.log" in line
 
 
 def test_no_viewer_is_said_before_a_window_opens(answer):
     code, line = answer("keyboard", "--rerun", "127.0.0.1:9")
     assert code == 2
-    assert "--rerun 127.0.0.1:9: no viewer listens there" in line
+    assert "--rerun 127.0.0.1:9" in line
 
 
 @pytest.mark.parametrize("display", [None, ":987"])  # none, and one that does not answer
@@ -58,7 +59,7 @@ def test_no_display(answer, monkeypatch, display):
         monkeypatch.setenv("DISPLAY", display)
     code, line = answer("keyboard")
     assert code == 1
-    assert "no display to open the window on" in line
+    assert "display" in line
     assert "--device script FILE" in line
 
 
@@ -71,11 +72,12 @@ def test_a_library_that_is_not_installed_is_named_with_its_extra(answer, monkeyp
     monkeypatch.setitem(sys.modules, library, None)
     code, line = answer(device)
     assert code == 1
-    assert line == f"svfl-collect: teleop needs {library}, which is not installed; run: pip install 'svfl[teleop]'\n"
+    assert library in line
+    assert line.endswith("pip install 'svfl[teleop]'\n")
 
 
 def test_no_gamepad(answer, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     code, line = answer("gamepad")
     assert code == 1
-    assert "no gamepad is connected; found no joystick of any kind" in line
+    assert re.search("gamepad.* found no joystick", line)
