@@ -35,11 +35,14 @@ class CenteringCollector(Simulated):
         seed: Seed of the dataset.
         scene: Bounds of the scenes that are drawn.
         world: Configuration of the world: physics, arm, sensors and cameras.
+        attempts: Number of attempts after which the collector gives up, 20 at most. It is not stored, because it
+            changes no episode.
     """
 
     seed: int
     scene: CenteringConfig = field(default_factory=CenteringConfig)
     world: WorldConfig = field(default_factory=WorldConfig)
+    attempts: int = ATTEMPTS
 
     def config(self) -> dict[str, Any]:
         """Return the configuration of the collector as JSON values."""
@@ -57,13 +60,14 @@ class CenteringCollector(Simulated):
             CollectError: If no attempt collides as intended.
         """
         rejected: list[str] = []
-        for attempt in range(ATTEMPTS):
+        for attempt in range(self.attempts):
             outcome = self._attempt(index, attempt, rejected, watch)
             if isinstance(outcome, Episode):
                 return outcome
             rejected.append(outcome)
         raise CollectError(
-            f"sample {index} (seed {self.seed}): none of {ATTEMPTS} attempts collided as meant: {', '.join(rejected)}"
+            f"sample {index} (seed {self.seed}): none of {self.attempts} attempts collided as meant: "
+            + ", ".join(rejected)
         )
 
     def _attempt(self, index: int, attempt: int, rejected: list[str], watch: Watcher) -> Episode | str:

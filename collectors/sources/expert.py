@@ -36,6 +36,10 @@ class ExpertCollector(Simulated):
         perturbations: Probability, 0..1, that a perturbation of the gripper begins at an action (see
             `collectors.sources.perturbations`).
         world: Configuration of the world: physics, arm, sensors and cameras.
+        attempts: Number of attempts after which the collector gives up, 20 at most. It is not stored, because it
+            changes no episode.
+        steps: Number of actions after which an attempt ends. It is not stored either: a replay takes the recorded
+            actions.
     """
 
     seed: int
@@ -43,6 +47,8 @@ class ExpertCollector(Simulated):
     noise: float = 1.0
     perturbations: float = 0.0
     world: WorldConfig = field(default_factory=WorldConfig)
+    attempts: int = ATTEMPTS
+    steps: int = MAX_STEPS
 
     def config(self) -> dict[str, Any]:
         """Return the configuration of the collector as JSON values."""
@@ -66,15 +72,15 @@ class ExpertCollector(Simulated):
             CollectError: If no attempt succeeds.
         """
         rejected: list[str] = []
-        for attempt in range(ATTEMPTS):
+        for attempt in range(self.attempts):
             episode = self._attempt(index, attempt, list(rejected), watch)
             if episode.meta.success:
                 return episode
             keep(episode)
-            early = len(episode) < MAX_STEPS
-            rejected.append("the expert gave up" if early else f"not achieved in {MAX_STEPS} steps")
+            early = len(episode) < self.steps
+            rejected.append("the expert gave up" if early else f"not achieved in {self.steps} steps")
         raise CollectError(
-            f"episode {index} of {self.task} (seed {self.seed}): none of {ATTEMPTS} attempts succeeded: "
+            f"episode {index} of {self.task} (seed {self.seed}): none of {self.attempts} attempts succeeded: "
             + _counted(Counter(rejected))
         )
 
@@ -100,7 +106,7 @@ class ExpertCollector(Simulated):
 
     def _recorded(self, task: Task, policy: Policy, watch: Watcher) -> tuple[dict[str, np.ndarray], bool]:
         """Run a policy on a task that has just been set up; return its arrays and whether the task is achieved."""
-        return record(self.opened, policy, MAX_STEPS, task.success, task.state, watch), task.success()
+        return record(self.opened, policy, self.steps, task.success, task.state, watch), task.success()
 
 
 def summary(dataset: Dataset) -> str:

@@ -1,7 +1,7 @@
 """Collector of demonstrations in simulation whose block wears AprilTags that tell when the task is achieved."""
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from collectors.sources.tagged_block import wear_tags
 from collectors.tasks import block_picking, block_pushing
 from collectors.tasks.block_picking import BlockPicking
 from collectors.tasks.block_pushing import BlockPushing
-from collectors.tasks.task import MAX_STEPS, Task
+from collectors.tasks.task import Task
 from svfl_data.errors import UsageError
 from svfl_data.schema.robot import Calibration, Policy
 
@@ -70,13 +70,14 @@ class SimulatedTagCamera:
         return int(self._world.wrench_t_ns[-1]), color
 
 
-def watched(task: Task, noise: float = 0.0, seed: int = 0) -> Watch:
+def watched(task: Task, noise: float = 0.0, seed: int = 0, cameras: Mapping[str, CameraConfig] = TAG_CAMERAS) -> Watch:
     """Put tags on the block of a task that has just been set up, and begin to watch the block.
 
     Args:
         task: Block pushing or block picking. Its `body` becomes the tagged block.
-        noise: Standard deviation of the noise on the images of `TAG_CAMERAS`, in grey levels.
+        noise: Standard deviation of the noise on the cameras' images, in grey levels.
         seed: Seed of the noise.
+        cameras: Cameras that look at the tags, by name.
 
     Returns:
         The watch, which tells from the tags when the task is achieved.
@@ -92,8 +93,8 @@ def watched(task: Task, noise: float = 0.0, seed: int = 0) -> Watch:
     else:
         raise UsageError(f"tags tell success of {' and '.join(TAGGED)}, not of {type(task).__name__}")
     task.body, layout = wear_tags(task.world.client, task.body, task.scene.half)
-    cameras = {name: SimulatedTagCamera(task.world, config, noise, seed) for name, config in TAG_CAMERAS.items()}
-    return Watch(Tracker(layout, upright=isinstance(task, BlockPushing)), cameras, success)
+    placed = {name: SimulatedTagCamera(task.world, config, noise, seed) for name, config in cameras.items()}
+    return Watch(Tracker(layout, upright=isinstance(task, BlockPushing)), placed, success)
 
 
 @dataclass(frozen=True)
@@ -110,9 +111,13 @@ class TaggedCollector(ExpertCollector):
         noise: Amount by which demonstrations differ: 0 not at all, 1 as intended, 2 at most.
         perturbations: Probability, 0..1, that a perturbation of the gripper begins at an action (see
             `collectors.sources.perturbations`).
-        world: Configuration of the world: physics, arm, sensors and the cameras that are recorded. The cameras that
-            look at the tags are `TAG_CAMERAS`.
+        world: Configuration of the world: physics, arm, sensors and the cameras that are recorded.
+        attempts: Number of attempts after which the collector gives up, 20 at most.
+        steps: Number of actions after which an attempt ends.
+        tag_cameras: Cameras that look at the tags, by name.
     """
+
+    tag_cameras: Mapping[str, CameraConfig] = field(default_factory=lambda: TAG_CAMERAS)
 
     def __post_init__(self) -> None:
         """Refuse tasks that are not in `TAGGED`.
@@ -125,14 +130,14 @@ class TaggedCollector(ExpertCollector):
 
     def config(self) -> dict[str, Any]:
         """Everything that was set, as JSON values."""
-        cameras = {name: asdict(camera) for name, camera in TAG_CAMERAS.items()}
+        cameras = {name: asdict(camera) for name, camera in self.tag_cameras.items()}
         return super().config() | {"tags": True, "tag_cameras": cameras}
 
     def _recorded(self, task: Task, policy: Policy, watch: Watcher) -> tuple[dict[str, np.ndarray], bool]:
-        tags = watched(task)
+        tags = watched(task, cameras=self.tag_cameras)
 
         def state() -> State:
             return {**task.state(), "achieved": np.array(task.success())}
 
-        arrays = record(self.opened, policy, MAX_STEPS, tags.done, state, watch)
+        arrays = record(self.opened, policy, self.steps, tags.done, state, watch)
         return arrays | tags.tracker.arrays(), tags.achieved

@@ -1,5 +1,6 @@
 """``svfl-collect expert --tags``: tags tell success as the truth does, and a policy sees nothing of it."""
 
+import re
 from dataclasses import replace
 
 import cv2
@@ -10,7 +11,6 @@ from collectors.apriltags.watch import MAX_AGE
 from collectors.simulation import CameraConfig, WorldConfig
 from collectors.simulation.bodies import quat_from_yaw
 from collectors.simulation.bullet import pybullet
-from collectors.sources import tagged_expert
 from collectors.sources.expert import ExpertCollector
 from collectors.sources.tagged_expert import TAG_CAMERAS, TaggedCollector
 from collectors.tasks import block_picking, block_pushing
@@ -95,18 +95,15 @@ def test_the_command_gives_the_same_bytes_with_two_workers_and_other_datasets_ar
     )
     done = collect(*words[:-1], tmp_path / "plain", "--tags")
     assert done.returncode == 1
-    assert "its config.tags is None, asked for True" in done.stderr
+    assert re.search(r"config\.tags .*None.* True", done.stderr)
 
 
-def test_a_policy_sees_tags_on_the_block_and_nothing_else_of_them(monkeypatch):
+def test_a_policy_sees_tags_on_the_block_and_nothing_else_of_them():
     """Against the same scene with a plain block: the first observation differs in colour, and only on the block."""
-    monkeypatch.setattr("collectors.sources.expert.MAX_STEPS", 1)
-    monkeypatch.setattr("collectors.sources.expert.ATTEMPTS", 1)
-    monkeypatch.setattr(tagged_expert, "MAX_STEPS", 1)
     world = WorldConfig(cameras={"front": CameraConfig(height=76, width=76)})
     attempts = []
     for kind in (TaggedCollector, ExpertCollector):
-        collector = kind(0, "block_picking", world=world)
+        collector = kind(0, "block_picking", world=world, attempts=1, steps=1)
         with pytest.raises(CollectError, match="none of 1 attempts"):
             collector(0, keep=attempts.append)
         collector.opened.close()
@@ -136,13 +133,11 @@ def on_block(episode):
     return cv2.dilate(mask, np.ones((3, 3), np.uint8)).astype(bool)
 
 
-def test_what_tags_do_not_see_does_not_count(monkeypatch):
+def test_what_tags_do_not_see_does_not_count():
     """Cameras that look at the sky: the expert lifts the block, and nobody knows."""
     away = {name: replace(one, target=(one.eye[0], one.eye[1], 2.0)) for name, one in TAG_CAMERAS.items()}
-    monkeypatch.setattr(tagged_expert, "TAG_CAMERAS", away)
-    monkeypatch.setattr("collectors.sources.expert.ATTEMPTS", 1)
-    collector, failed = TaggedCollector(0, "block_picking", world=SMALL), []
-    with pytest.raises(CollectError, match="1 x not achieved in 50 steps"):
+    collector, failed = TaggedCollector(0, "block_picking", world=SMALL, attempts=1, tag_cameras=away), []
+    with pytest.raises(CollectError, match=r"1 x .*50 steps"):
         collector(0, keep=failed.append)
     collector.opened.close()
     assert failed[0].arrays["extra/state/achieved"].any()
@@ -151,13 +146,13 @@ def test_what_tags_do_not_see_does_not_count(monkeypatch):
 
 @pytest.mark.parametrize("task", ["block_pulling", "drawer_opening"])
 def test_tasks_that_tags_cannot_tell_are_refused_at_once(task):
-    with pytest.raises(UsageError, match=f"not of {task}"):
+    with pytest.raises(UsageError, match=f"block_picking and block_pushing.* {task}"):
         TaggedCollector(0, task)
 
 
 def test_the_command_refuses_them_in_one_line(tmp_path):
     done = collect("expert", "--task", "all", "--tags", "--out", tmp_path / "x")
     assert done.returncode == 2
-    assert "tags tell success of block_picking and block_pushing, not of block_pulling" in done.stderr
+    assert re.search("block_picking and block_pushing.* block_pulling", done.stderr)
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "x").exists()
