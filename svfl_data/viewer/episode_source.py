@@ -80,14 +80,15 @@ class EpisodeSource:
         """Names of the cameras."""
         return camera_names(self.arrays)
 
-    def readings(self, rule: ContactRule) -> Iterator[Readings]:
+    def readings(self, rule: ContactRule, at_once: int = READINGS_AT_ONCE) -> Iterator[Readings]:
         """Read the wrench stream in pieces, with the same values as if it were processed as a whole.
 
         Args:
             rule: Rule for contacts, whose low-pass is used for `Readings.size`.
+            at_once: Largest number of readings in a piece.
 
         Yields:
-            Consecutive pieces of at most `READINGS_AT_ONCE` readings.
+            Consecutive pieces.
 
         Raises:
             FormatError: If a recorded transform is unknown.
@@ -95,8 +96,8 @@ class EpisodeSource:
         t_ns, stored = self[WRENCH_TIMES], self.arrays[WRENCH]
         settling_ns = self._settling_ns(rule)
         needed = {path: self[path] for path in OF_EVERY_EPISODE}
-        for first in range(0, len(t_ns), READINGS_AT_ONCE):
-            after = min(first + READINGS_AT_ONCE, len(t_ns))
+        for first in range(0, len(t_ns), at_once):
+            after = min(first + at_once, len(t_ns))
             since = max(int(t_ns[first]) - settling_ns, -FARTHEST_NS)
             before = int(np.searchsorted(t_ns, since)) if settling_ns else first
             before = min(before, first)

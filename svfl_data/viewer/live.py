@@ -56,18 +56,21 @@ class Live(OwnProcess):
 
     Args:
         address: Address HOST:PORT of a running viewer, such as one started with ``rerun``.
+        period_s: Shortest time between two sendings, [s].
+        share: Largest share of the time that sending may take.
 
     Raises:
         UsageError: If no program listens at the address.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, period_s: float = PERIOD_S, share: float = SHARE) -> None:
         host, _, port = address.rpartition(":")
         try:
             socket.create_connection((host, int(port)), timeout=TIMEOUT_S).close()
         except (OSError, ValueError) as error:
             raise UsageError(f"--rerun {address}: no viewer listens there ({error}); start one with: rerun") from error
         self.name = "live"
+        self._period_s, self._share = period_s, share
         self._address = f"rerun+http://{address}/proxy"
         self._recording: rr.RecordingStream | None = None
         self._steps: list[Step] = []
@@ -163,7 +166,7 @@ class Live(OwnProcess):
             names.send(recording, names.ABOUT, np.array([at_ns]), rr.TextDocument.columns(text=[words]))
         self._steps, self._readings, self._titles = [], [], []
         ended = time.monotonic()
-        self._next_s = ended + max(PERIOD_S, (ended - began) / SHARE)
+        self._next_s = ended + max(self._period_s, (ended - began) / self._share)
 
     def _send_wrench(self, recording: rr.RecordingStream) -> None:
         t_ns = np.concatenate([times for times, _ in self._readings])

@@ -23,12 +23,13 @@ NO_JOINTS = np.zeros(0, np.float32)
 """Empty joint positions, because no policy uses joints."""
 
 
-def of_module(module: CloningModule, name: str) -> Network:
+def of_module(module: CloningModule, name: str, at_once: int = AT_ONCE) -> Network:
     """Return the function that predicts the actions of a policy, as ``svfl-train bc`` has trained it.
 
     Args:
         module: The trained policy.
         name: Name of the policy in predictions.
+        at_once: Largest number of observations that the network takes at a time.
 
     Returns:
         A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode lacks the
@@ -41,7 +42,7 @@ def of_module(module: CloningModule, name: str) -> Network:
         camera = _camera_of(module, episode)
         parts = [
             (policy(image, wrench, proprio), *_looked_at(module, image, proprio))
-            for image, wrench, proprio in _observations(episode, camera)
+            for image, wrench, proprio in _observations(episode, camera, at_once)
         ]
         actions, seen, crop = (torch.cat(part).numpy() for part in zip(*parts, strict=True))
         if "v" not in module.hparams["network"]["encoder"]:
@@ -105,11 +106,11 @@ def _rows(episode: Episode, camera: Camera) -> list[int]:
     return [max(0, latest(camera.t_ns, t_ns)) for t_ns in episode.t_ns]
 
 
-def _observations(episode: Episode, camera: Camera) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
-    """Yield image, wrench and proprio as `ActingPolicy` takes them, for up to `AT_ONCE` observations at a time."""
+def _observations(episode: Episode, camera: Camera, at_once: int) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
+    """Yield image, wrench and proprio as `ActingPolicy` takes them, for up to `at_once` observations at a time."""
     rows = np.array(_rows(episode, camera))
-    for first in range(0, len(rows), AT_ONCE):
-        some = slice(first, first + AT_ONCE)
+    for first in range(0, len(rows), at_once):
+        some = slice(first, first + at_once)
         color, depth = camera.color[rows[some]], camera.depth[rows[some]]
         image = np.empty((len(depth), 4, *depth.shape[1:]), np.float32)
         image[:, :3] = color.transpose(0, 3, 1, 2) / np.float32(255)

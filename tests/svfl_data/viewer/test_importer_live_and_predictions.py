@@ -118,11 +118,9 @@ class Robot:
 @pytest.mark.parametrize("period", [0.0, 60.0])
 def test_live_sends_every_reading_and_step_once_however_often_it_sends(monkeypatch, tmp_path, period):
     file = tmp_path / "live.rrd"
-    monkeypatch.setattr("svfl_data.viewer.live.PERIOD_S", period)
-    monkeypatch.setattr("svfl_data.viewer.live.SHARE", 1e9)
     monkeypatch.setattr("socket.create_connection", lambda *_, **__: SimpleNamespace(close=lambda: None))
     monkeypatch.setattr(rr.RecordingStream, "connect_grpc", lambda self, url: self.save(file))
-    episode, live = make_episode(steps=6), Live("127.0.0.1:1")
+    episode, live = make_episode(steps=6), Live("127.0.0.1:1", period_s=period, share=1e9)
     for _ in range(2):
         robot = Robot(episode)
         live(robot, robot.observe(), None)

@@ -116,11 +116,10 @@ def test_raw_readings_are_there_and_the_window_of_the_cursor_is_64_of_them(saved
 
 
 @pytest.mark.parametrize("at_once", [7, 50, 10_000])
-def test_readings_in_pieces_are_those_of_the_whole_stream(episode, monkeypatch, at_once):
+def test_readings_in_pieces_are_those_of_the_whole_stream(episode, at_once):
     filters = [Tare(), LowPass(20.0)]
     filtered = Episode(replace(episode.meta, transforms=[as_record(one) for one in filters]), episode.arrays)
-    monkeypatch.setattr("svfl_data.viewer.episode_source.READINGS_AT_ONCE", at_once)
-    pieces = list(EpisodeSource.of(filtered).readings(recording.RULE))
+    pieces = list(EpisodeSource.of(filtered).readings(recording.RULE, at_once))
     np.testing.assert_array_equal(np.concatenate([piece.t_ns for piece in pieces]), episode.wrench_t_ns)
     whole = processed_wrench(filtered)
     np.testing.assert_allclose(np.concatenate([piece.wrench for piece in pieces]), whole, atol=1e-5)

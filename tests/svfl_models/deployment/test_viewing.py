@@ -14,6 +14,7 @@ from svfl_models.cloning.config import VIEWS
 from svfl_models.cloning.deployment_spec import deployment_of
 from svfl_models.cloning.module import CloningModule
 from svfl_models.deployment import predictions
+from svfl_models.deployment.policy_predictions import of_module
 from svfl_models.networks.squashed_gaussian import SCALE
 from tests.helpers.builders import make_episode
 from tests.helpers.demonstrations import demonstration, write
@@ -94,10 +95,9 @@ def test_checkpoint_and_exported_file_think_alike(deployment, episode, tmp_path)
     assert other.crop is None  # the file does not tell
 
 
-def test_a_long_episode_is_thought_of_in_pieces(deployment, episode, tmp_path, monkeypatch):
-    whole = prediction(policy(deployment), episode, tmp_path)
-    monkeypatch.setattr("svfl_models.deployment.policy_predictions.AT_ONCE", 3)
-    pieces = prediction(policy(deployment), episode, tmp_path)
+def test_a_long_episode_is_thought_of_in_pieces(deployment, episode):
+    module = policy(deployment)
+    whole, pieces = (of_module(module, "policy", at_once)(episode) for at_once in (len(episode) + 1, 3))
     np.testing.assert_allclose(whole.actions, pieces.actions, atol=1e-6)
     np.testing.assert_array_equal(whole.crop, pieces.crop)
 
@@ -109,10 +109,10 @@ def test_a_blind_policy_shows_no_picture(deployment, episode, tmp_path):
 
 
 def test_an_episode_that_a_policy_cannot_look_at_is_one_line(deployment, episode, tmp_path):
-    with pytest.raises(DatasetError, match=r"made for images of 19 x 19 px, front gave 24 x 24"):
+    with pytest.raises(DatasetError, match=r"19 x 19 px.* front .*24 x 24"):
         prediction(policy(deployment), make_episode(size=24), tmp_path)
     elsewhere = policy(replace(deployment, camera="top"))
-    with pytest.raises(DatasetError, match="looks at camera top with depth; recorded with depth: front"):
+    with pytest.raises(DatasetError, match=r"camera top .*front"):
         prediction(elsewhere, episode, tmp_path)
 
 
@@ -125,5 +125,5 @@ def test_a_classifier_gives_shares_of_the_directions(tmp_path):
 
 def test_a_file_of_neither_kind_is_one_line(tmp_path):
     torch.save({"svfl": {"format": "svfl-latent", "format_version": "1.0"}}, tmp_path / "latent.ckpt")
-    with pytest.raises(FormatError, match="not a block-centering checkpoint"):
+    with pytest.raises(FormatError, match=r"latent\.ckpt.* svfl-latent"):
         predictions.load(tmp_path / "latent.ckpt")
