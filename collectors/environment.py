@@ -17,6 +17,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from collectors.simulation.camera import CAMERAS
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
 from collectors.tasks import TASKS, task_class
@@ -37,8 +38,8 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
 
     An observation is a dictionary of float32 arrays:
 
-    - ``image`` (4, H, W): RGB in 0..1, then depth in [m], which is 0 where nothing was seen. The image is that of the
-      first camera or, if `view` is "top", the same image reprojected to the view from straight above, with the depth
+    - ``image`` (4, H, W): RGB in 0..1, then depth in [m], which is 0 where nothing was seen. The image is that of
+      `camera` or, if `view` is "top", the same image reprojected to the view from straight above, with the depth
       measured down from `eye`.
     - ``wrench`` (64, 6): the last 64 readings at 500 Hz, the latest one last, tared, [N] and [N m], base axes, about
       the sensor origin.
@@ -71,32 +72,38 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         view: View = "camera",
         eye: float = EYE_M,
         render_mode: str | None = None,
+        camera: str | None = None,
     ) -> None:
         """Open the simulated world of a task.
 
         Args:
             task: Name of the task, one of `collectors.TASKS`.
-            world: Configuration of the world: physics, arm, sensors and cameras. None means ``WorldConfig()``.
-            view: Content of ``image``: "camera" is the first camera's image, and "top" is that image reprojected to
-                the view from straight above.
+            world: Configuration of the world: physics, arm, sensors and cameras. None means ``WorldConfig()``, with
+                `camera` in place of its camera if that is named.
+            view: Content of ``image``: "camera" is the image of `camera`, and "top" is that image reprojected to the
+                view from straight above.
             eye: Height from which the view "top" looks down, base z, [m]. Whatever is higher is not drawn. 0.1 looks
                 under the palm of a gripper that is low over an object.
-            render_mode: With "rgb_array", `render` returns the first camera's colour image. With None it returns None.
+            render_mode: With "rgb_array", `render` returns the colour image of `camera`. With None it returns None.
+            camera: Name of the camera whose image is observed. May be None if the world has one camera.
 
         Raises:
-            UsageError: If no task or view has that name.
+            UsageError: If no task, view or camera has that name, or the world has several cameras and none is named.
         """
         if view not in ("camera", "top"):
             raise UsageError(f"no view {view!r}; there are camera, top")
         self._task_class = task_class(task)
+        if world is None and camera in CAMERAS:
+            world = WorldConfig(cameras={camera: CAMERAS[camera]})
+        self.camera = _chosen(camera, world or WorldConfig())
         self.world = World(world)
         self.view, self.eye, self.render_mode = view, eye, render_mode
         self.task: Task | None = None
         self._steps = 0
         self._seen: Observation | None = None
-        camera = next(iter(self.world.config.cameras.values()))
-        high = np.ones((4, camera.height, camera.width), np.float32)
-        high[3] = 2**16 * camera.depth_scale
+        seen = self.world.config.cameras[self.camera]
+        high = np.ones((4, seen.height, seen.width), np.float32)
+        high[3] = 2**16 * seen.depth_scale
         reach = np.array([1.1, 2.0, 2.0, 2.0, np.pi], np.float32)  # farther than the arm can be
         self.observation_space = spaces.Dict(
             {
@@ -113,7 +120,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
     @property
     def image_axes(self) -> NDArray[np.float64]:
         """Matrix, (2, 2), that turns a vector (x, y) in base axes into (right, up) in the axes of the image."""
-        return self.world.camera.image_axes
+        return self.world.cameras[self.camera].image_axes
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -184,14 +191,14 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         return self.task.expert(Gripper(self.world, np.random.default_rng(seed), noise))
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return the first camera's latest colour image, (H, W, 3) uint8 RGB.
+        """Return the latest colour image of `camera`, (H, W, 3) uint8 RGB.
 
         Without a `render_mode`, and before the first `reset`, it returns None.
         """
         self.check_process()
         if self.render_mode is None or self._seen is None:
             return None
-        return next(iter(self._seen.frames.values())).color
+        return self._seen.frames[self.camera].color
 
     def close(self) -> None:
         """Release the world. Closing it twice does no harm."""
@@ -202,7 +209,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         return {"image": self._image(seen), "wrench": seen.wrench, "proprio": seen.proprio}
 
     def _image(self, seen: Observation) -> NDArray[np.float32]:
-        frame, calibration = next(iter(seen.frames.values())), self.world.camera
+        frame, calibration = seen.frames[self.camera], self.world.cameras[self.camera]
         color, depth = frame.color, frame.depth
         if self.view == "top":
             color, depth = topdown_frame(frame, calibration, self.world.workspace, size=len(color), eye=self.eye)
@@ -210,6 +217,22 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         image[:3] = color.transpose(2, 0, 1) / np.float32(255)
         image[3] = depth * np.float32(calibration.depth_scale)
         return image
+
+
+def _chosen(camera: str | None, world: WorldConfig) -> str:
+    """Return the name of the camera whose image is observed.
+
+    Raises:
+        UsageError: If there is no such camera, or there are several and none is named.
+    """
+    have = ", ".join(world.cameras) or "none"
+    if camera is None and len(world.cameras) == 1:
+        return next(iter(world.cameras))
+    if camera is None:
+        raise UsageError(f"name the camera that the environment observes (camera=); the world's cameras: {have}")
+    if camera not in world.cameras:
+        raise UsageError(f"no camera {camera!r}; the world's cameras: {have}")
+    return camera
 
 
 def make(task: str, world: WorldConfig | None = None, **options: Any) -> Environment:  # noqa: ANN401 - see `Environment`

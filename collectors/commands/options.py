@@ -81,8 +81,7 @@ def add_world(parser: Parser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--cameras", type=lambda text: text.split(","), default=["front"], metavar="NAME,...",
-        help="cameras to simulate, with commas between them: front, top, side_left, side_right; a policy gets the "
-        "images of the first one (default: front)",
+        help="cameras to simulate, with commas between them: front, top, side_left, side_right (default: front)",
     )  # fmt: skip
 
 

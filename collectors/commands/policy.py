@@ -15,8 +15,8 @@ def add(commands: Commands) -> None:
         "policy",
         help="record episodes of a trained policy, and print its success rate",
         description="Record episodes of a trained policy in simulated scenes that are in no demonstration, and print "
-        "its success rate. Every episode is kept and counted, whether it succeeds or not. The policy gets the images "
-        "of the first camera, which must be the same as in training. svfl-train export and "
+        "its success rate. Every episode is kept and counted, whether it succeeds or not. The policy takes the images "
+        "of the camera that it was trained with, which must be among --cameras. svfl-train export and "
         "svfl_models.programs.exported_policy.save write .pt2 files; other packages can add further kinds of files "
         "(collectors/sources/policy.py).",
         example="svfl-collect policy --task block_picking --checkpoint policy.pt2 --episodes 100 --out data/trained",

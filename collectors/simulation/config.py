@@ -40,7 +40,7 @@ class WorldConfig:
         panda: Configuration of the arm.
         admittance: Compliance of the gripper.
         noise: Noise of the wrist sensor.
-        cameras: Configuration of each camera, by name. A policy sees the first camera.
+        cameras: Configuration of each camera, by name.
     """
 
     physics_dt_ns: Nanoseconds = 2_000_000

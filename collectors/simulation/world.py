@@ -361,7 +361,7 @@ class World(OwnProcess):
 
     @property
     def camera(self) -> Calibration:
-        """Calibration of the first camera, whose image a policy sees.
+        """Calibration of the first camera, in whose image-aligned axes block-centering scenes are drawn.
 
         Raises:
             UsageError: If the world has no camera.

@@ -61,8 +61,8 @@ class PolicyCollector(Simulated):
         seed: Seed of the dataset.
         task: Name of the task, one of `collectors.TASKS`.
         checkpoint: File of the policy.
-        world: Configuration of the world: physics, arm, sensors and cameras. The policy sees the first camera, which
-            must be as in training.
+        world: Configuration of the world: physics, arm, sensors and cameras. The policy takes the images of
+            the camera that it was trained with.
     """
 
     seed: int

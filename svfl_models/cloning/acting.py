@@ -115,7 +115,9 @@ def load(file: Path | str) -> exported_policy.ExportedPolicy:
 
 def _exported(module: CloningModule) -> bytes:
     side = module.deployment.image_side
-    return exported_policy.exported(acting(module), (side, side), module.deployment.depth_scale)
+    return exported_policy.exported(
+        acting(module), (side, side), module.deployment.depth_scale, module.deployment.camera
+    )
 
 
 def export(module: CloningModule, file: Path) -> float:

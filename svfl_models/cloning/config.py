@@ -28,7 +28,7 @@ class CloningConfig:
         view: Centre of the images, one of `VIEWS`: ``gripper``, cropped around the gripper, or ``camera``, cropped from
             the middle of the camera image.
         image_size: Height and width of the images that the network gets, [px].
-        camera: Name of the camera whose images are used. None takes the first one in alphabetical order.
+        camera: Name of the camera whose images are used. May be None if there is one camera.
         valid: Share of the demonstrations that is held out to measure how well the policy generalises, 0..1.
         epochs: Number of epochs to train, over which the learning rate falls to zero along a cosine.
         batch_size: Number of demonstrated steps per optimiser step.

@@ -18,7 +18,7 @@ from svfl_data.sampling.torch_samples import EpochSampler, whole_batches
 from svfl_data.sampling.windows import WINDOW
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_models.cloning.config import CloningConfig
-from svfl_models.cloning.deployment_spec import DeploymentSpec, deployment_of
+from svfl_models.cloning.deployment_spec import DeploymentSpec, camera_of, deployment_of
 from svfl_models.cloning.gripper_view import JITTER, corners
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, random_crop, scaled
 from svfl_models.networks.visual_force import Batch
@@ -158,7 +158,7 @@ class CloningData(pl.LightningDataModule):
         chosen = successful(dataset, config.episodes)
         uses = ["streams/wrench"] if "f" in config.encoder else []
         if "v" in config.encoder:
-            uses += [f"cameras/{camera}" for camera in [config.camera or (*dataset.episode(chosen[0]).cameras, "")[0]]]
+            uses += [f"cameras/{camera_of(dataset.episode(chosen[0]), config.camera)}"]
         check_usable(dataset, chosen, uses)
         self.deployment = deployment_of(dataset, chosen, config.camera, config.encoder)
         split = split_episodes(chosen, {"train": 1 - config.valid, "valid": config.valid}, config.seed)

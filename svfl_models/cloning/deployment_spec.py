@@ -110,7 +110,7 @@ def deployment_of(
     Args:
         dataset: Dataset to read the episodes from.
         episodes: Indices of the demonstrations, at least one.
-        camera: Name of the camera whose images are used. None takes the first one in alphabetical order.
+        camera: Name of the camera whose images are used. May be None if the episodes have one camera.
         encoder: Inputs of the policy, one of `cloning.config.ENCODERS`.
 
     Raises:
@@ -136,7 +136,7 @@ def deployment_of(
 
 def _of_episode(reader: EpisodeReader, camera: str | None, encoder: str) -> DeploymentSpec:
     bounds = ActionBounds.of(reader.meta.config)
-    seen = _seen(reader, camera, encoder) if "v" in encoder else {}
+    seen = _seen(reader, camera) if "v" in encoder else {}
     return replace(
         DeploymentSpec(task=reader.meta.task, max_move=bounds.move, max_turn=bounds.turn),
         **seen,
@@ -146,11 +146,29 @@ def _of_episode(reader: EpisodeReader, camera: str | None, encoder: str) -> Depl
     )
 
 
-def _seen(reader: EpisodeReader, camera: str | None, encoder: str) -> dict[str, Any]:
+def camera_of(reader: EpisodeReader, camera: str | None) -> str:
+    """Return the name of the camera whose images of an episode a policy learns from.
+
+    Args:
+        reader: Reader of the episode.
+        camera: Name that was asked for. None asks for the only camera.
+
+    Raises:
+        DatasetError: If the episode has no such camera, or several where none was asked for.
+    """
+    have = ", ".join(reader.cameras) or "none"
+    if camera is None and len(reader.cameras) == 1:
+        return reader.cameras[0]
+    if camera is None:
+        raise DatasetError(f"{reader.extent}: name the camera to learn from (--camera); recorded cameras: {have}")
+    if camera not in reader.cameras:
+        raise DatasetError(f"{reader.extent}: has no camera {printable(camera, 40)}; recorded cameras: {have}")
+    return camera
+
+
+def _seen(reader: EpisodeReader, camera: str | None) -> dict[str, Any]:
     """Return the attributes of a `DeploymentSpec` that describe the images of an episode."""
-    if not reader.cameras:
-        raise DatasetError(f"{reader.extent}: recorded without a camera, which encoder {encoder} needs")
-    name = camera or reader.cameras[0]
+    name = camera_of(reader, camera)
     height, width = reader[f"cameras/{name}/depth"].shape[1:]
     if height != width:
         raise DatasetError(f"{reader.extent}: images of {name} are {height} x {width} px; needed: square ones")

@@ -13,7 +13,7 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from svfl_data.errors import TrainingError
+from svfl_data.errors import TrainingError, UsageError
 from svfl_data.reports.success_rate import wilson
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
@@ -132,8 +132,9 @@ class Trial:
         module = load_policy(checkpoint)
         self.policy, self.seed, self.name = acting(module), seed, str(checkpoint)
         try:
-            self.environment = gymnasium.make(environment, disable_env_checker=True)
-        except (gymnasium.error.Error, ValueError) as error:  # ValueError: not a valid name
+            camera = module.deployment.camera or None
+            self.environment = gymnasium.make(environment, disable_env_checker=True, camera=camera)
+        except (gymnasium.error.Error, UsageError, ValueError) as error:  # ValueError: not a valid name
             reason = printable(" ".join(str(error).split()), 200)
             raise TrainingError(f"{checkpoint}: cannot be evaluated in {environment}: {reason}") from error
         _expect_same(self.environment, module.deployment, self.name)

@@ -61,7 +61,9 @@ def add(commands: Commands) -> None:
         "(default: %(default)s)")  # fmt: skip
     add("--image-size", type=int, choices=IMAGE_SIZES, default=DEFAULT.image_size,
         help="height and width of the network's images, px (default: %(default)s)")  # fmt: skip
-    add("--camera", metavar="NAME", help="camera whose images are used (default: the first one in alphabetical order)")
+    add(
+        "--camera", metavar="NAME", help="camera whose images are used (default: the only camera of the demonstrations)"
+    )
     add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N",
         help="number of epochs to train (default: %(default)s)")  # fmt: skip
     add("--batch-size", type=positive, default=DEFAULT.batch_size, metavar="N",

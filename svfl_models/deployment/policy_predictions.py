@@ -15,7 +15,7 @@ from svfl_models.cloning.acting import ActingPolicy
 from svfl_models.cloning.gripper_view import corners
 from svfl_models.cloning.module import CloningModule
 from svfl_models.networks.image_crops import crop_at, crop_side, scaled
-from svfl_models.programs.exported_policy import ExportedPolicy
+from svfl_models.programs.exported_policy import ExportedPolicy, only_camera
 
 AT_ONCE = 256
 """Number of observations whose images are converted to float and held in memory at a time."""
@@ -67,9 +67,14 @@ def of_program(policy: ExportedPolicy, name: str) -> Network:
     """
 
     def network(episode: Episode) -> Prediction:
-        camera = next((camera for camera in episode.cameras.values() if camera.has("depth")), None)
-        if camera is None:
-            raise DatasetError(f"{episode.name}: a policy needs a camera with depth")
+        found = {name: camera for name, camera in episode.cameras.items() if camera.has("depth")}
+        blind = policy.camera == ""  # any camera then, since only the times of its frames matter
+        wanted = next(iter(found), None) if blind else policy.camera or only_camera(found)
+        if wanted not in found:
+            have = ", ".join(found) or "none"
+            asked = f"camera {wanted}" if wanted else "exactly one camera"
+            raise DatasetError(f"{episode.name}: the policy needs {asked} with depth; recorded with depth: {have}")
+        camera = found[wanted]
         actions = []
         for step, row in enumerate(_rows(episode, camera)):
             frames = {camera.name: Frame(camera.color[row], camera.depth[row])}

@@ -15,6 +15,7 @@ Cropping, normalisation and the change to image-aligned axes are part of the pro
 
 import io
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -28,6 +29,7 @@ from svfl_data.errors import FormatError, TrainingError
 from svfl_data.sampling.windows import WINDOW
 from svfl_data.schema.robot import Observation
 from svfl_data.system.atomic_io import write_atomically
+from svfl_data.system.printable import printable
 from svfl_models.programs.program import Program, from_bytes, read
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -40,13 +42,22 @@ class Facts(msgspec.Struct):
     """Content of the text `FACTS` in the file of a policy.
 
     Attributes:
-        depth_scale: Metres per unit of the cameras' depth images, above 0.
+        depth_scale: Metres per unit of the camera's depth images, above 0.
+        camera: Name of the camera whose images the policy takes; empty if it uses no images. None if the name does not
+            matter, because the robot has one camera.
     """
 
     depth_scale: Annotated[float, msgspec.Meta(gt=0)]
+    camera: str | None = None
 
 
-def save(network: nn.Module, file: Path, image_size: tuple[int, int], depth_scale: float = 1e-4) -> None:
+def save(
+    network: nn.Module,
+    file: Path,
+    image_size: tuple[int, int],
+    depth_scale: float = 1e-4,
+    camera: str | None = None,
+) -> None:
     """Export a network, in eval mode, as the file of a policy.
 
     Args:
@@ -54,7 +65,8 @@ def save(network: nn.Module, file: Path, image_size: tuple[int, int], depth_scal
             docstring lists. It is moved to the CPU and put into eval mode.
         file: File to write, whose name must end in ``.pt2``.
         image_size: Height and width of the images, [px].
-        depth_scale: Metres per unit of the cameras' depth images.
+        depth_scale: Metres per unit of the camera's depth images.
+        camera: Name of the camera whose images the network takes, see `Facts`.
 
     Raises:
         TrainingError: If the network does not take or return these shapes, uses operators that an exported policy may
@@ -62,19 +74,22 @@ def save(network: nn.Module, file: Path, image_size: tuple[int, int], depth_scal
         FormatError: If `depth_scale` is not above 0.
         StorageError: If the file cannot be written; an earlier file then stays as it was.
     """
-    content = exported(network, image_size, depth_scale)
+    content = exported(network, image_size, depth_scale, camera)
     opened(content, str(file))
     write_atomically(Path(file), content)
 
 
-def exported(network: nn.Module, image_size: tuple[int, int], depth_scale: float = 1e-4) -> bytes:
+def exported(
+    network: nn.Module, image_size: tuple[int, int], depth_scale: float = 1e-4, camera: str | None = None
+) -> bytes:
     """Export a network, in eval mode, and return the content of the file that `save` writes.
 
     Args:
         network: Network that maps image, wrench and proprio to an action, see `save`. It is moved to the CPU and put
             into eval mode.
         image_size: Height and width of the images, [px].
-        depth_scale: Metres per unit of the cameras' depth images.
+        depth_scale: Metres per unit of the camera's depth images.
+        camera: Name of the camera whose images the network takes, see `Facts`.
 
     Raises:
         TrainingError: If the network does not take image, wrench and proprio, or does not return an action. Forbidden
@@ -90,8 +105,8 @@ def exported(network: nn.Module, image_size: tuple[int, int], depth_scale: float
         raise TrainingError(f"the network gives {_words(action)}, an action is {ACTION}")
     with torch.no_grad():
         program = torch.export.export(network, inputs)
-    buffer = io.BytesIO()
-    torch.export.save(program, buffer, extra_files={FACTS: json.dumps({"depth_scale": depth_scale})})
+    buffer, facts = io.BytesIO(), {"depth_scale": depth_scale, "camera": camera}
+    torch.export.save(program, buffer, extra_files={FACTS: json.dumps(facts)})
     return buffer.getvalue()
 
 
@@ -126,6 +141,7 @@ class ExportedPolicy:
 
     Attributes:
         size: Height and width of the images that the policy takes, [px].
+        camera: Name of the camera whose images the policy takes, see `Facts`.
         program: Program that computes the action, on `DEVICE`.
     """
 
@@ -149,39 +165,58 @@ class ExportedPolicy:
                 f"wrench (1, {WINDOW}, 6), proprio (1, 5) and gives an action {ACTION}"
             )
         try:
-            scale = msgspec.json.decode(facts, type=Facts).depth_scale
+            known = msgspec.json.decode(facts, type=Facts)
         except ValueError as error:
             raise FormatError(f"{name}: {FACTS} in it is not what a policy's says: {error}") from error
         self.program = program.to(DEVICE)
-        self._depth_scale, self._name = np.float32(scale), name
+        self.camera, self._depth_scale, self._name = known.camera, np.float32(known.depth_scale), name
 
     @torch.inference_mode()
     def __call__(self, seen: Observation) -> NDArray[np.float32]:
         """Return the action for an observation.
 
         Args:
-            seen: Observation of the current step. Of its images, the first camera's is used.
+            seen: Observation of the current step. Of its images, those of the policy's own camera are used.
 
         Returns:
             The action, shape (5,), float32: gripper opening 0..1, dx, dy, dz [m], dtheta [rad], in base axes.
 
         Raises:
-            TrainingError: If the image has another size than in training, or the action is not finite.
+            TrainingError: If the observation has no image of the policy's camera, the image has another size than in
+                training, or the action is not finite.
         """
-        frame = next(iter(seen.frames.values()))
-        if frame.depth.shape != self.size:
-            (height, width), (rows, columns) = self.size, frame.depth.shape
-            raise TrainingError(
-                f"{self._name}: was made for images of {height} x {width} px, the first camera gives {rows} x {columns}"
-            )
-        image = np.empty((4, *self.size), np.float32)
-        image[:3] = frame.color.transpose(2, 0, 1) / np.float32(255)
-        image[3] = frame.depth * self._depth_scale
+        image = self._image(seen)
         inputs = (torch.from_numpy(np.array(part)[None]).to(DEVICE) for part in (image, seen.wrench, seen.proprio))
         action: NDArray[np.float32] = self.program(*inputs)[0][0].float().cpu().numpy()
         if not np.isfinite(action).all():
             raise TrainingError(f"{self._name}: the policy's action is not finite: {action.tolist()}")
         return action
+
+    def _image(self, seen: Observation) -> NDArray[np.float32]:
+        """Return the image that the program takes, (4, H, W); zeros if the policy uses no images."""
+        image = np.zeros((4, *self.size), np.float32)
+        if self.camera == "":
+            return image
+        name = only_camera(seen.frames) if self.camera is None else self.camera
+        if name not in seen.frames:
+            have = ", ".join(map(printable, seen.frames)) or "none"
+            wanted = printable(name, 40) if name else "one camera"
+            raise TrainingError(f"{self._name}: takes images of {wanted}; the cameras of this robot are: {have}")
+        frame = seen.frames[name]
+        if frame.depth.shape != self.size:
+            (height, width), (rows, columns) = self.size, frame.depth.shape
+            raise TrainingError(
+                f"{self._name}: was made for images of {height} x {width} px, camera {name} gives {rows} x {columns}"
+            )
+        image[:3] = frame.color.transpose(2, 0, 1) / np.float32(255)
+        image[3] = frame.depth * self._depth_scale
+        return image
+
+
+def only_camera(cameras: Iterable[str]) -> str | None:
+    """Return the name of the only camera; None if there is not exactly one."""
+    names = list(cameras)
+    return names[0] if len(names) == 1 else None
 
 
 def _shapes(image_size: tuple[int, int]) -> list[tuple[int, ...]]:

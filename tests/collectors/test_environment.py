@@ -1,6 +1,8 @@
 """The tasks as gymnasium environments: gymnasium's own contract, and ours."""
 
 import warnings
+from contextlib import closing
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -9,6 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 from collectors.environment import Environment, normalised
 from collectors.simulation import CameraConfig, WorldConfig
+from collectors.simulation.camera import CAMERAS
 from collectors.tasks import TASKS
 from collectors.tasks.task import MAX_STEPS
 from svfl_data.errors import UsageError
@@ -113,3 +116,27 @@ def test_mistakes_are_clear(env):
         Environment("juggling")
     with pytest.raises(UsageError, match=r"view 'below'.* camera, top"):
         Environment("block_picking", view="below")
+
+
+def test_the_camera_that_is_named_is_observed():
+    """Whatever others there are, and in whatever order."""
+    small = {name: replace(CAMERAS[name], height=24, width=24) for name in ("top", "front")}
+    observed = {}
+    for camera, cameras in (("front", small), ("front", dict(reversed(small.items()))), ("top", small)):
+        with closing(Environment("block_picking", WorldConfig(cameras=cameras), camera=camera)) as env:
+            image = env.reset(seed=0)[0]["image"]
+            np.testing.assert_array_equal(env.image_axes, env.world.cameras[camera].image_axes)
+        assert np.array_equal(observed.setdefault(camera, image), image)
+    assert not np.array_equal(observed["front"], observed["top"])
+
+
+def test_a_named_camera_of_the_simulation_needs_no_world():
+    with closing(Environment("block_picking", camera="side_left")) as env:
+        assert list(env.world.cameras) == ["side_left"]
+
+
+def test_cameras_that_are_not_named_or_not_there_are_refused():
+    two = WorldConfig(cameras={name: CAMERAS[name] for name in ("top", "front")})
+    for world, camera, facts in ((two, None, "camera=.*top, front"), (two, "wrist", "'wrist'.*top, front")):
+        with pytest.raises(UsageError, match=facts):
+            Environment("block_picking", world, camera=camera)

@@ -36,7 +36,7 @@ class Countdown(gymnasium.Env):
     observation_space = spaces.Dict({"image": spaces.Box(0, 2, (4, 10, 10), np.float32)})
     action_space = spaces.Box(-1, 1, (5,), np.float32)
 
-    def __init__(self, axes=IMAGE_AXES):
+    def __init__(self, axes=IMAGE_AXES, camera=None):
         self.image_axes, self.seen = axes, []
 
     def reset(self, *, seed=None, options=None):

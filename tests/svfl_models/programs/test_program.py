@@ -288,7 +288,7 @@ def test_a_program_says_what_its_network_says(content):
     torch.manual_seed(0)
     network = Network().eval()
     ours, facts = program.from_bytes(content, FACTS)
-    assert json.loads(facts) == {"depth_scale": 1e-4}
+    assert json.loads(facts) == {"depth_scale": 1e-4, "camera": None}
     for _ in range(3):
         inputs = [torch.randn(shape) for shape in ours.inputs]
         assert torch.equal(ours(*inputs)[0], network(*inputs))
