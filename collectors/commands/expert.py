@@ -83,7 +83,8 @@ def run(arguments: argparse.Namespace) -> None:
     from collectors.recording.live_view import watched
     from collectors.recording.progress import CollectionProgress
     from collectors.sources.expert import summary
-    from svfl_data.datasets.dataset import INFO, Dataset
+    from svfl_data.datasets.dataset import Dataset
+    from svfl_data.datasets.dataset_info import INFO
     from svfl_data.errors import DatasetError
 
     if arguments.task == ALL and (arguments.out / INFO).exists():

@@ -1,6 +1,5 @@
 """A dataset is a folder of episode files with a ``dataset.json``, which says what the episodes have in common."""
 
-import json
 import os
 import re
 from collections.abc import Collection, Iterator
@@ -9,40 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, overload
 
-import msgspec
-
+from svfl_data.datasets.dataset_info import FORMAT, FORMAT_VERSION, INFO, begin, check_same, read_info
 from svfl_data.datasets.held_folder import HeldFolder
 from svfl_data.datasets.shards import MEMBER, member_extent, members, shard_files
 from svfl_data.errors import DatasetError, FormatError, StorageError, SvflError
 from svfl_data.schema.episode import Episode
 from svfl_data.storage.chunks import Extent
 from svfl_data.storage.reader import EpisodeReader
-from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.leftovers import clear_files
 from svfl_data.system.printable import printable
 from svfl_data.system.regular_file import refuse_link
-from svfl_data.system.side_files import Int64, check_format, parse_as, plain, read_side_file
+from svfl_data.system.side_files import plain
 
-FORMAT = "svfl-dataset"
-FORMAT_VERSION = "1.0"
-INFO = "dataset.json"
 SPLITS = "splits"
 EPISODE_LIKE = re.compile(r"episode.*\.(hdf5|h5)", re.IGNORECASE)
 """Pattern of names that a person would take for those of episodes. A file is an episode only if its name is as
 `Dataset.file_name` gives it."""
-BEGINNING = re.compile(rf"\.{re.escape(INFO)}\..*\.part")
-"""Pattern of the temporary names under which `write_atomically` writes ``dataset.json``."""
-
-
-class Info(msgspec.Struct):
-    """Keys that ``dataset.json`` must have, and the optional ``varies``. Other keys are allowed, too."""
-
-    format: str
-    format_version: str
-    task: str
-    seed: Int64
-    config: dict[str, Any]
-    varies: list[str] = []
 
 
 @dataclass(frozen=True)
@@ -77,14 +58,7 @@ class Dataset:
         path = Path(path)
         if not path.is_dir():
             raise FormatError(f"{path}: {'is a file, not a dataset folder' if path.exists() else 'no such folder'}")
-        file = path / INFO
-        try:
-            info = read_side_file(file)
-        except FileNotFoundError as error:
-            raise FormatError(f"{path}: not a dataset (it has no {INFO})") from error
-        check_format(info, FORMAT, FORMAT_VERSION, file, "does not describe a dataset")
-        parse_as(info, Info, file)
-        return cls(path, info)
+        return cls(path, read_info(path))
 
     @classmethod
     def create_or_resume(
@@ -115,9 +89,9 @@ class Dataset:
         asked = {"format": FORMAT, "format_version": FORMAT_VERSION, "task": task, "seed": seed, "config": config}
         info: dict[str, Any] = plain(asked, f"description of {path}")
         if not (path / INFO).exists():
-            _begin(path, {**info, "varies": sorted(varies)} if varies else info)
+            begin(path, {**info, "varies": sorted(varies)} if varies else info)
         found = cls.open(path)
-        _check_same(path, found.info, info)
+        check_same(path, found.info, info)
         return found
 
     @property
@@ -352,44 +326,3 @@ def inner_folder(folder: Path, name: str) -> Path:
     except OSError as error:
         raise StorageError(f"cannot create {path}: {error.strerror}") from error
     return path
-
-
-def _begin(path: Path, info: dict[str, Any]) -> None:
-    """Write ``dataset.json`` into an absent or empty folder, unless another process does so at the same moment.
-
-    A process puts other files into the folder of a dataset only after it has seen ``dataset.json`` there, and that file
-    is never removed. So this function lists the folder first, and looks for ``dataset.json`` afterwards: if
-    ``dataset.json`` exists, another process has brought the other files; if not, they are foreign. Temporary files of
-    ``dataset.json`` do not count, because other processes, also killed ones, may have left them.
-    """
-    empty = not path.exists() or (path.is_dir() and all(BEGINNING.fullmatch(name) for name in os.listdir(path)))
-    if not empty and not (path / INFO).exists():
-        found = f"holds other files and no {INFO}" if path.is_dir() else "is not a folder"
-        raise DatasetError(f"{path} {found}; name a new or empty folder")
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageError(f"cannot create {path}: {error.strerror}") from error
-    try:
-        write_atomically(path / INFO, (json.dumps(info, indent=2, sort_keys=True) + "\n").encode(), replace=False)
-    except StorageError:
-        if not (path / INFO).exists():
-            raise  # otherwise another process was first, and may have removed the temporary file
-
-
-def _check_same(path: Path, found: dict[str, Any], asked: dict[str, Any]) -> None:
-    here, wanted = _flat({key: found.get(key) for key in asked}), _flat(asked)
-    for key in wanted | here:  # a key that only one of them has is a difference, too
-        if here.get(key) != wanted.get(key):
-            its, asked_for = printable(repr(here.get(key)), 200), printable(repr(wanted.get(key)), 200)
-            raise DatasetError(
-                f"{path} holds another dataset: its {printable(key, 200)} is {its}, asked for {asked_for}; "
-                "name another folder"
-            )
-
-
-def _flat(value: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for key, item in value.items():
-        flat |= _flat(item, f"{prefix}{key}.") if isinstance(item, dict) else {f"{prefix}{key}": item}
-    return flat

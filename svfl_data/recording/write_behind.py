@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from svfl_data.errors import StorageError
-from svfl_data.recording.journal import JournalWriter
+from svfl_data.recording.journal_writer import JournalWriter
 from svfl_data.system.own_process import OwnProcess
 
 FLUSH_BYTES = 2**23

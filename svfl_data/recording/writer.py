@@ -17,7 +17,8 @@ from svfl_data.errors import DatasetError, FieldError, StorageError, UsageError
 from svfl_data.recording.consistency import Agreement
 from svfl_data.recording.growth import Growth, check_constants
 from svfl_data.recording.index_locks import build, claim, publish
-from svfl_data.recording.journal import LABEL_BYTES, JournalWriter, read_journal
+from svfl_data.recording.journal import LABEL_BYTES, read_journal
+from svfl_data.recording.journal_writer import JournalWriter
 from svfl_data.recording.recording_clocks import Gap, Late, is_clock
 from svfl_data.recording.recording_log import RecordingLog
 from svfl_data.recording.write_behind import WhenFull, WriteBehind

@@ -301,7 +301,7 @@ def test_observations_are_never_dropped(dataset):
 @pytest.fixture
 def held_disk(monkeypatch):
     """A disk that takes nothing until told: (it was asked, let it go)."""
-    import svfl_data.recording.journal as journal
+    import svfl_data.recording.journal_writer as journal
 
     asked, go = threading.Event(), threading.Event()
     write_all = journal.write_all
@@ -367,7 +367,7 @@ def test_memory_is_bounded_when_the_disk_is_slower_than_the_data(dataset, held_d
 
 
 def test_what_the_disk_refused_in_the_background_is_said_and_nothing_of_it_is_lost(dataset, monkeypatch):
-    import svfl_data.recording.journal as journal
+    import svfl_data.recording.journal_writer as journal
 
     episode, tried = make_episode(), threading.Event()
     write_all = journal.write_all
@@ -394,7 +394,7 @@ def test_what_the_disk_refused_in_the_background_is_said_and_nothing_of_it_is_lo
 
 def test_rows_of_an_append_that_met_a_full_disk_are_stored_once(dataset, monkeypatch):
     """With `flush_s=0` an append meets the disk itself: what was taken is told at the next one, which takes nothing."""
-    import svfl_data.recording.journal as journal
+    import svfl_data.recording.journal_writer as journal
 
     episode, write_all, left = make_episode(), journal.write_all, [3]
 
