@@ -166,6 +166,17 @@ def test_no_test_module_imports_another():
         assert not [name for name in of_tests if ".test_" in name or "conftest" in name], file
 
 
+def test_no_forked_child_can_go_on_with_the_tests():
+    """An error in it would; `tests.helpers.child` ends it whatever happens."""
+    forking = {
+        str(file.relative_to(ROOT))
+        for file in (ROOT / "tests").rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text()))
+        if isinstance(node, ast.Attribute) and node.attr == "fork" and getattr(node.value, "id", "") == "os"
+    }
+    assert forking == {"tests/helpers/child.py", "tests/hostile/zygote.py"}  # the latter runs no tests
+
+
 @pytest.mark.parametrize("package", FLOORS)
 def test_tests_follow_the_rooms(package):
     rooms = {path.name for path in (ROOT / "tests" / package).iterdir() if path.is_dir() and path.name[0] != "_"}

@@ -18,6 +18,7 @@ from collectors.simulation.camera import Camera
 from collectors.sources.expert import ExpertCollector
 from svfl_data.errors import UsageError
 from svfl_data.storage.store import episode_bytes
+from tests.helpers.child import in_child
 
 pytestmark = pytest.mark.slow
 
@@ -64,17 +65,6 @@ def owner(request):
         yield {World: world, Camera: Camera(CameraConfig(24, 24), world.client), Bodies: world.bodies}[request.param]
 
 
-def in_a_fork(act: Callable[[], int]) -> int:
-    """What `act` returns in a forked process, 0 to 100; 101 if it raises."""
-    child = os.fork()
-    if child == 0:
-        try:
-            os._exit(act())
-        except BaseException:
-            os._exit(101)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-
-
 def test_a_fork_is_refused_every_use(owner):
     def refused() -> int:
         count = 0
@@ -85,7 +75,7 @@ def test_a_fork_is_refused_every_use(owner):
                 count += bool(re.search(rf"\b{os.getppid()}\b.*\b{os.getpid()}\b", str(error)))
         return count
 
-    assert in_a_fork(refused) == len(USES[type(owner)])
+    assert in_child(refused) == len(USES[type(owner)])
 
 
 @pytest.mark.parametrize("carry", [pickle.dumps, copy.copy, copy.deepcopy])
@@ -101,7 +91,7 @@ def test_a_fork_that_leaves_the_block_leaves_the_parents_world_alone():
 
     with World(SMALL) as world:
         world.reset(seed=0)
-        assert in_a_fork(leave) == 7
+        assert in_child(leave) == 7
         world.step(STILL)
         assert world.observe().frames["front"].color.any()
 
@@ -113,10 +103,10 @@ def test_a_closed_world_says_so():
         world.reset(seed=0)
 
 
-def test_a_collector_opens_a_world_of_its_own_in_a_fork():
+def test_a_collector_opens_a_world_of_its_own_in_child():
     collector = ExpertCollector(0, "block_picking", world=SMALL)
     here = episode_bytes(collector(0))
-    assert in_a_fork(lambda: int(episode_bytes(collector(0)) == here)) == 1
+    assert in_child(lambda: int(episode_bytes(collector(0)) == here)) == 1
     collector.opened.close()
 
 

@@ -15,7 +15,7 @@ from svfl_data.maintenance.repair import repair_dataset
 from svfl_data.recording.writer import EpisodeWriter
 from svfl_data.storage.store import episode_bytes
 from tests.helpers.builders import make_episode
-from tests.helpers.child import in_child
+from tests.helpers.child import fork, in_child
 from tests.helpers.recording import append_all, start
 
 pytestmark = pytest.mark.slow
@@ -106,13 +106,15 @@ def test_a_fork_that_outlives_the_writer_does_not_keep_repair_away(dataset):
     """The kernel's lock tells a living writer from a dead one; a helper process that was forked must not hold it."""
     told, go = os.pipe(), os.pipe()
 
+    def outlive() -> int:
+        os.write(told[1], b"x")
+        os.read(go[0], 1)
+        return 0
+
     def record_and_die() -> int:
         with start(dataset, flush_s=0.0) as writer, dataset.writing():
             append_all(writer, make_episode().arrays)
-            if os.fork() == 0:
-                os.write(told[1], b"x")
-                os.read(go[0], 1)
-                os._exit(0)
+            fork(outlive)
             os.read(told[0], 1)
             os.kill(os.getpid(), signal.SIGKILL)
         return 0

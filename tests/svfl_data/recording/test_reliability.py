@@ -14,6 +14,7 @@ import subprocess
 import time
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -32,7 +33,7 @@ from svfl_data.schema.episode import Episode, Meta
 from svfl_data.storage.seal import SEAL_SIZE, seal
 from svfl_data.storage.store import episode_bytes, read_episode, write_episode
 from tests.helpers.builders import episode_arrays, make_episode
-from tests.helpers.child import in_child
+from tests.helpers.child import exit_code, fork, in_child
 from tests.helpers.patience import PATIENCE
 from tests.helpers.recording import append_all, constants_of, start
 
@@ -107,10 +108,7 @@ def test_two_killed_writers_lose_nothing_that_was_sealed_or_flushed(dataset):
         told[...] = 0
         children = []
         for number in range(2):
-            child = os.fork()
-            if child == 0:
-                os._exit(record_for_ever(dataset, attempt, number, told))
-            children.append(child)
+            children.append(fork(partial(record_for_ever, dataset, attempt, number, told)))
         time.sleep(rng.uniform(0.02, 0.3))
         for child in rng.permutation(children):
             os.kill(child, signal.SIGKILL)
@@ -178,13 +176,8 @@ def test_many_writers_at_once_never_meet(dataset):
                 writer.seal()
         return 0
 
-    children = []
-    for number in range(4):
-        child = os.fork()
-        if child == 0:
-            os._exit(record_some(number))
-        children.append(child)
-    assert [os.waitpid(child, 0)[1] for child in children] == [0, 0, 0, 0]
+    children = [fork(partial(record_some, number)) for number in range(4)]
+    assert [exit_code(child) for child in children] == [0, 0, 0, 0]
     assert dataset.indices == list(range(20))
     draws = {tuple(episode.meta.config["draw"]) for episode in dataset}
     assert draws == {(0, number, count) for number in range(4) for count in range(5)}
@@ -306,6 +299,7 @@ def test_an_interrupt_while_sealing_neither_crashes_nor_loses_anything(dataset):
     rng = np.random.default_rng(0)
 
     def seal_until_interrupted(sealing) -> int:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         try:
             with start(dataset, make_episode(steps=150, size=40), flush_s=0.0) as writer:
                 append_all(writer, truth)
@@ -318,18 +312,11 @@ def test_an_interrupt_while_sealing_neither_crashes_nor_loses_anything(dataset):
     ends: Counter[int] = Counter()
     for _ in range(INTERRUPTS):
         told, sealing = os.pipe()
-        child = os.fork()
-        if child == 0:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-            code = 99
-            try:
-                code = seal_until_interrupted(sealing)
-            finally:
-                os._exit(code)
+        child = fork(partial(seal_until_interrupted, sealing))
         os.read(told, 1)
         time.sleep(rng.uniform(0, 0.3))
         os.kill(child, signal.SIGINT)
-        ends[os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])] += 1
+        ends[exit_code(child)] += 1
         os.close(told)
         os.close(sealing)
         assert ends.keys() <= {0, 5}

@@ -27,6 +27,7 @@ from svfl_data.storage.reader import EpisodeReader, read_episode, read_unsealed
 from svfl_data.storage.seal import SEAL_SIZE, seal
 from svfl_data.storage.store import episode_bytes, write_episode
 from tests.helpers.builders import make_episode
+from tests.helpers.child import exit_code, fork, in_child
 
 pytestmark = pytest.mark.slow
 
@@ -407,14 +408,16 @@ def test_forks_threads_and_pickled_readers_each_find_an_examiner(tmp_path):
         files.append(tmp_path / f"{number}.hdf5")
         write_episode(make_episode(number), files[-1])
     read_episode(files[0])
-    child = os.fork()
-    if child == 0:
+
+    def read_others() -> int:
         found = [read_episode(file).meta.index for file in files[1:4]]
         other = pickle.loads(pickle.dumps(EpisodeReader.of_file(files[4]))).meta.index
-        os._exit(0 if [*found, other] == [1, 2, 3, 4] else 1)
+        return 0 if [*found, other] == [1, 2, 3, 4] else 1
+
+    child = fork(read_others)
     with ThreadPoolExecutor(4) as pool:
         assert [one.meta.index for one in pool.map(read_episode, files * 3)] == list(range(12)) * 3
-    assert os.waitpid(child, 0)[1] == 0
+    assert exit_code(child) == 0
 
 
 @pytest.mark.slow
@@ -426,10 +429,7 @@ def test_a_fork_while_another_thread_asks(tmp_path):
     asking = threading.Thread(target=lambda: [read_episode(file) for file in files])
     asking.start()
     for file in files[:3]:
-        child = os.fork()
-        if child == 0:
-            os._exit(0 if read_episode(file).meta.task == "centering" else 1)
-        assert os.waitpid(child, 0)[1] == 0
+        assert in_child(lambda file=file: 0 if read_episode(file).meta.task == "centering" else 1) == 0
     asking.join()
 
 

@@ -20,6 +20,7 @@ from svfl_data.storage.reader import EpisodeReader
 from svfl_data.storage.seal import seal
 from svfl_data.storage.store import episode_bytes, read_episode, write_episode
 from tests.helpers.builders import episode_arrays, make_episode
+from tests.helpers.child import in_child
 
 
 @pytest.fixture
@@ -103,10 +104,7 @@ def test_readers_survive_pickling_forking_and_threads(file):
     with ThreadPoolExecutor(4) as pool:
         for row, frame in enumerate(pool.map(reader["cameras/front/color"].__getitem__, list(range(5)) * 20)):
             np.testing.assert_array_equal(frame, frames[row % 5])
-    child = os.fork()
-    if child == 0:
-        os._exit(0 if np.array_equal(reader["cameras/front/color"][3], frames[3]) else 1)
-    assert os.waitpid(child, 0)[1] == 0
+    assert in_child(lambda: 0 if np.array_equal(reader["cameras/front/color"][3], frames[3]) else 1) == 0
 
 
 def test_no_damage_is_read(tmp_path):

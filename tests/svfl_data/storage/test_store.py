@@ -24,6 +24,7 @@ from svfl_data.storage.seal import seal
 from svfl_data.storage.store import episode_bytes, read_episode, write_episode
 from svfl_data.system.atomic_io import write_atomically
 from tests.helpers.builders import episode_arrays, make_episode
+from tests.helpers.child import in_child
 
 
 def needs(path, name):
@@ -290,17 +291,17 @@ def test_a_killed_writer_leaves_only_whole_episodes(tmp_path):
 def test_a_full_disk_costs_only_the_unfinished_episode(tmp_path):
     """With no room for a whole file the process lives, says so, and leaves the earlier episode and no remains."""
     write_episode(make_episode(0), tmp_path / "episode_000000.hdf5")
-    child = os.fork()
-    if child == 0:
+
+    def write_too_much() -> int:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
         try:
             write_episode(make_episode(1), tmp_path / "episode_000001.hdf5")
         except StorageError as error:
-            os._exit(0 if "episode_000001.hdf5" in str(error) and os.strerror(errno.EFBIG) in str(error) else 3)
-        os._exit(4)
-    _, status = os.waitpid(child, 0)
-    assert os.waitstatus_to_exitcode(status) == 0
+            return 0 if "episode_000001.hdf5" in str(error) and os.strerror(errno.EFBIG) in str(error) else 3
+        return 4
+
+    assert in_child(write_too_much) == 0
     assert [file.name for file in tmp_path.iterdir()] == ["episode_000000.hdf5"]
     assert_equal(read_episode(tmp_path / "episode_000000.hdf5"), make_episode(0))
 

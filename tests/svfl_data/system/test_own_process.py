@@ -10,6 +10,7 @@ import pytest
 
 from svfl_data.errors import UsageError
 from svfl_data.system.own_process import OwnProcess
+from tests.helpers.child import in_child
 
 
 @dataclass(frozen=True)
@@ -38,14 +39,15 @@ def test_it_is_neither_pickled_nor_copied(kind, carry):
 def test_a_fork_of_its_process_may_not_use_it():
     owner = Plain([1])
     owner.check_process()
-    child = os.fork()
-    if child == 0:
+
+    def use() -> int:
         try:
             owner.check_process()
         except UsageError as error:
             words = f"Plain belongs to process {os.getppid()} .* {os.getpid()}, a fork of it; ask its owner"
-            os._exit(3 if owner.given_up and not owner.in_own_process and re.search(words, str(error)) else 4)
-        os._exit(5)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 3
+            return 3 if owner.given_up and not owner.in_own_process and re.search(words, str(error)) else 4
+        return 5
+
+    assert in_child(use) == 3
     assert owner.in_own_process
     assert not owner.given_up

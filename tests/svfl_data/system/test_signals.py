@@ -10,6 +10,7 @@ import time
 import pytest
 
 from svfl_data.system import command_line
+from tests.helpers.child import exit_code, fork
 from tests.helpers.patience import PATIENCE
 
 COMMAND = """
@@ -49,21 +50,34 @@ def test_nohup_is_respected():
     assert (done.returncode, done.stdout) == (0, "alive\n")
 
 
+@pytest.fixture
+def _default_handlers():
+    """Libraries that an earlier test has used, such as Ray, may have left handlers of theirs."""
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in (signal.SIGTERM, signal.SIGHUP)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("_default_handlers")
 def test_a_forked_child_is_ended_as_usual():
     def work():
         told, tell = os.pipe()
-        child = os.fork()
-        if child == 0:
+
+        def wait_for_ever() -> int:
             os.write(tell, b"!")  # before that, Python drops the signals of its parent
             while True:
                 time.sleep(0.01)
+
+        child = fork(wait_for_ever)
         os.read(told, 1)
         os.kill(child, signal.SIGTERM)
-        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGTERM
+        assert exit_code(child) == -signal.SIGTERM
 
     assert command_line.run(work, "svfl") == 0
 
 
+@pytest.mark.usefixtures("_default_handlers")
 def test_signals_are_as_before_afterwards_and_threads_may_run_commands():
     codes = []
     thread = threading.Thread(target=lambda: codes.append(command_line.run(lambda: None, "svfl")))
