@@ -262,7 +262,7 @@ def other_size(arrays):
 def other_camera(arrays):
     for path in [path for path in arrays if path.startswith("cameras/")]:
         arrays[path.replace("front", "wrist")] = arrays.pop(path)
-    return "cameras/front is missing in", "but there in"
+    return "cameras/front is missing in", "but present in"
 
 
 def other_rate(arrays):
