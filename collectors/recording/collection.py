@@ -56,7 +56,8 @@ def collect_dataset(
             collector, dataset.path, info["task"], info["seed"], info["config"], keep_failures, held.identity
         )
         if keep_failures:
-            stack.enter_context(worker.dataset(FAILURES).writing())
+            failures = Dataset.create_or_resume(dataset.path / FAILURES, info["task"], info["seed"], info["config"])
+            stack.enter_context(failures.writing())
         shown = progress or stack.enter_context(CollectionProgress())
         have = set(dataset.indices)
         missing = [index for index in range(episodes) if index not in have]

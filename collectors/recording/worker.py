@@ -9,7 +9,7 @@ from typing import Protocol
 from collectors.recording.loop import Watcher, unwatched
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.held_folder import Identity, check_same
-from svfl_data.errors import CollectError
+from svfl_data.errors import CollectError, FormatError
 from svfl_data.schema.episode import Episode
 from svfl_data.storage.store import write_episode
 
@@ -93,9 +93,14 @@ class Worker:
         Raises:
             StorageError: If the folder is no longer the one that the worker was made for.
         """
-        if self.identity is not None:
+        if self.identity is None:
+            return Dataset.create_or_resume(self.folder / name, self.task, self.seed, self.config)
+        check_same(self.folder, self.identity)
+        try:
+            return Dataset.open(self.folder / name)  # never made here, where it may be gone since the check
+        except FormatError:
             check_same(self.folder, self.identity)
-        return Dataset.create_or_resume(self.folder / name, self.task, self.seed, self.config)
+            raise
 
     def collect(self, index: int) -> Collected:
         """Make and write the episode of an index, and return the report of it."""

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from collectors.recording import worker as worker_module
 from collectors.recording.collection import collect_dataset
+from collectors.recording.worker import Worker
 from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.held_folder import identity
 from svfl_data.errors import StorageError
 from svfl_data.maintenance.repair import repair_dataset
 from svfl_data.recording.index_locks import NEXT
@@ -16,6 +19,7 @@ from svfl_data.recording.writer import EpisodeWriter
 from svfl_data.storage.store import episode_bytes
 from tests.helpers.builders import make_episode
 from tests.helpers.collecting import command
+from tests.helpers.collectors import Made
 from tests.helpers.recording import append_all, constants_of
 from tests.helpers.typist import wait_for
 
@@ -92,3 +96,18 @@ def test_a_recording_is_not_published_elsewhere_and_is_saved_where_it_lies(tmp_p
     assert action.path.read_bytes() == episode_bytes(episode)
     if happens is replaced:
         assert Dataset.open(dataset.path).indices == []
+
+
+def test_a_folder_that_goes_just_after_the_check_is_not_made_again(tmp_path, monkeypatch):
+    dataset = Dataset.create_or_resume(tmp_path / "mine", "made", 0, {})
+    worker = Worker(Made(), dataset.path, "made", 0, {}, identity=identity(dataset.path))
+    check = worker_module.check_same
+
+    def check_and_rename(folder, expected):
+        check(folder, expected)
+        folder.rename(tmp_path / "elsewhere")
+
+    monkeypatch.setattr(worker_module, "check_same", check_and_rename)
+    with pytest.raises(StorageError):
+        worker.collect(0)
+    assert not dataset.path.exists()
