@@ -7,6 +7,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.helpers.refusals import refused  # noqa: F401 - a fixture
+from tests.helpers.small_disk import disk  # noqa: F401 - a fixture
 
 settings.register_profile("svfl", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("svfl")

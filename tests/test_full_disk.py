@@ -8,7 +8,6 @@ import ast
 import errno
 import os
 import re
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -53,44 +52,6 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[1]
 BEFORE = b"what was there before"
 QUIET = Console(quiet=True)
-
-
-class Disk:
-    """A folder on a disk that can be filled."""
-
-    def __init__(self, folder, fill):
-        self.folder, self.fill = folder, fill
-
-
-@pytest.fixture(params=["mounted", "refusing"])
-def disk(request, tmp_path, monkeypatch):
-    folder = tmp_path / "small"
-    folder.mkdir()
-    if request.param == "refusing":
-        yield Disk(folder, lambda: monkeypatch.setattr(os, "fsync", refuse))
-        return
-    mount = ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", folder]
-    if os.geteuid() or subprocess.run(mount, stderr=subprocess.DEVNULL).returncode:
-        pytest.skip("mounting a small file system is not permitted here")
-    try:
-        monkeypatch.setenv("TMPDIR", str(tmp_path))  # another file system, with room
-        yield Disk(folder, lambda: fill(folder))
-    finally:
-        subprocess.run(["umount", "--lazy", folder], check=True)
-
-
-def refuse(_):
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-def fill(folder):
-    with (folder / "filler").open("wb", buffering=0) as file:
-        for size in (65536, 4096, 1):
-            try:
-                while True:
-                    file.write(bytes(size))
-            except OSError:
-                continue
 
 
 class Network(torch.nn.Module):
