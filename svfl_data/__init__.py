@@ -36,11 +36,17 @@ if TYPE_CHECKING:
     from svfl_data.sampling.statistics import compute_statistics as compute_statistics
     from svfl_data.sampling.torch_samples import TorchSamples as TorchSamples
     from svfl_data.sampling.windows import wrench_window as wrench_window
+    from svfl_data.schema.action_fields import joint_action as joint_action
+    from svfl_data.schema.action_fields import planar_action as planar_action
+    from svfl_data.schema.action_fields import pose_action as pose_action
+    from svfl_data.schema.declarations import Declarations as Declarations
+    from svfl_data.schema.declarations import wrench_stream as wrench_stream
     from svfl_data.schema.episode import Camera as Camera
     from svfl_data.schema.episode import Episode as Episode
     from svfl_data.schema.episode import Meta as Meta
+    from svfl_data.schema.episode import MissingField as MissingField
+    from svfl_data.schema.field import Field as Field
     from svfl_data.schema.fields import FIELDS as FIELDS
-    from svfl_data.schema.fields import Field as Field
     from svfl_data.schema.robot import Calibration as Calibration
     from svfl_data.schema.robot import Frame as Frame
     from svfl_data.schema.robot import Observation as Observation
@@ -63,20 +69,23 @@ if TYPE_CHECKING:
 
 HOMES = {
     "Calibration": "schema.robot", "Camera": "schema.episode", "ContactRule": "signals.contact",
-    "Dataset": "datasets.dataset", "Episode": "schema.episode", "EpisodeReader": "storage.reader",
-    "EpisodeWriter": "recording.writer", "FIELDS": "schema.fields", "Field": "schema.fields", "Frame": "schema.robot",
+    "Dataset": "datasets.dataset", "Declarations": "schema.declarations", "Episode": "schema.episode",
+    "EpisodeReader": "storage.reader",
+    "EpisodeWriter": "recording.writer", "FIELDS": "schema.fields", "Field": "schema.field", "Frame": "schema.robot",
     "Gap": "recording.recording_clocks", "Gravity": "signals.transforms", "LowPass": "signals.transforms",
-    "Meta": "schema.episode", "NEXT": "recording.index_locks",
+    "Meta": "schema.episode", "MissingField": "schema.episode", "NEXT": "recording.index_locks",
     "Observation": "schema.robot", "Part": "symmetry", "ReplayBuffer": "replay.buffer",
     "ReplayConfig": "replay.config", "Robot": "schema.robot", "Samples": "sampling.samples", "Split": "sampling.split",
     "SvflError": "errors", "Tare": "signals.transforms", "TorchSamples": "sampling.torch_samples", "act": "symmetry",
     "check_dataset": "checks", "check_episode": "checks", "check_file": "checks",
     "compute_statistics": "sampling.statistics", "contact_intervals": "signals.contact",
-    "image_axes": "schema.robot", "load_split": "sampling.split",
+    "image_axes": "schema.robot", "joint_action": "schema.action_fields", "load_split": "sampling.split",
     "merge": "maintenance.merge", "open_dataset": "datasets.dataset",
-    "pack": "maintenance.pack", "processed_wrench": "signals.transforms", "read_episode": "storage.reader",
+    "pack": "maintenance.pack", "planar_action": "schema.action_fields", "pose_action": "schema.action_fields",
+    "processed_wrench": "signals.transforms", "read_episode": "storage.reader",
     "repair_dataset": "maintenance.repair", "split_episodes": "sampling.split", "topdown": "signals.topdown",
-    "unpack": "maintenance.pack", "wrench_window": "sampling.windows", "write_episode": "storage.store",
+    "unpack": "maintenance.pack", "wrench_window": "sampling.windows", "wrench_stream": "schema.declarations",
+    "write_episode": "storage.store",
 }  # fmt: skip
 """Module of every public name, relative to this package."""
 

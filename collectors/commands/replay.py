@@ -37,12 +37,11 @@ def run(arguments: argparse.Namespace) -> None:
     from collectors.sources.replay import replay
     from svfl_data.commands.source import read
     from svfl_data.errors import DatasetError
-    from svfl_data.schema.fields import field_at
 
     episode = read(arguments.path, arguments.episode)
     found = replay(episode)
     for path, difference in found.differences.items():
-        field = field_at(path)
+        field = episode.declarations.at(path)
         say(f"  {difference:<10.3g} {path}" + (f" [{field.unit}]" if field else ""))
     versions = ", ".join(f"{name} {recorded}, here {here}" for name, (recorded, here) in found.versions.items())
     recorded_with = f"; recorded with {versions}" if versions else ""

@@ -40,7 +40,7 @@ class Between:
             episode: The episode itself; its images need not be in memory.
         """
         arrays = {path: reader[path] for path in reader.paths}
-        self._setups.append((episode.name, Setup.of(episode.meta, arrays)))
+        self._setups.append((episode.name, Setup.of(episode.meta, arrays, episode.declarations)))
         self._contents.append((episode.name, content_id(reader)))
         self._first = self._first or episode
         self._found += [*check_place(self._dataset, index), *self._lacking(self._first, episode)]

@@ -7,7 +7,6 @@ import numpy as np
 from svfl_data.checks.finding import SHOWN, Finding, error, note, places, seconds, warning
 from svfl_data.schema.clocks import declared_gaps, mean_hz, without_gaps
 from svfl_data.schema.episode import Episode
-from svfl_data.schema.fields import field_at
 from svfl_data.schema.rates import declared_hz, rate_fault, rate_words
 
 GAP = 1.5  # a reading is missing in an interval that is longer than so many periods
@@ -21,7 +20,11 @@ CLOCK_START_S = 3600.0  # an episode clock starts with the episode; a later firs
 
 def clocks(episode: Episode) -> dict[str, np.ndarray]:
     """Return the time stamps of the observations and of every declared stream and camera, [ns], by dataset path."""
-    return {path: array for path, array in episode.arrays.items() if path.endswith("/t_ns") and field_at(path)}
+    return {
+        path: array
+        for path, array in episode.arrays.items()
+        if path.endswith("/t_ns") and episode.declarations.at(path)
+    }
 
 
 def period_ns(t_ns: np.ndarray) -> float:

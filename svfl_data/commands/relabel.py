@@ -96,7 +96,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     def change(episode: Episode) -> Meta:
         for one in changes:
-            episode = Episode(one(episode), episode.arrays, episode.name)
+            episode = dataclasses.replace(episode, meta=one(episode))
         return episode.meta
 
     if is_episode(arguments.path):

@@ -7,7 +7,7 @@ from svfl_data.commands.source import add_dataset, add_json, print_json
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.sampling.split import load_split
 from svfl_data.sampling.statistics import TRAIN, FieldStatistics, compute_statistics, save_statistics
-from svfl_data.schema.fields import field_at
+from svfl_data.schema.declarations import Declarations
 from svfl_data.system.command_line import Commands
 from svfl_data.system.printable import say
 
@@ -41,15 +41,18 @@ def run(arguments: argparse.Namespace) -> None:
         fields = {path: dataclasses.asdict(field) for path, field in found.items()}
         print_json({"file": str(file), "split_sha256": split.sha256, "fields": fields})
         return
+    declared = dataset.episode(split[TRAIN][0]).declarations
     say(f"{file}: {len(split[TRAIN])} training episodes")
     for path, field in found.items():
         say(f"{path}, {field.count} rows [{field.unit}]")
-        say(*_rows(path, field))
+        say(*_rows(declared, path, field))
 
 
-def _rows(path: str, field: FieldStatistics) -> list[str]:
-    declared = field_at(path)
-    names = (declared.components if declared else ()) or ("",)
+def _rows(declarations: Declarations, path: str, field: FieldStatistics) -> list[str]:
+    declared = declarations.at(path)
+    names = declared.components if declared else ()
+    if len(names) != len(field.mean):
+        names = tuple(map(str, range(len(field.mean)))) if len(field.mean) > 1 else ("",)
     columns = zip(names, field.mean, field.scale, field.min, field.max, strict=True)
     return [
         f"  {name:8} mean {mean:9.4g}  scale {scale:9.4g}  min {low:9.4g}  max {high:9.4g}"

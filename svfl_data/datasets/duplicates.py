@@ -10,7 +10,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from svfl_data.schema.fields import field_at
 from svfl_data.storage.reader import EpisodeReader
 
 Named = TypeVar("Named")
@@ -19,7 +18,8 @@ Named = TypeVar("Named")
 def content_id(reader: EpisodeReader) -> str:
     """Return a hash of what was recorded in an episode.
 
-    The hash covers all declared arrays except labels; of images, it covers the first and the last one.
+    The hash covers all declared arrays except labels; of images and other large rows, it covers the first and the last
+    one.
 
     Args:
         reader: Reader of the episode.
@@ -32,11 +32,11 @@ def content_id(reader: EpisodeReader) -> str:
     """
     digest = hashlib.sha256()
     for path in sorted(reader.paths):
-        field, array = field_at(path), reader[path]
+        field, array = reader.declarations.at(path), reader[path]
         if field is None or path.startswith("labels/"):
             continue
         digest.update(f"{path} {array.dtype} {array.shape}\n".encode())
-        parts = [array[0], array[len(array) - 1]] if field.image and len(array) else [array[()]]
+        parts = [array[0], array[len(array) - 1]] if field.large and len(array) else [array[()]]
         for part in parts:
             digest.update(np.ascontiguousarray(part).tobytes())
     return digest.hexdigest()[:32]

@@ -232,14 +232,15 @@ def describe(extent: Extent) -> Entry:
         clocks = [path for path in reader.paths if path.endswith("/t_ns") and not path.startswith(EXTRA)]
         streams = {path.split("/")[1]: path for path in clocks if path.startswith("streams/")}
         cameras = {path.split("/")[1]: path for path in clocks if path.startswith("cameras/")}
-        sizes = {camera: reader[f"cameras/{camera}/color"].shape for camera in cameras}
+        sizes = {camera: reader.image_size(camera) for camera in cameras}
+        setup = Setup.of(meta, {path: reader[path] for path in reader.paths}, reader.declarations)
         return Entry(
-            *place, Setup.of(meta, {path: reader[path] for path in reader.paths}), content_id(reader), "",
+            *place, setup, content_id(reader), "",
             meta.task, meta.source, meta.seed, meta.success, len(reader), round(reader.seconds, 9),
             reader.format_version,
             {stream: (len(reader[path]), _rounded(rates.get(path))) for stream, path in streams.items()},
             {
-                camera: (len(reader[path]), _rounded(rates.get(path)), sizes[camera][1], sizes[camera][2])
+                camera: (len(reader[path]), _rounded(rates.get(path)), *sizes[camera])
                 for camera, path in cameras.items()
             },
         )  # fmt: skip

@@ -207,7 +207,7 @@ def _origin(source: Dataset) -> dict[str, Any]:
 def _moved(episode: Episode, source: Dataset, number: int, command: str) -> Episode:
     came_from = {"dataset": _name(source), "index": episode.meta.index, "seed": episode.meta.seed}
     history = [*episode.meta.history, history_entry(command, came_from=came_from)]
-    return Episode(dataclasses.replace(episode.meta, index=number, history=history), episode.arrays, episode.name)
+    return dataclasses.replace(episode, meta=dataclasses.replace(episode.meta, index=number, history=history))
 
 
 def _name(dataset: Dataset) -> str:

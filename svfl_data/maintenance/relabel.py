@@ -102,7 +102,8 @@ def _rewrite(episode: Episode, file: Path, change: Change) -> list[str]:
     changed = [key for key in after if after[key] != before[key]]
     if changed:
         entry = history_entry("relabel", replaced={key: before[key] for key in changed})
-        write_episode(Episode(dataclasses.replace(meta, history=[*meta.history, entry]), episode.arrays), file)
+        meta = dataclasses.replace(meta, history=[*meta.history, entry])
+        write_episode(dataclasses.replace(episode, meta=meta), file)
     return changed
 
 

@@ -129,7 +129,7 @@ def _finish_journal(dataset: Dataset, path: Path, descriptor: int) -> RepairActi
 def _publish(dataset: Dataset, saved: Salvaged) -> RepairAction:
     meta, arrays = saved.meta, saved.arrays
     path = dataset.episode_path(meta.index)
-    part = build(dataset, meta, arrays)
+    part = build(dataset, meta, arrays, saved.declarations)
     try:
         check_seal(part)
         publish(part, path)
@@ -144,7 +144,7 @@ def _publish(dataset: Dataset, saved: Salvaged) -> RepairAction:
         finally:
             journal.unlink()
             os.close(descriptor)
-    steps = arrays["actions/action"].shape[0]
+    steps = arrays["observations/t_ns"].shape[0] - 1
     if not saved.whole:
         return RepairAction(path, "salvaged", _salvaged_words(steps, meta), saved=True, lost=True)
     return RepairAction(path, "published", f"all {steps} steps", saved=True)

@@ -18,8 +18,9 @@ from svfl_data.datasets.index import entries, known_entries
 from svfl_data.errors import DatasetError, FormatError, StorageError
 from svfl_data.recording.index_locks import SETUP, inflight, locked, take_over
 from svfl_data.recording.journal import SUFFIX as JOURNAL
+from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Meta
-from svfl_data.schema.recording_setup import RATES, Array, Common, Setup, first_difference, refuse_difference
+from svfl_data.schema.recording_setup import DECLARED, RATES, Array, Common, Setup, first_difference, refuse_difference
 from svfl_data.system.regular_file import open_regular
 from svfl_data.system.side_files import parse_as, read_side_file
 
@@ -32,6 +33,7 @@ class Agreement:
         journal: Path of the writer's journal, which must be locked.
         meta: Metadata of the writer's episode.
         constants: Calibration and other arrays that the episode has once, by dataset path.
+        declarations: Declarations of the episode's arrays.
 
     Raises:
         DatasetError: If sealed episodes, or episodes that are being recorded now, have a different setup.
@@ -39,9 +41,12 @@ class Agreement:
         StorageError: If the disk refuses.
     """
 
-    def __init__(self, dataset: Dataset, journal: Path, meta: Meta, constants: Mapping[str, Array]) -> None:
+    def __init__(
+        self, dataset: Dataset, journal: Path, meta: Meta, constants: Mapping[str, Array], declarations: Declarations
+    ) -> None:
         self._dataset, self._file = dataset, journal.with_suffix(SETUP)
-        self._setup = Setup.of(meta, constants)
+        self._declarations = declarations
+        self._setup = Setup.of(meta, constants, declarations)
         self._sealed: list[tuple[str, Setup]] = []
         self._lock = threading.Lock()  # several threads append to an episode
         self._hold(self._setup, fresh=True)
@@ -58,7 +63,7 @@ class Agreement:
             StorageError: If the disk refuses.
         """
         with self._lock:
-            self._hold(self._setup.with_arrays(arrays))
+            self._hold(self._setup.with_arrays(arrays, self._declarations))
 
     def confirm(self, constants: Mapping[str, Array]) -> None:
         """Compare the setup of the whole episode, before it is sealed, with the episodes that were sealed meanwhile.
@@ -70,7 +75,7 @@ class Agreement:
             DatasetError: If another episode has a different setup; the recorded readings are intact.
         """
         with self._lock:
-            self._hold(self._setup.with_arrays(constants), fresh=True, whole=True)
+            self._hold(self._setup.with_arrays(constants, self._declarations), fresh=True, whole=True)
 
     def leave(self) -> None:
         """Remove the setup file of the writer, which has ended."""
@@ -88,7 +93,7 @@ class Agreement:
                 raise DatasetError(
                     f"{self._dataset.path}: {found.name} is {found.here} in this episode, but {found.there} in "
                     f"{found.where}; record into a new dataset, or say that it varies between "
-                    f"episodes (varies=[{found.name.removeprefix(RATES)!r}]){kept}"
+                    f"episodes (varies=[{found.name.removeprefix(RATES).removeprefix(DECLARED)!r}]){kept}"
                 )
             self._write(setup)
         self._setup = setup

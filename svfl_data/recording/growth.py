@@ -10,43 +10,35 @@ from collections.abc import Mapping
 import numpy as np
 
 from svfl_data.errors import FieldError
-from svfl_data.schema.fields import CAMERA, EXTRA, FIELDS, PLAIN_KINDS, Field, camera_names, field_at, harmless
+from svfl_data.schema.declarations import STANDARD, Declarations
+from svfl_data.schema.fields import EXTRA, FIELDS, PLAIN_KINDS, harmless
 from svfl_data.schema.validity import check_array, check_arrays
 from svfl_data.system.printable import printable
 
 
-def grows(field: Field) -> bool:
-    """Return whether a field has a row per reading, rather than one value per episode."""
-    return bool(field.shape) and isinstance(field.shape[0], str)
-
-
-def check_constants(constants: Mapping[str, np.ndarray], required: bool = True) -> None:
+def check_constants(constants: Mapping[str, np.ndarray], declarations: Declarations = STANDARD) -> None:
     """Check the constants of an episode, which are the arrays that it has once.
 
     Args:
         constants: Constants by dataset path.
-        required: Whether all constants that an episode must have must be present: workspace, tare, and the calibration
-            of its cameras.
+        declarations: Declarations of the episode's arrays.
 
     Raises:
-        FieldError: If a constant is missing, is unknown, has rows that must be appended, or does not fit its
-            declaration.
+        FieldError: If a constant is not declared, has rows that must be appended, or does not fit its declaration.
     """
+    sizes: dict[str, dict[str, tuple[int, str]]] = {}
     for path, array in constants.items():
-        field = field_at(path)
+        field = declarations.at(path)
         if field is None and path.startswith(EXTRA):
             _check_own(path, array)
-        elif field is None or grows(field):
-            raise FieldError(f"constant {path!r}: {'has rows, append it' if field else 'unknown'}; {_known(None)}")
+        elif field is None or field.grows:
+            raise FieldError(f"constant {path!r}: {'has rows, append it' if field else NOT_DECLARED}; {_known(None)}")
         else:
-            check_array(field, array, {}, f"constant {path}", path)
-    for path in _paths(camera_names(constants)) if required else ():
-        field = field_at(path)
-        if field and not grows(field) and not field.optional and path not in constants:
-            raise FieldError(f"constant {path} is missing; it must be known before the first reading is stored")
+            check_array(field, array, sizes.setdefault(field.group, {}), f"constant {path}", path)
 
 
-ROW_COUNTS = {"rows", *(field.shape[0] for field in FIELDS if grows(field))}
+NOT_DECLARED = "is not declared (declare it with svfl_data.Field, or record it below extra/)"
+ROW_COUNTS = {"rows", "T", *(field.shape[0] for field in FIELDS if field.grows)}
 """Symbols of sizes that differ between appends. All other sizes, such as the height of images, must not change."""
 
 
@@ -55,10 +47,11 @@ class Growth:
 
     Args:
         constants: Arrays that the episode has once, by dataset path.
+        declarations: Declarations of the episode's arrays.
     """
 
-    def __init__(self, constants: Mapping[str, np.ndarray]) -> None:
-        self._constants = constants
+    def __init__(self, constants: Mapping[str, np.ndarray], declarations: Declarations = STANDARD) -> None:
+        self._constants, self._declarations = constants, declarations
         self._columns: dict[str, dict[str, tuple[np.dtype, tuple[int, ...]]]] = {}
         self._sizes: dict[str, dict[str, tuple[int, str]]] = {}
 
@@ -78,7 +71,7 @@ class Growth:
         """
         sizes = dict(self._sizes.get(group, {}))
         for path, array in arrays.items():
-            _check_rows(path, array, sizes)
+            self._check_rows(path, array, sizes)
         columns = {path: (array.dtype, array.shape[1:]) for path, array in arrays.items()}
         first = group not in self._columns
         if first:
@@ -91,7 +84,7 @@ class Growth:
         """Remember types and shapes of the first rows of a group, with which all later rows must agree."""
         sizes: dict[str, tuple[int, str]] = {}
         for path, array in arrays.items():
-            _check_rows(path, array, sizes)
+            self._check_rows(path, array, sizes)
         self._sizes[group] = {symbol: size for symbol, size in sizes.items() if symbol not in ROW_COUNTS}
         self._columns[group] = {path: (array.dtype, array.shape[1:]) for path, array in arrays.items()}
 
@@ -106,37 +99,41 @@ class Growth:
         Raises:
             FieldError: If a stream is missing or streams disagree about their length.
         """
+        for field in self._declarations.own:
+            if field.grows and not rows.get(field.path):
+                raise FieldError(f"{where}: field {field.path} was declared, but nothing was appended to it")
         streams = {
             path: np.broadcast_to(np.zeros((), dtype), (rows[path], *row_shape))
             for columns in self._columns.values()
             for path, (dtype, row_shape) in columns.items()
             if path in rows
         }
-        check_arrays({**self._constants, **late, **streams}, where, values=False)  # values were checked when they came
+        arrays = {**self._constants, **late, **streams}
+        check_arrays(arrays, where, self._declarations, values=False)  # values were checked when they came
 
     def _check_group(self, group: str, columns: Mapping[str, object]) -> None:
-        camera = group.partition("/")[2]
-        for path in _paths([camera] if group.startswith("cameras/") else []):
-            field = field_at(path)
-            if field is None or path.rpartition("/")[0] != group:
-                continue
-            if grows(field) and path not in columns and (not field.optional or path.endswith("/t_ns")):
-                raise FieldError(f"{group}: {path} is missing")
-            if not grows(field) and path not in self._constants and not field.optional:
-                raise FieldError(f"{group}: constant {path} is missing")
+        """Check that the first rows of a group have a clock, and images a camera's constants that give them meaning."""
+        clock = f"{group}/t_ns"
+        if self._declarations.at(clock) and clock not in columns:
+            raise FieldError(f"{group}: {clock} is missing")
+        if (
+            f"{group}/depth" in columns
+            and group.startswith("cameras/")
+            and f"{group}/depth_scale" not in self._constants
+        ):
+            raise FieldError(f"{group}: constant {group}/depth_scale is missing, so the depth has no unit")
 
-
-def _check_rows(path: str, array: np.ndarray, sizes: dict[str, tuple[int, str]]) -> None:
-    field = field_at(path)
-    if field is not None and grows(field):
-        check_array(field, array, sizes, path, path)
-    elif field is None and path.startswith(EXTRA):
-        _check_own(path, array)
-        count, owner = sizes.setdefault("rows", (len(array) if array.ndim else 0, path))
-        if array.ndim == 0 or len(array) != count:
-            raise FieldError(f"{path} has shape {array.shape}, expected {count} rows as {owner}")
-    else:
-        raise FieldError(f"{path}: {'is a constant' if field else 'unknown stream'}; {_known(path)}")
+    def _check_rows(self, path: str, array: np.ndarray, sizes: dict[str, tuple[int, str]]) -> None:
+        field = self._declarations.at(path)
+        if field is not None and field.grows:
+            check_array(field, array, sizes, path, path)
+        elif field is None and path.startswith(EXTRA):
+            _check_own(path, array)
+            count, owner = sizes.setdefault("rows", (len(array) if array.ndim else 0, path))
+            if array.ndim == 0 or len(array) != count:
+                raise FieldError(f"{path} has shape {array.shape}, expected {count} rows as {owner}")
+        else:
+            raise FieldError(f"{path}: {'is a constant' if field else NOT_DECLARED}; {_known(path)}")
 
 
 def _check_own(path: str, array: np.ndarray) -> None:
@@ -146,15 +143,9 @@ def _check_own(path: str, array: np.ndarray) -> None:
         raise FieldError(f"{path} has dtype {array.dtype}; numbers, booleans and byte strings can be recorded")
 
 
-def _paths(cameras: list[str]) -> list[str]:
-    """Return the dataset paths of all declared fields, with those of the given cameras."""
-    whole = [field.path for field in FIELDS if CAMERA not in field.path]
-    return whole + [f.path.replace(CAMERA, camera) for camera in cameras for f in FIELDS if CAMERA in f.path]
-
-
 def _known(path: str | None) -> str:
-    wanted = [field.path for field in FIELDS if grows(field) == (path is not None)]
-    return f"there is {', '.join(wanted)} and anything below {EXTRA}"
+    wanted = [field.path for field in FIELDS if field.grows == (path is not None)]
+    return f"standard fields are {', '.join(wanted)}"
 
 
 def _words(columns: Mapping[str, tuple[np.dtype, tuple[int, ...]]]) -> str:

@@ -17,6 +17,7 @@ from svfl_data.datasets.dataset import Dataset, inner_folder
 from svfl_data.datasets.index import append_index
 from svfl_data.errors import DatasetError, StorageError, SvflError
 from svfl_data.recording.journal import SUFFIX
+from svfl_data.schema.declarations import STANDARD, Declarations
 from svfl_data.schema.episode import Meta
 from svfl_data.storage.store import Rows, largest_size, write_sealed
 from svfl_data.system.atomic_io import name_unless_taken, sync_folder
@@ -149,13 +150,14 @@ def take_over(path: Path) -> int | None:
     return None
 
 
-def build(dataset: Dataset, meta: Meta, arrays: Mapping[str, Rows]) -> Path:
+def build(dataset: Dataset, meta: Meta, arrays: Mapping[str, Rows], declarations: Declarations = STANDARD) -> Path:
     """Write the sealed file of a claimed episode under a temporary name in the folder of unfinished episodes.
 
     Args:
         dataset: Dataset to which the episode belongs.
         meta: Metadata of the episode.
         arrays: Arrays of the episode, by dataset path.
+        declarations: Declarations of the arrays.
 
     Returns:
         Path of the temporary file, for `publish`.
@@ -167,7 +169,7 @@ def build(dataset: Dataset, meta: Meta, arrays: Mapping[str, Rows]) -> Path:
     try:
         descriptor = open_regular(part, os.O_RDWR | os.O_CREAT | os.O_TRUNC)
         try:
-            write_sealed(descriptor, meta, arrays)
+            write_sealed(descriptor, meta, arrays, declarations)
         finally:
             os.close(descriptor)
     except BaseException as error:

@@ -1,7 +1,7 @@
 """The journal: the append-only file of an episode that is being recorded, readable however its writer ends.
 
 A journal is a sequence of records. Each record has a header (`HEADER`: magic, size of the label, size of the content,
-CRC-32 of both), a label (JSON, `Label`) and a content. The label ``{"meta": ...}`` opens the journal. The label
+CRC-32 of both), a label (JSON, `Label`) and a content. The label ``{"meta", "declared"}`` opens the journal. The label
 ``{"path", "dtype", "shape", "start"}`` gives rows of a stream from a certain row on; with ``"constant"`` in place of
 ``"start"`` it gives a whole array. ``{"gap": ...}`` declares missing readings, and ``{"fault": ...}`` tells what went
 wrong. ``{"end": ...}`` closes the journal with the final metadata. Nothing is ever overwritten, so an intact record
@@ -25,9 +25,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from svfl_data.recording.growth import grows
+from svfl_data.errors import FieldError
+from svfl_data.schema.declarations import STANDARD, Declarations, stored_declarations
 from svfl_data.schema.episode import Meta
-from svfl_data.schema.fields import EXTRA, PLAIN_KINDS, field_at, harmless
+from svfl_data.schema.fields import EXTRA, PLAIN_KINDS, harmless
 
 HEADER = struct.Struct("<4sIQI")
 MAGIC = b"SVJ1"
@@ -52,6 +53,8 @@ class Label(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
     Attributes:
         meta: Metadata with which the journal was opened.
+        declared: Declarations of the arrays that are not standard, by dataset path: the dtype, and the attributes that
+            the HDF5 file will have (`svfl_data.schema.field.attributes`). They stand in the first record.
         end: Final metadata of the episode.
         gap: Arguments of a `svfl_data.recording.recording_clocks.Gap`.
         fault: Description of a fault of the recording, in words.
@@ -63,6 +66,7 @@ class Label(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """
 
     meta: Meta | None = None
+    declared: dict[str, dict[str, str]] = {}
     end: Meta | None = None
     gap: dict[str, Any] | None = None
     fault: str | None = None
@@ -201,6 +205,7 @@ class Journal:
 
     size: int
     meta: Meta | None = None
+    declarations: Declarations = STANDARD
     end: Meta | None = None
     constants: dict[str, np.ndarray] = field(default_factory=dict)
     streams: dict[str, Stream] = field(default_factory=dict)
@@ -224,7 +229,7 @@ def read_journal(descriptor: int) -> Journal:
     """
     journal = Journal(size=os.fstat(descriptor).st_size)
     known = 0
-    for label, offset, size, begin in _records(descriptor, journal.size):
+    for label, offset, size, begin in _records(descriptor, journal):
         if begin > known:
             journal.damaged.append((known, begin - known))
         known = offset + size
@@ -232,8 +237,8 @@ def read_journal(descriptor: int) -> Journal:
             _add_array(journal, label, descriptor, offset, size)
         elif label.end is not None:
             journal.end = label.end
-        elif label.meta is not None:
-            journal.meta = journal.meta or label.meta
+        elif label.meta is not None and journal.meta is None:
+            journal.meta, journal.declarations = label.meta, _declarations(label)
         elif label.gap is not None and len(journal.gaps) < WORDS:
             journal.gaps.append(label.gap)
         elif label.fault is not None and len(journal.faults) < WORDS:
@@ -261,11 +266,16 @@ def _add_array(journal: Journal, label: Label, descriptor: int, offset: int, siz
         journal.damaged.append((offset, size))
 
 
-def _records(descriptor: int, size: int) -> Iterator[tuple[Label, int, int, int]]:
+def _declarations(label: Label) -> Declarations:
+    return stored_declarations({path: (texts.get("dtype", ""), texts) for path, texts in label.declared.items()})
+
+
+def _records(descriptor: int, journal: Journal) -> Iterator[tuple[Label, int, int, int]]:
     """Yield the intact records: label, position and size of the content, and position of the record, in bytes."""
+    size = journal.size
     offset, left = 0, SEARCHED * size + 1000 * SEARCH_BLOCK
     while offset < size:
-        found = _record(descriptor, offset, size)
+        found = _record(descriptor, offset, journal)
         if found:
             label, begin, content = found
             yield label, begin, content, offset
@@ -278,17 +288,17 @@ def _records(descriptor: int, size: int) -> Iterator[tuple[Label, int, int, int]
         offset = at
 
 
-def _record(descriptor: int, offset: int, size: int) -> tuple[Label, int, int] | None:
+def _record(descriptor: int, offset: int, journal: Journal) -> tuple[Label, int, int] | None:
     """Return label, position and size of the content of the record at an offset; None if the record is not intact."""
     head = os.pread(descriptor, HEADER.size, offset)
     if len(head) < HEADER.size:
         return None
     magic, label_size, content_size, checksum = HEADER.unpack(head)
     begin = offset + HEADER.size + label_size
-    if magic != MAGIC or label_size > LABEL_BYTES or begin + content_size > size:
+    if magic != MAGIC or label_size > LABEL_BYTES or begin + content_size > journal.size:
         return None
     words = os.pread(descriptor, label_size, offset + HEADER.size)
-    label = _label(words, content_size)
+    label = _label(words, content_size, journal.declarations)
     if label is None:
         return None
     crc = zlib.crc32(words)
@@ -297,19 +307,20 @@ def _record(descriptor: int, offset: int, size: int) -> tuple[Label, int, int] |
     return (label, begin, content_size) if crc == checksum else None
 
 
-def _label(words: bytes, content_size: int) -> Label | None:
+def _label(words: bytes, content_size: int, declarations: Declarations) -> Label | None:
     """Parse a label; None if the label is not valid or does not fit the size of its content."""
     try:
         label = msgspec.json.decode(words, type=Label)
-        return label if not label.path or _fits(label, content_size) else None
-    except (msgspec.MsgspecError, RecursionError, TypeError, ValueError, OverflowError, SyntaxError):
+        _declarations(label)
+        return label if not label.path or _fits(label, content_size, declarations) else None
+    except (msgspec.MsgspecError, RecursionError, TypeError, ValueError, OverflowError, SyntaxError, FieldError):
         return None
 
 
-def _fits(label: Label, content_size: int) -> bool:
-    declared, dtype = field_at(label.path), np.dtype(label.dtype)
+def _fits(label: Label, content_size: int, declarations: Declarations) -> bool:
+    declared, dtype = declarations.at(label.path), np.dtype(label.dtype)
     own = label.path.startswith(EXTRA) and dtype.kind in PLAIN_KINDS and dtype.itemsize > 0
-    ours = declared is not None and grows(declared) != label.constant and dtype == np.dtype(declared.dtype)
+    ours = declared is not None and declared.grows != label.constant and dtype == np.dtype(declared.dtype)
     if not harmless(label.path) or not (own or ours):
         return False
     if len(label.shape) > DIMENSIONS or any(not 0 <= length < 2**48 for length in label.shape):

@@ -8,11 +8,12 @@ import msgspec
 import numpy as np
 
 from svfl_data.errors import FormatError, UsageError
-from svfl_data.recording.growth import grows
 from svfl_data.recording.journal import Journal, Spans
 from svfl_data.recording.recording_clocks import Gap
+from svfl_data.schema.action_fields import ACTION
+from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Meta
-from svfl_data.schema.fields import CAMERA, FIELDS, camera_names
+from svfl_data.schema.fields import camera_names
 from svfl_data.schema.validity import check_arrays
 from svfl_data.storage.store import Rows
 
@@ -27,11 +28,13 @@ class Salvaged:
     Attributes:
         meta: Metadata of the episode.
         arrays: Arrays of the episode, by dataset path.
+        declarations: Declarations of the arrays.
         whole: Whether the episode holds everything that was recorded, with the final metadata of its writer.
     """
 
     meta: Meta
     arrays: dict[str, Rows]
+    declarations: Declarations
     whole: bool
 
 
@@ -57,10 +60,11 @@ def salvage(journal: Journal, where: str) -> Salvaged:
         raise FormatError("its first record is damaged, so nothing can be recovered")
     if journal.end is not None and not journal.damaged:
         streams: dict[str, Rows] = {path: stream.rows() for path, stream in journal.streams.items()}
-        return Salvaged(journal.end, _checked({**journal.constants, **streams}, where), whole=True)
+        arrays = _checked({**journal.constants, **streams}, journal.declarations, where)
+        return Salvaged(journal.end, arrays, journal.declarations, whole=True)
     kept = _kept(journal)
-    arrays = _checked(_with_constants(journal, _cut(journal, kept)), where)
-    return Salvaged(_meta(journal, kept, arrays), arrays, whole=False)
+    arrays = _checked(_with_constants(journal, _cut(journal, kept)), journal.declarations, where)
+    return Salvaged(_meta(journal, kept, arrays), arrays, journal.declarations, whole=False)
 
 
 def _kept(journal: Journal) -> dict[str, Spans]:
@@ -114,20 +118,20 @@ def _cut(journal: Journal, kept: Mapping[str, Spans]) -> dict[str, Rows]:
 
 
 def _with_constants(journal: Journal, streams: dict[str, Rows]) -> dict[str, Rows]:
-    """Add constants, and empty arrays for required streams without rows; leave out cameras without frames."""
-    for field in FIELDS:
-        if grows(field) and not field.optional and CAMERA not in field.path and field.path not in streams:
-            sizes = [size for size in field.shape[1:] if isinstance(size, int)]
-            streams[field.path] = np.zeros((0, *sizes), field.dtype)
+    """Add constants, and an empty action if none was recorded; leave out cameras without frames."""
+    if not any(path.startswith(f"{ACTIONS}/") for path in streams):
+        action = journal.declarations.at(ACTION)
+        assert action is not None
+        streams[ACTION] = np.zeros((0, *(size for size in action.shape[1:] if isinstance(size, int))), action.dtype)
     frames = tuple(f"cameras/{camera}/" for camera in camera_names(streams))
     constants = journal.constants.items()
     known = {path: array for path, array in constants if not path.startswith("cameras/") or path.startswith(frames)}
     return {**streams, **known}
 
 
-def _checked(arrays: dict[str, Rows], where: str) -> dict[str, Rows]:
+def _checked(arrays: dict[str, Rows], declarations: Declarations, where: str) -> dict[str, Rows]:
     """Return the arrays after checking that they form a valid episode."""
-    check_arrays(arrays, where)
+    check_arrays(arrays, where, declarations)
     return arrays
 
 
@@ -143,7 +147,7 @@ def _meta(journal: Journal, kept: Mapping[str, Spans], arrays: Mapping[str, Rows
     if kept.get(OBSERVATIONS, [(0, 0)])[0][0]:
         entry["first_step"] = kept[OBSERVATIONS][0][0]
     t_ns = arrays[f"{OBSERVATIONS}/t_ns"][0 : 2**48]
-    wrench_t_ns = arrays["streams/wrench/t_ns"][0 : 2**48]
+    wrench_t_ns = arrays["streams/wrench/t_ns"][0 : 2**48] if "streams/wrench/t_ns" in arrays else t_ns
     last_ns = max([int(t_ns[-1]), *wrench_t_ns[-1:].tolist()])
     gaps = [*_declared(journal), *_missing(kept, arrays, int(t_ns[0]))]
     annotations = [one for gap in gaps if (one := gap.annotation(0, last_ns, TOOL))]

@@ -22,8 +22,10 @@ from svfl_data.recording.journal_writer import JournalWriter
 from svfl_data.recording.recording_clocks import Gap, Late, is_clock
 from svfl_data.recording.recording_log import RecordingLog
 from svfl_data.recording.write_behind import WhenFull, WriteBehind
+from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Meta, canonical_json
-from svfl_data.schema.fields import EXTRA, field_at
+from svfl_data.schema.field import Field, attributes
+from svfl_data.schema.fields import EXTRA
 from svfl_data.storage.metadata import checked_meta
 from svfl_data.storage.store import Rows
 from svfl_data.system.own_process import OwnProcess
@@ -57,7 +59,9 @@ class EpisodeWriter(OwnProcess):
     Args:
         dataset: Dataset, or path of its folder, into which the episode is recorded.
         meta: Metadata of the episode. The index `svfl_data.recording.index_locks.NEXT` stands for the next free index.
-        constants: Arrays that the episode has once, by dataset path: workspace, tare, and calibration of every camera.
+        constants: Arrays that the episode has once, by dataset path, such as workspace, tare, and the calibration of
+            the cameras.
+        fields: Declarations of the user's own arrays, and of the action if it is another than the planar one.
         rates_hz: Nominal rates by group, such as ``{"streams/wrench": 500}``, [Hz]. They are stored in the
             configuration of the episode. None means that no rates are declared.
         varies: Dataset paths and groups in which episodes of this dataset may differ, such as the pose of a camera that
@@ -75,7 +79,8 @@ class EpisodeWriter(OwnProcess):
     Raises:
         DatasetError: If task, cameras, calibrations or rates differ from those of the dataset, or the wanted index is
             taken.
-        FieldError: If a constant is missing or does not fit its declaration, or the metadata cannot be stored.
+        FieldError: If a declaration contradicts itself or a standard field, a constant is not declared or does not fit
+            its declaration, or the metadata cannot be stored.
         FormatError: If the folder is not a dataset.
         StorageError: If the disk refuses.
 
@@ -99,6 +104,7 @@ class EpisodeWriter(OwnProcess):
         dataset: Dataset | Path | str,
         meta: Meta,
         constants: Mapping[str, np.ndarray],
+        fields: Iterable[Field] = (),
         rates_hz: Mapping[str, float] | None = None,
         varies: Collection[str] = (),
         flush_s: float = 0.5,
@@ -109,11 +115,12 @@ class EpisodeWriter(OwnProcess):
         self._dataset = dataset if isinstance(dataset, Dataset) else Dataset.open(dataset)
         self._lock = threading.RLock()  # guards the content of the episode; never held during disk access
         self._constants = {path: np.asarray(array) for path, array in constants.items()}
-        self._growth = Growth(self._constants)
+        self.declarations = Declarations(fields)
+        self._growth = Growth(self._constants, self.declarations)
         declared = {"rates_hz": dict(rates_hz or {}), "varies": sorted(varies)}
         config = {**meta.config, **{key: value for key, value in declared.items() if value}}
         meta = self._checked(replace(meta, config=config))
-        check_constants(self._constants)
+        check_constants(self._constants, self.declarations)
         self._folder = HeldFolder(self._dataset.path)
         try:
             index, descriptor, journal = claim(self._dataset, meta.index)
@@ -127,8 +134,9 @@ class EpisodeWriter(OwnProcess):
         self._agreement: Agreement | None = None
         self._ended = self._closed = False
         try:
-            self._agreement = Agreement(self._dataset, journal, self.meta, self._constants)
-            self._behind.record({"meta": asdict(self.meta)})
+            self._agreement = Agreement(self._dataset, journal, self.meta, self._constants, self.declarations)
+            declared = {one.path: {"dtype": one.dtype, **attributes(one)} for one in self.declarations.own}
+            self._behind.record({"meta": asdict(self.meta), "declared": declared})
             self._append_constants(self._constants)
         except BaseException:
             self.discard()
@@ -202,7 +210,7 @@ class EpisodeWriter(OwnProcess):
                 process.
         """
         self._check_open()
-        if not group.startswith(EXTRA) and field_at(f"{group}/t_ns") is None:
+        if not group.startswith(EXTRA) and self.declarations.at(f"{group}/t_ns") is None:
             raise FieldError(f"{group}: no group with a clock; a gap is one of streams/..., cameras/... or extra/...")
         with self._lock:
             self._log.declare(Gap(group, int(start_ns), None if end_ns is None else int(end_ns), reason))
@@ -346,7 +354,7 @@ class EpisodeWriter(OwnProcess):
     ) -> Meta:
         """Check that the episode is whole, write its final metadata to the journal, and return the metadata."""
         late = {path: np.asarray(array) for path, array in (constants or {}).items()}
-        check_constants(late, required=False)
+        check_constants(late, self.declarations)
         success = self.meta.success if success is None else bool(success)
         meta = replace(self.meta, success=success, annotations=[*self.meta.annotations, *annotations])
         meta = self._checked(meta)
@@ -363,7 +371,7 @@ class EpisodeWriter(OwnProcess):
         self._folder.check()
         path = self._dataset.episode_path(meta.index)
         try:
-            part = build(self._dataset, meta, self._recorded())
+            part = build(self._dataset, meta, self._recorded(), self.declarations)
             self._folder.check()
             publish(part, path)
         except FileExistsError as error:

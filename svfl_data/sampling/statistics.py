@@ -22,7 +22,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FormatError
 from svfl_data.sampling.split import Split, split_file
 from svfl_data.schema.episode import canonical_json
-from svfl_data.schema.fields import field_at
+from svfl_data.schema.field import Field
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.symmetry import Part
 from svfl_data.system.atomic_io import write_atomically
@@ -37,8 +37,9 @@ TRAIN = "train"
 CONSTANT = 1e-6
 """Scale, in SI units, at or below which a quantity counts as constant and gets the scale 1."""
 
-SUMMARISED = ("observations/proprio", "actions/action", "streams/wrench/wrench", "labels/offset")
-ROWS_AT_ONCE = 64
+ROWS_AT_ONCE, LARGE_ROWS_AT_ONCE = 2**16, 64
+CODED = {"uint8": 255.0}
+"""Number of the brightest grey level of the images that are stored in this type; they are divided by it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,16 +158,17 @@ def statistics(values: np.ndarray, parts: Sequence[Part]) -> tuple[np.ndarray, n
 def compute_statistics(dataset: Dataset, episodes: Sequence[int]) -> dict[str, FieldStatistics]:
     """Compute the statistics of the fields of episodes, in one pass over their files.
 
-    The wrench is tared, the position in proprioception is relative to the workspace centre, colour is divided by 255,
-    and depth is in metres, without the pixels that hold no measurement.
+    Readings of a group with a tare are tared, the position in proprioception is relative to the workspace centre,
+    colour and grey of 8 bits are divided by 255, and depth is in metres, without the pixels that hold no measurement.
 
     Args:
         dataset: Dataset to read the episodes from.
         episodes: Indices of the episodes, such as the training part of a split.
 
     Returns:
-        Statistics by field path, for the fields that all of the episodes have: proprioception, action, wrench, the
-        label's offset, and the images of each camera.
+        Statistics by field path, for the declared fields that all of the episodes have: observations, actions, the
+        readings of each stream, the images of each camera, and labels with parts. Images and other large rows without
+        components have one number for all their elements, except colour.
 
     Raises:
         DatasetError: If there are no episodes, or an episode is unfit for training.
@@ -182,13 +184,16 @@ def compute_statistics(dataset: Dataset, episodes: Sequence[int]) -> dict[str, F
     check_usable(dataset, episodes)
     moments: dict[str, Moments] = {}
     seen: dict[str, int] = {}
+    declared: dict[str, Field] = {}
     for index in progress(episodes, "statistics"):
         reader = dataset.episode(index)
-        for path in _summarised(reader):
+        for path, field in _summarised(reader).items():
+            declared.setdefault(path, field)
             seen[path] = seen.get(path, 0) + 1
-            for values in _values(reader, path):
+            for values in _values(reader, field):
                 moments[path] = moments.get(path, Moments.none(values.shape[-1])).and_also(values)
-    return {path: _field_statistics(path, found) for path, found in moments.items() if seen[path] == len(episodes)}
+    common = {path: found for path, found in moments.items() if seen[path] == len(episodes)}
+    return {path: _field_statistics(declared[path], found) for path, found in common.items()}
 
 
 def save_statistics(dataset: Dataset, split: Split, found: dict[str, FieldStatistics]) -> Path:
@@ -275,33 +280,48 @@ def fingerprint(dataset: Dataset, episodes: Iterable[int]) -> str:
     return digest.hexdigest()
 
 
-def _summarised(reader: EpisodeReader) -> list[str]:
-    images = [path for path in reader.paths if (field := field_at(path)) and field.image]
-    return [path for path in SUMMARISED if path in reader] + images
+def _summarised(reader: EpisodeReader) -> dict[str, Field]:
+    """Return the declarations of the arrays that have statistics: rows of numbers, and labels that turn."""
+    found = {}
+    for path in reader.paths:
+        field = reader.declarations.at(path)
+        counted = field is not None and reader[path].dtype.kind in "iuf" and not path.endswith("/t_ns")
+        if field and counted and (field.grows or (field.group == "labels" and field.parts)):
+            found[path] = field
+    return found
 
 
-def _values(reader: EpisodeReader, path: str) -> Iterable[np.ndarray]:
-    """Return the values of a field in SI units, each array of shape (..., C), for images `ROWS_AT_ONCE` at a time."""
-    array, leaf = reader[path], path.rpartition("/")[2]
-    if leaf == "color":
-        return (array[row : row + ROWS_AT_ONCE] / np.float32(255) for row in range(0, len(array), ROWS_AT_ONCE))
-    if leaf == "depth":
-        scale = float(reader[f"{path}_scale"][()])
-        blocks = (array[row : row + ROWS_AT_ONCE] for row in range(0, len(array), ROWS_AT_ONCE))
-        return (block[block > 0][:, None] * scale for block in blocks)  # (pixels, 1)
-    values = array[:].astype(np.float64)
-    if path == "streams/wrench/wrench":
-        values = values - reader["streams/wrench/tare"][:]
-    if path == "observations/proprio":
-        values[:, 1:3] -= reader["workspace"][:2].mean(axis=1)
-    return [values]
+def _values(reader: EpisodeReader, field: Field) -> Iterable[np.ndarray]:
+    """Yield the values of a field in SI units, some rows at a time, each array of shape (..., C)."""
+    array, group = reader[field.path], field.group
+    if not field.grows:
+        yield array[:].astype(np.float64)
+        return
+    tare = reader[f"{group}/tare"][:] if f"{group}/tare" in reader else None
+    leaf = field.path.rpartition("/")[2]
+    step = LARGE_ROWS_AT_ONCE if field.large else ROWS_AT_ONCE
+    for row in range(0, len(array), step):
+        block = array[row : row + step]
+        if group.startswith("cameras/") and leaf == "depth":
+            yield block[block > 0][:, None] * float(reader[f"{field.path}_scale"][()])  # (pixels, 1)
+        elif field.image:
+            values = block / np.float32(CODED.get(str(block.dtype), 1.0))
+            yield values if leaf == "color" else values.reshape(-1, 1)
+        elif (block.ndim > 2 and not field.components) or block.ndim == 1:
+            yield block.reshape(-1, 1).astype(np.float64)
+        else:
+            values = block.astype(np.float64)
+            if tare is not None and tare.shape == values.shape[1:]:
+                values = values - tare
+            if field.path == "observations/proprio" and "workspace" in reader:
+                values[:, 1:3] -= reader["workspace"][:2].mean(axis=1)
+            yield values
 
 
-def _field_statistics(path: str, found: Moments) -> FieldStatistics:
-    field = field_at(path)
-    assert field, path
+def _field_statistics(field: Field, found: Moments) -> FieldStatistics:
     parts = field.parts or tuple(Part("invariant", (channel,)) for channel in range(len(found.mean)))
     mean, scale = found.scaling(parts)
-    unit = {"depth": "m"}.get(field.name, field.unit)
+    depth = field.path.startswith("cameras/") and field.path.endswith("/depth")
     low, high = (found.low, found.high) if found.count else (mean, mean)
+    unit = "m" if depth else field.unit
     return FieldStatistics(unit, found.count, mean.tolist(), scale.tolist(), low.tolist(), high.tolist())

@@ -6,10 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from svfl_data.schema.fields import CAMERA, OF_CAMERA, OF_EPISODE, camera_names
+from svfl_data.errors import FieldError
+from svfl_data.schema.declarations import STANDARD, Declarations
+from svfl_data.schema.fields import CAMERA, FIELDS, camera_names
 from svfl_data.schema.validity import check_arrays
 from svfl_data.system.printable import printable
 from svfl_data.system.side_files import plain
+
+NAMED = {field.name: field.path for field in FIELDS if CAMERA not in field.path}
+"""Path of each standard field that does not belong to a camera, by its name as an attribute of an episode."""
+OF_CAMERA = {field.name: field for field in FIELDS if CAMERA in field.path}
 
 
 @dataclass(frozen=True)
@@ -53,8 +59,8 @@ class Camera:
 
     Attributes:
         name: Name of the camera.
-        arrays: Recorded arrays of the camera by field name. Each array is also an attribute of the camera:
-            ``camera.color``.
+        arrays: Recorded arrays of the camera by the last part of their paths. Each array is also an attribute of the
+            camera: ``camera.color``.
 
     Example:
         >>> camera = dataset[0].cameras["front"]
@@ -66,7 +72,7 @@ class Camera:
     arrays: dict[str, np.ndarray]
 
     def __getattr__(self, name: str) -> np.ndarray:
-        return _array(self, OF_CAMERA, name, f"camera {self.__dict__.get('name')}")
+        return _array(self, self.__dict__.get("arrays", {}), name, name, f"camera {self.__dict__.get('name')}")
 
     def has(self, name: str) -> bool:
         """Return whether an optional field of the camera was recorded.
@@ -88,9 +94,11 @@ class Episode:
 
     Attributes:
         meta: Metadata of the episode.
-        arrays: Arrays of the episode by dataset path, checked and read-only. Each array that does not belong to a
-            camera is also an attribute of the episode: ``episode.wrench``.
+        arrays: Arrays of the episode by dataset path, checked and read-only. Each standard array that does not belong
+            to a camera is also an attribute of the episode: ``episode.wrench``.
         name: Name of the episode in messages, such as the file that it was read from.
+        declarations: Declarations of the arrays. Only the user's own fields, and another action than the planar one,
+            must be given.
 
     Example:
         >>> episode = dataset[0]
@@ -101,6 +109,7 @@ class Episode:
     meta: Meta
     arrays: dict[str, np.ndarray]
     name: str = "episode"
+    declarations: Declarations = STANDARD
 
     def __post_init__(self) -> None:
         """Check every array against its declaration and make the array read-only.
@@ -108,24 +117,36 @@ class Episode:
         Raises:
             FieldError: If an array does not fit its declaration.
         """
-        check_arrays(self.arrays, self.name)
+        check_arrays(self.arrays, self.name, self.declarations)
         for array in self.arrays.values():
             if isinstance(array, np.ndarray):  # images may still be on disk (`EpisodeReader.load`)
                 array.setflags(write=False)
 
     def __getattr__(self, name: str) -> np.ndarray:
-        return _array(self, OF_EPISODE, name, self.__dict__.get("name", "episode"))
+        path = NAMED.get(name)
+        return _array(self, self.__dict__.get("arrays", {}), name, path, self.__dict__.get("name", "episode"))
+
+    def __getitem__(self, path: str) -> np.ndarray:
+        """Return the array at a dataset path, whether it is a standard one or the user's own.
+
+        Raises:
+            MissingField: If the episode was recorded without it.
+        """
+        if path not in self.arrays:
+            raise MissingField(f"{self.name} was recorded without {path}")
+        return self.arrays[path]
 
     def has(self, name: str) -> bool:
-        """Return whether an optional field of the episode was recorded.
+        """Return whether a standard field, or an array of the user's own, was recorded.
 
         Args:
-            name: Name of the field, such as ``joints``. Fields of cameras are not among them (see `Camera.has`).
+            name: Name of the field, such as ``joints``, or dataset path. Names of camera fields are not among them (see
+                `Camera.has`).
         """
-        return OF_EPISODE[name].path in self.arrays
+        return NAMED.get(name, name) in self.arrays
 
     def __len__(self) -> int:
-        return len(self.action)
+        return len(self.t_ns) - 1
 
     def __repr__(self) -> str:
         seconds = (self.t_ns[-1] - self.t_ns[0]) / 1e9
@@ -136,17 +157,12 @@ class Episode:
     @property
     def cameras(self) -> dict[str, Camera]:
         """The cameras of the episode by name."""
-        return {
-            camera: Camera(
-                camera,
-                {
-                    name: self.arrays[path]
-                    for name, declared in OF_CAMERA.items()
-                    if (path := declared.path.replace(CAMERA, camera)) in self.arrays
-                },
-            )
-            for camera in camera_names(self.arrays)
-        }
+        found: dict[str, dict[str, np.ndarray]] = {camera: {} for camera in camera_names(self.arrays)}
+        for path, array in self.arrays.items():
+            group, _, leaf = path.rpartition("/")
+            if group.startswith("cameras/"):
+                found[group.partition("/")[2]][leaf] = array
+        return {camera: Camera(camera, arrays) for camera, arrays in found.items()}
 
     @property
     def centre(self) -> np.ndarray:
@@ -159,21 +175,22 @@ class Episode:
         return np.asarray(self.wrench - self.tare, dtype=np.float32)
 
 
-def _array(owner: Episode | Camera, fields: dict[str, Any], name: str, where: str) -> np.ndarray:
+class MissingField(FieldError, AttributeError):  # noqa: N818 - the recording's fact, not necessarily a mistake
+    """An array was asked for that the episode was recorded without."""
+
+
+def _array(owner: Episode | Camera, arrays: dict[str, Any], name: str, key: str | None, where: str) -> np.ndarray:
     """Return an array for ``__getattr__``, or raise an error that says which arrays there are."""
     failed = getattr(type(owner), name, None)
     if isinstance(failed, property):  # an array that the property needs is missing; calling it again raises that error
         return np.asarray(failed.__get__(owner))
-    arrays = owner.__dict__.get("arrays", {})
-    if name not in fields:
-        raise AttributeError(f"{type(owner).__name__} has no {name!r}; it has {', '.join(fields)}")
-    key = name if isinstance(owner, Camera) else fields[name].path
-    if key not in arrays:
-        raise AttributeError(
-            f"{where} was recorded without {fields[name].path.replace(CAMERA, owner.__dict__.get('name', CAMERA))}"
-        )
-    found: np.ndarray = arrays[key]  # or a `StoredArray`, which is indexed like an array
-    return found
+    if key in arrays:
+        found: np.ndarray = arrays[key]  # or a `StoredArray`, which is indexed like an array
+        return found
+    known = OF_CAMERA if isinstance(owner, Camera) else NAMED
+    if name not in known:
+        raise AttributeError(f"{type(owner).__name__} has no {name!r}; it has {', '.join(known)}")
+    raise MissingField(f"{where} was recorded without {key}")
 
 
 def canonical_json(value: Any) -> str:  # noqa: ANN401 - any JSON value

@@ -1,15 +1,15 @@
-"""The only declaration of every array in an episode file.
+"""The standard fields: names and meaning of the arrays that tools of this package know.
 
-Writing, checking, the tables of ``data/README.md``, normalisation, augmentation and the input types of the networks all
-derive from `FIELDS`. To add a stream to the format, one adds an entry to `FIELDS`.
+An episode may hold further arrays, each declared with the same class (`svfl_data.schema.declarations`). To add a
+standard field to the format, one adds an entry to `FIELDS`.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
-from svfl_data.symmetry import ACTION_PARTS, DIRECTIONS, OFFSET_PARTS, PROPRIO_PARTS, WRENCH_PARTS, Part, parts_named
+from svfl_data.schema.action_fields import expert, planar_action
+from svfl_data.schema.field import LARGEST, Field
+from svfl_data.symmetry import DIRECTIONS, OFFSET_PARTS, PROPRIO_PARTS, WRENCH_PARTS
 
-Size = int | str
 CAMERA = "{camera}"
 """Placeholder in a path for the name of a camera, of which an episode may have any number."""
 EXTRA = "extra/"
@@ -19,63 +19,9 @@ PLAIN_KINDS = "biufcS"
 all software can read."""
 PATH_LENGTH, PATH_PARTS = 1000, 16
 """Largest number of characters, and of parts, of a dataset path."""
-LARGEST = 1e6
-"""Largest magnitude of every declared number, in its unit, except where its field declares other bounds. No arm, sensor
-or camera comes near it (the largest six-axis sensors measure 4e4 N), and the sum of a thousand million squares of it
-is still finite in float32."""
 FARTHEST_NS = 2**62 - 1
 """Largest magnitude of every time stamp, [ns], which is 146 years. The difference of two such time stamps fits into
 int64, and Unix time stays within this bound until 2116."""
-
-
-@dataclass(frozen=True)
-class Field:
-    """Declaration of one array of an episode.
-
-    Attributes:
-        path: Path of the dataset in the HDF5 file, which may contain `CAMERA`.
-        name: Name of the array as an attribute of `svfl_data.schema.episode.Episode`, or of its `Camera` if the path
-            contains `CAMERA`.
-        dtype: NumPy dtype of the array on disk and in memory.
-        shape: Sizes of the array. Equal symbols (``"N+1"``, ``"M"``) must have equal sizes in all fields of an episode,
-            or of a camera.
-        unit: Unit of the stored numbers; ``-`` if there is none.
-        doc: Description of the array.
-        axes: Axes in which vectors are expressed; ``-`` if there are none.
-        about: Point about which torques are taken, or from which positions are measured; ``-`` if there is none.
-        components: Names of the components along the last axis; empty if they have no names.
-        parts: Parts of the last axis with the way in which they transform under planar rotations and reflections; empty
-            if the array does not transform.
-        image: Whether rows and columns of the array are pixels, which move under rotations.
-        optional: Whether an episode (or camera) may lack the array.
-        bounds: Smallest and largest number that is possible at all. What a robot can do is far within these bounds.
-
-    Example:
-        >>> field = next(one for one in FIELDS if one.path == "streams/wrench/wrench")
-        >>> field.axes, field.shape
-        ('base', ('M', 6))
-    """
-
-    path: str
-    name: str
-    dtype: str
-    shape: tuple[Size, ...]
-    unit: str
-    doc: str
-    axes: str = "-"
-    about: str = "-"
-    components: tuple[str, ...] = ()
-    parts: tuple[Part, ...] = ()
-    image: bool = False
-    optional: bool = False
-    bounds: tuple[float, float] = (-LARGEST, LARGEST)
-
-    @property
-    def rotates(self) -> str:
-        """Transformation of the field under planar rotations and reflections, in words; ``-`` if there is none."""
-        if self.image:
-            return "pixels move"
-        return parts_named(self.parts, self.components) if self.parts else "-"
 
 
 TIME = (-FARTHEST_NS, FARTHEST_NS)
@@ -86,152 +32,174 @@ and 65 km."""
 
 FIELDS = (
     Field(
-        "observations/t_ns", "t_ns", "int64", ("N+1",), "ns", "Time of each observation, episode clock.", bounds=TIME,
+        path="observations/t_ns", name="t_ns", dtype="int64", shape=("N+1",), unit="ns",
+        doc="Time of each observation, episode clock.",
+        possible=TIME,
     ),
     Field(
-        "observations/proprio", "proprio", "float32", ("N+1", 5), "-, m, m, m, rad",
-        "Gripper opening (0 closed, 1 open), TCP position, yaw of the gripper about base z "
+        path="observations/proprio", name="proprio", dtype="float32", shape=("N+1", 5), unit="-, m, m, m, rad",
+        doc="Gripper opening (0 closed, 1 open), TCP position, yaw of the gripper about base z "
         "(0 when the fingers open along base y).",
         axes="base", about="base origin", components=("opening", "x", "y", "z", "theta"), parts=PROPRIO_PARTS,
     ),
+    planar_action(),
+    expert(planar_action()),
     Field(
-        "actions/action", "action", "float32", ("N", 5), "-, m, m, m, rad",
-        "Commanded after observation t: gripper opening, then TCP displacement and yaw change.",
-        axes="base", components=("opening", "dx", "dy", "dz", "dtheta"), parts=ACTION_PARTS,
+        path="streams/wrench/t_ns", name="wrench_t_ns", dtype="int64", shape=("M",), unit="ns",
+        doc="Time of each wrench reading, episode clock.",
+        possible=TIME,
     ),
     Field(
-        "actions/expert_action", "expert_action", "float32", ("N", 5), "-, m, m, m, rad",
-        "What an expert meant when its gripper was pushed off its way now and then; `action` is what was commanded.",
-        axes="base", components=("opening", "dx", "dy", "dz", "dtheta"), parts=ACTION_PARTS, optional=True,
-    ),
-    Field(
-        "streams/wrench/t_ns", "wrench_t_ns", "int64", ("M",), "ns", "Time of each wrench reading, episode clock.",
-        bounds=TIME,
-    ),
-    Field(
-        "streams/wrench/wrench", "wrench", "float32", ("M", 6), "N, N, N, N m, N m, N m",
-        "Raw load that the environment put on the gripper (gravity of the gripper included), native rate.",
+        path="streams/wrench/wrench", name="wrench", dtype="float32", shape=("M", 6), unit="N, N, N, N m, N m, N m",
+        doc="Raw load that the environment put on the gripper (gravity of the gripper included), native rate.",
         axes="base", about="sensor origin", components=("fx", "fy", "fz", "mx", "my", "mz"), parts=WRENCH_PARTS,
     ),
     Field(
-        "streams/wrench/tare", "tare", "float64", (6,), "N, N, N, N m, N m, N m",
-        "Offset to subtract from `wrench`, read after the arm is home.",
+        path="streams/wrench/tare", name="tare", dtype="float64", shape=(6,), unit="N, N, N, N m, N m, N m",
+        doc="Offset to subtract from `wrench`, read after the arm is home.",
         axes="base", about="sensor origin", components=("fx", "fy", "fz", "mx", "my", "mz"), parts=WRENCH_PARTS,
     ),
     Field(
-        "streams/joints/t_ns", "joints_t_ns", "int64", ("L",), "ns", "Time of each joint reading, episode clock.",
-        optional=True, bounds=TIME,
+        path="streams/joints/t_ns", name="joints_t_ns", dtype="int64", shape=("L",), unit="ns",
+        doc="Time of each joint reading, episode clock.",
+        possible=TIME,
     ),
     Field(
-        "streams/joints/position", "joints", "float32", ("L", "J"), "rad, m",
-        "Measured joint positions in the order of the arm's URDF (arm, then fingers).", optional=True,
+        path="streams/joints/position", name="joints", dtype="float32", shape=("L", "J"), unit="rad, m",
+        doc="Measured joint positions in the order of the arm's URDF (arm, then fingers).",
     ),
     Field(
-        "streams/object/t_ns", "object_t_ns", "int64", ("P",), "ns", "Time of each object pose, episode clock.",
-        optional=True, bounds=TIME,
+        path="streams/joints/velocity", name="joints_velocity", dtype="float32", shape=("L", "J"), unit="rad/s, m/s",
+        doc="Measured joint velocities, in the order of `position`.",
     ),
     Field(
-        "streams/object/pose", "object_pose", "float64", ("P", 7), "m, -",
-        "Pose of the task's object: position, then quat_xyzw (simulation or tracked).",
-        axes="base", about="base origin", components=("x", "y", "z", "qx", "qy", "qz", "qw"), optional=True,
+        path="streams/joints/torque", name="joints_torque", dtype="float32", shape=("L", "J"), unit="N m, N",
+        doc="Measured joint torques, in the order of `position`.",
     ),
     Field(
-        "streams/object/half_extents", "object_half", "float64", (3,), "m",
-        "Half the edges of the task's object, a box.", axes="object", optional=True, bounds=POSITIVE,
+        path="streams/tcp/t_ns", name="tcp_t_ns", dtype="int64", shape=("K",), unit="ns",
+        doc="Time of each TCP pose, episode clock.",
+        possible=TIME,
     ),
     Field(
-        "streams/tags/t_ns", "tags_t_ns", "int64", ("Q",), "ns",
-        "Time of each look of the tag cameras from the first sighting on, episode clock.", optional=True, bounds=TIME,
+        path="streams/tcp/pose", name="tcp_pose", dtype="float64", shape=("K", 7), unit="m, -",
+        doc="Measured pose of the TCP: position, then quat_xyzw.",
+        axes="base", about="base origin", components=("x", "y", "z", "qx", "qy", "qz", "qw"),
     ),
     Field(
-        "streams/tags/pose", "tags_pose", "float64", ("Q", 7), "m, -",
-        "Last pose of the task's object that its fiducial tags gave: position, then quat_xyzw.",
-        axes="base", about="base origin", components=("x", "y", "z", "qx", "qy", "qz", "qw"), optional=True,
+        path="streams/object/t_ns", name="object_t_ns", dtype="int64", shape=("P",), unit="ns",
+        doc="Time of each object pose, episode clock.",
+        possible=TIME,
     ),
     Field(
-        "streams/tags/age", "tags_age", "float64", ("Q",), "s",
-        "Time since the object was seen at `pose`; 0 where it was seen now, larger while it is hidden.", optional=True,
-        bounds=POSITIVE,
+        path="streams/object/pose", name="object_pose", dtype="float64", shape=("P", 7), unit="m, -",
+        doc="Pose of the task's object: position, then quat_xyzw (simulation or tracked).",
+        axes="base", about="base origin", components=("x", "y", "z", "qx", "qy", "qz", "qw"),
     ),
     Field(
-        "streams/tags/error", "tags_error", "float64", ("Q",), "px",
-        "Root mean square reprojection error of the edges of its tags.", optional=True, bounds=POSITIVE,
+        path="streams/object/half_extents", name="object_half", dtype="float64", shape=(3,), unit="m",
+        doc="Half the edges of the task's object, a box.",
+        axes="object", possible=POSITIVE,
     ),
     Field(
-        "streams/tags/margin", "tags_margin", "float64", ("Q",), "grey levels",
-        "Smallest decision margin of its tags.", optional=True,
+        path="streams/tags/t_ns", name="tags_t_ns", dtype="int64", shape=("Q",), unit="ns",
+        doc="Time of each look of the tag cameras from the first sighting on, episode clock.",
+        possible=TIME,
     ),
     Field(
-        "streams/tags/count", "tags_count", "int64", ("Q",), "-", "Number of tags that gave it.", optional=True,
-        bounds=POSITIVE,
+        path="streams/tags/pose", name="tags_pose", dtype="float64", shape=("Q", 7), unit="m, -",
+        doc="Last pose of the task's object that its fiducial tags gave: position, then quat_xyzw.",
+        axes="base", about="base origin", components=("x", "y", "z", "qx", "qy", "qz", "qw"),
     ),
     Field(
-        "cameras/{camera}/t_ns", "t_ns", "int64", ("F",), "ns", "Time of each frame, episode clock.", bounds=TIME,
+        path="streams/tags/age", name="tags_age", dtype="float64", shape=("Q",), unit="s",
+        doc="Time since the object was seen at `pose`; 0 where it was seen now, larger while it is hidden.",
+        possible=POSITIVE,
     ),
     Field(
-        "cameras/{camera}/color", "color", "uint8", ("F", "H", "W", 3), "-",
-        "Colour image, sRGB, rows run downwards.", components=("red", "green", "blue"), image=True,
+        path="streams/tags/error", name="tags_error", dtype="float64", shape=("Q",), unit="px",
+        doc="Root mean square reprojection error of the edges of its tags.",
+        possible=POSITIVE,
     ),
     Field(
-        "cameras/{camera}/depth", "depth", "uint16", ("F", "H", "W"), "depth_scale m",
-        "Distance along the camera's viewing axis; 0 where there is no measurement.", image=True, optional=True,
+        path="streams/tags/margin", name="tags_margin", dtype="float64", shape=("Q",), unit="grey levels",
+        doc="Smallest decision margin of its tags.",
     ),
     Field(
-        "cameras/{camera}/depth_scale", "depth_scale", "float64", (), "m", "Metres per unit of `depth`.",
-        optional=True, bounds=DEPTH_SCALE,
+        path="streams/tags/count", name="tags_count", dtype="int64", shape=("Q",), unit="-",
+        doc="Number of tags that gave it.",
+        possible=POSITIVE,
     ),
     Field(
-        "cameras/{camera}/intrinsics", "intrinsics", "float64", (3, 3), "px",
-        "Pinhole matrix K; the centre of the top left pixel is (0, 0).",
+        path="cameras/{camera}/t_ns", name="t_ns", dtype="int64", shape=("F",), unit="ns",
+        doc="Time of each frame, episode clock.",
+        possible=TIME,
     ),
     Field(
-        "cameras/{camera}/T_base_camera", "T_base_camera", "float64", (4, 4), "m",
-        "Pose of the camera; camera axes: x right, y down, z forward.",
+        path="cameras/{camera}/color", name="color", dtype="uint8", shape=("F", "H", "W", 3), unit="-",
+        doc="Colour image, sRGB, rows run downwards.",
+        components=("red", "green", "blue"), image=True,
+    ),
+    Field(
+        path="cameras/{camera}/grey", name="grey", dtype="uint8", shape=("F", "H", "W"), unit="-",
+        doc="Grey image, rows run downwards.",
+        image=True,
+    ),
+    Field(
+        path="cameras/{camera}/grey16", name="grey16", dtype="uint16", shape=("F", "H", "W"), unit="-",
+        doc="Grey image of 16 bits, such as infrared, rows run downwards.",
+        image=True,
+    ),
+    Field(
+        path="cameras/{camera}/depth", name="depth", dtype="uint16", shape=("F", "H", "W"), unit="depth_scale m",
+        doc="Distance along the camera's viewing axis; 0 where there is no measurement.",
+        image=True,
+    ),
+    Field(
+        path="cameras/{camera}/depth_scale", name="depth_scale", dtype="float64", shape=(), unit="m",
+        doc="Metres per unit of `depth`.",
+        possible=DEPTH_SCALE,
+    ),
+    Field(
+        path="cameras/{camera}/intrinsics", name="intrinsics", dtype="float64", shape=(3, 3), unit="px",
+        doc="Pinhole matrix K; the centre of the top left pixel is (0, 0).",
+    ),
+    Field(
+        path="cameras/{camera}/T_base_camera", name="T_base_camera", dtype="float64", shape=(4, 4), unit="m",
+        doc="Pose of the camera; camera axes: x right, y down, z forward.",
         axes="base", about="base origin",
     ),
     Field(
-        "cameras/{camera}/image_axes", "image_axes", "float64", (2, 2), "-",
-        "Orthogonal matrix that takes base (x, y) to image-aligned (right, up).",
-    ),
-    Field(
-        "workspace", "workspace", "float64", (3, 2), "m",
-        "Lower and upper bound of TCP x, y, z; its (x, y) centre is the centre of symmetry.",
+        path="cameras/{camera}/T_base_camera_per_frame", name="T_base_camera_per_frame", dtype="float64",
+        shape=("F", 4, 4), unit="m",
+        doc="Pose of a camera that moves, at each frame.",
         axes="base", about="base origin",
     ),
     Field(
-        "labels/offset", "label_offset", "float64", (2,), "m",
-        "Block centre minus TCP: the displacement that would centre the gripper over the block.",
-        axes="base", about="TCP", components=("dx", "dy"), parts=OFFSET_PARTS, optional=True,
+        path="cameras/{camera}/T_tcp_camera", name="T_tcp_camera", dtype="float64", shape=(4, 4), unit="m",
+        doc="Pose of a camera that is mounted on the gripper, relative to the TCP, whose pose is `streams/tcp/pose`.",
+        axes="tcp", about="TCP",
     ),
     Field(
-        "labels/direction", "label_direction", "int64", (), "-",
-        "Nearest image-aligned direction to `labels/offset`: 0 right, 1 up, 2 left, 3 down.", optional=True,
-        bounds=(0, len(DIRECTIONS) - 1),
+        path="cameras/{camera}/image_axes", name="image_axes", dtype="float64", shape=(2, 2), unit="-",
+        doc="Orthogonal matrix that takes base (x, y) to image-aligned (right, up).",
+    ),
+    Field(
+        path="workspace", name="workspace", dtype="float64", shape=(3, 2), unit="m",
+        doc="Lower and upper bound of TCP x, y, z; its (x, y) centre is the centre of symmetry.",
+        axes="base", about="base origin",
+    ),
+    Field(
+        path="labels/offset", name="label_offset", dtype="float64", shape=(2,), unit="m",
+        doc="Block centre minus TCP: the displacement that would centre the gripper over the block.",
+        axes="base", about="TCP", components=("dx", "dy"), parts=OFFSET_PARTS,
+    ),
+    Field(
+        path="labels/direction", name="label_direction", dtype="int64", shape=(), unit="-",
+        doc="Nearest image-aligned direction to `labels/offset`: 0 right, 1 up, 2 left, 3 down.",
+        possible=(0, len(DIRECTIONS) - 1),
     ),
 )  # fmt: skip
-
-OF_EPISODE = {field.name: field for field in FIELDS if CAMERA not in field.path}
-OF_CAMERA = {field.name: field for field in FIELDS if CAMERA in field.path}
-_BY_PATH = {field.path: field for field in FIELDS}
-
-
-def field_at(path: str) -> Field | None:
-    """Return the declaration of a dataset, or None for `EXTRA` arrays and unknown paths.
-
-    Args:
-        path: Dataset path, with the name of the camera in place of `CAMERA`.
-    """
-    group, _, rest = path.partition("/")
-    if group == "cameras":
-        _, _, leaf = rest.partition("/")
-        path = f"cameras/{CAMERA}/{leaf}"
-    return _BY_PATH.get(path)
-
-
-def is_image(path: str) -> bool:
-    """Return whether a dataset path is declared to hold images."""
-    field = field_at(path)
-    return field is not None and field.image
 
 
 def camera_names(paths: Iterable[str]) -> list[str]:
@@ -250,23 +218,17 @@ def harmless(path: str) -> bool:
     return whole and len(path) <= PATH_LENGTH and len(parts) <= PATH_PARTS and path.isprintable()
 
 
-def shape_words(field: Field) -> str:
-    """Return the shape of a field as the documentation writes it, e.g. ``(N+1, 5)``."""
-    return "(" + ", ".join(map(str, field.shape)) + ("," if len(field.shape) == 1 else "") + ")"
-
-
 def markdown_table() -> str:
-    """Return the Markdown table of all fields for ``data/README.md``."""
+    """Return the Markdown table of all standard fields for ``data/README.md``."""
     lines = [
         "| dataset | shape | dtype | unit | axes | about | rotates | meaning |",
         "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for field in FIELDS:
-        optional = " *Optional.*" if field.optional else ""
         names = f" Components: {', '.join(field.components)}." if field.components and not field.image else ""
         lines.append(
-            f"| `{field.path}` | {shape_words(field)} | {field.dtype} | {field.unit} | {field.axes} | {field.about} "
-            f"| {field.rotates} | {field.doc}{names}{optional} |"
+            f"| `{field.path}` | {field.shape_words} | {field.dtype} | {field.unit} | {field.axes} | {field.about} "
+            f"| {field.rotates} | {field.doc}{names} |"
         )
     return "\n".join(lines)
 

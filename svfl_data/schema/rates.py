@@ -76,12 +76,13 @@ def declared_hz(config: Mapping[str, Any], group: str) -> float | None:
     return declared_rates(config).get(group)
 
 
-def unit_fault(group: str, found: Found) -> str | None:
+def unit_fault(group: str, found: Found, declared: float | None = None) -> str | None:
     """Return why the time stamps of a stream cannot be nanoseconds of the episode clock, or None if they can be.
 
     Args:
         group: Group of the stream, such as ``streams/wrench``.
         found: Summary of the time stamps of the stream.
+        declared: Rate that the recording declared, [Hz]. A stream may be as fast as it was declared to be.
     """
     if found.count and (farthest := max(abs(found.first_ns), abs(found.last_ns))) > LONGEST_NS:
         return (
@@ -89,7 +90,8 @@ def unit_fault(group: str, found: Found) -> str | None:
             "since the episode began"
         )
     rate = found.rate_hz
-    if found.count >= FEW and rate > FASTEST_HZ.get(group.partition("/")[0], FASTEST_OTHER_HZ):
+    fastest = max(FASTEST_HZ.get(group.partition("/")[0], FASTEST_OTHER_HZ), DOUBTFUL * (declared or 0.0))
+    if found.count >= FEW and rate > fastest:
         return f"comes at {rate:.4g} Hz by its time stamps; they must be nanoseconds, not microseconds or milliseconds"
     return None
 
@@ -127,7 +129,7 @@ def rate_words(group: str, found: Found, declared: float | None = None) -> str |
     fault = rate_fault(found, declared)
     if fault and fault[0] == "error" and max(abs(found.first_ns), abs(found.last_ns)) <= LONGEST_NS:
         return fault[1]  # this description names the unit, too
-    return unit_fault(group, found)
+    return unit_fault(group, found, declared)
 
 
 def _unit_words(ratio: float) -> str:

@@ -13,8 +13,9 @@ import msgspec
 import numpy as np
 
 from svfl_data.errors import DatasetError
+from svfl_data.schema.declarations import STANDARD, Declarations, standard_field
 from svfl_data.schema.episode import Meta
-from svfl_data.schema.fields import field_at
+from svfl_data.schema.field import MEANING, Field, attributes
 
 TOLERANCE = 1e-9
 """Largest difference between two numbers of a setup that count as equal, in their unit; for numbers above 1 it is
@@ -22,6 +23,10 @@ relative. The rounding of another processor causes differences of this size, whe
 is off by more than a nanometre."""
 RATES = "rates_hz/"
 """Prefix of the name of a group that stands for the declared rate of the group."""
+DECLARED = "declaration/"
+"""Prefix of the path of an array that stands for the array's declaration."""
+COMPARED = tuple(name for name in MEANING if name != "doc")
+"""Attributes of a declaration that episodes of a dataset must share."""
 
 
 class Array(Protocol):
@@ -46,38 +51,46 @@ class Setup(msgspec.Struct, frozen=True):
             path of a rate is `RATES` and the group.
         rows: Type and shape of one row by path, for arrays whose row shape is not fixed, such as images and joint
             positions.
+        declared: Declarations that are not standard, as the texts `COMPARED`, by `DECLARED` and the path.
         varies: Paths and groups in which the episode may differ from others.
     """
 
     numbers: dict[str, list[float]] = {}
     rows: dict[str, tuple[str, list[int]]] = {}
+    declared: dict[str, tuple[str, ...]] = {}
     varies: list[str] = []
 
     @classmethod
-    def of(cls, meta: Meta, arrays: Mapping[str, Array]) -> "Setup":
+    def of(cls, meta: Meta, arrays: Mapping[str, Array], declarations: Declarations = STANDARD) -> "Setup":
         """Return the setup of a recorded episode, or the part of it that is known before the episode is recorded.
 
         Args:
             meta: Metadata of the episode.
             arrays: Arrays of the episode by dataset path. Only those that belong to the setup are read.
+            declarations: Declarations of the arrays.
         """
         rates, varies = meta.config.get("rates_hz"), meta.config.get("varies")
         declared = rates.items() if isinstance(rates, dict) else ()
         return cls(
             {f"{RATES}{group}": [float(rate)] for group, rate in declared if isinstance(rate, int | float)}
-            | {path: np.ravel(np.asarray(arrays[path][()], np.float64)).tolist() for path in arrays if _shared(path)},
-            _rows(arrays),
+            | _numbers(arrays, declarations),
+            _rows(arrays, declarations),
+            {f"{DECLARED}{field.path}": _texts(field) for field in declarations.own},
             [path for path in varies if isinstance(path, str)] if isinstance(varies, list) else [],
         )
 
-    def with_arrays(self, arrays: Mapping[str, Array]) -> "Setup":
+    def with_arrays(self, arrays: Mapping[str, Array], declarations: Declarations = STANDARD) -> "Setup":
         """Return this setup, extended by the facts that more arrays hold.
 
         Args:
             arrays: Arrays of the same episode by dataset path.
+            declarations: Declarations of the arrays.
         """
-        numbers = {path: np.ravel(np.asarray(arrays[path][()])).tolist() for path in arrays if _shared(path)}
-        return Setup({**self.numbers, **numbers}, {**self.rows, **_rows(arrays)}, self.varies)
+        return msgspec.structs.replace(
+            self,
+            numbers={**self.numbers, **_numbers(arrays, declarations)},
+            rows={**self.rows, **_rows(arrays, declarations)},
+        )
 
     @property
     def cameras(self) -> set[str]:
@@ -85,17 +98,25 @@ class Setup(msgspec.Struct, frozen=True):
         return {path.split("/")[1] for path in self.numbers if path.startswith("cameras/")}
 
 
-def _shared(path: str) -> bool:
-    """Return whether an array holds numbers that all episodes share, which describe a camera or the whole workspace."""
-    field = field_at(path)
-    grows = bool(field and field.shape and isinstance(field.shape[0], str))
-    return field is not None and not grows and (path == "workspace" or path.startswith("cameras/"))
-
-
-def _rows(arrays: Mapping[str, Array]) -> dict[str, tuple[str, list[int]]]:
+def _numbers(arrays: Mapping[str, Array], declarations: Declarations) -> dict[str, list[float]]:
+    """Return the numbers that all episodes share, which describe a camera or the whole workspace, by path."""
     found = {}
     for path in arrays:
-        field = field_at(path)
+        field = declarations.at(path)
+        if field and not field.grows and (path == "workspace" or path.startswith("cameras/")):
+            found[path] = np.ravel(np.asarray(arrays[path][()], np.float64)).tolist()
+    return found
+
+
+def _texts(field: Field) -> tuple[str, ...]:
+    texts = attributes(field)
+    return tuple(texts[name] for name in COMPARED)
+
+
+def _rows(arrays: Mapping[str, Array], declarations: Declarations) -> dict[str, tuple[str, list[int]]]:
+    found = {}
+    for path in arrays:
+        field = declarations.at(path)
         if field and any(isinstance(size, str) for size in field.shape[1:]):
             found[path] = str(arrays[path].dtype), list(arrays[path].shape[1:])
     return found
@@ -144,7 +165,7 @@ class Common:
         """
         self.varies |= set(setup.varies)
         self._first = self._first or (where, setup.cameras)
-        for name, value in [*setup.numbers.items(), *setup.rows.items()]:
+        for name, value in [*setup.numbers.items(), *setup.rows.items(), *setup.declared.items()]:
             self._facts.setdefault(name, (where, value))
 
     def differences(self, setup: Setup, whole: bool = True) -> Iterator[Difference]:
@@ -162,7 +183,7 @@ class Common:
             if self._compared(f"cameras/{camera}/intrinsics", setup):
                 words = ("missing", "present") if camera in cameras else ("present", "missing")
                 yield Difference(f"cameras/{camera}", *words, where)
-        own = {**setup.numbers, **setup.rows}
+        own: dict[str, Any] = {**setup.numbers, **setup.rows, **setup.declared}
         for name, (where, value) in self._facts.items():
             if not self._compared(name, setup):
                 continue
@@ -172,7 +193,7 @@ class Common:
                 yield Difference(name, "missing", "present", where)
 
     def _compared(self, name: str, setup: Setup) -> bool:
-        path = name.removeprefix(RATES)
+        path = name.removeprefix(RATES).removeprefix(DECLARED)
         if self._chosen is not None and path.startswith("cameras/") and path.split("/")[1] not in self._chosen:
             return False
         varies = self.varies | set(setup.varies)
@@ -209,7 +230,7 @@ def refuse_difference(found: tuple[str, Difference] | None, task: str, way: str)
         where, difference = found
         raise DatasetError(
             f"cannot {task}: {difference.name} is {difference.here} in {where}, but {difference.there} in "
-            f"{difference.where}; {way.format(name=difference.name.removeprefix(RATES))}"
+            f"{difference.where}; {way.format(name=difference.name.removeprefix(RATES).removeprefix(DECLARED))}"
         )
 
 
@@ -223,9 +244,12 @@ def _same(here: Any, there: Any) -> bool:  # noqa: ANN401 - a fact
 
 def _words(name: str, here: Any, there: Any) -> tuple[str, str]:  # noqa: ANN401 - facts
     """Return both values of a fact in words. For a matrix, this is the number that differs most."""
+    if name.startswith(DECLARED):
+        which = next(at for at in range(len(COMPARED)) if here[at] != there[at])
+        return f"{COMPARED[which]} {here[which]!r}", f"{COMPARED[which]} {there[which]!r}"
     if not isinstance(here, list):
         return _row_words(here), _row_words(there)
-    field = field_at(name)
+    field = standard_field(name)
     if len(here) != len(there):
         return f"{len(here)} numbers", f"{len(there)}"
     position = int(np.argmax(np.abs(np.subtract(here, there))))

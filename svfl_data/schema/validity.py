@@ -10,6 +10,7 @@ Arrays may lie in memory or on disk. Images are judged by their shapes only, bec
 """
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
@@ -17,19 +18,9 @@ from typing import Protocol
 import numpy as np
 
 from svfl_data.errors import FieldError
-from svfl_data.schema.fields import (
-    CAMERA,
-    EXTRA,
-    FIELDS,
-    OF_CAMERA,
-    OF_EPISODE,
-    PLAIN_KINDS,
-    Field,
-    camera_names,
-    field_at,
-    harmless,
-    shape_words,
-)
+from svfl_data.schema.declarations import STANDARD, Declarations
+from svfl_data.schema.field import Field
+from svfl_data.schema.fields import CAMERA, EXTRA, FIELDS, PLAIN_KINDS, camera_names, harmless
 from svfl_data.system.printable import printable
 
 UNIT = 1e-3
@@ -39,6 +30,10 @@ SHORTEST_FOCAL_PX = 1.0
 NARROWEST_M = 1e-3
 """Smallest width of a workspace along each axis, [m]."""
 BLOCK_ROWS = 2**16
+OBSERVED = "observations/t_ns"
+POSES = ("T_base_camera", "T_base_camera_per_frame", "T_tcp_camera")
+"""Arrays of a camera that give its pose, of which it has one at most."""
+CAMERA_PATH = re.compile(r"^cameras/[^/]+/")
 INNER = ("H", "W", "J")
 """Symbols of sizes that are never zero, because an image has pixels and an arm has joints."""
 
@@ -73,11 +68,14 @@ class Fault:
     words: str
 
 
-def faults(arrays: Mapping[str, Readable], values: bool = True) -> Iterator[Fault]:
+def faults(
+    arrays: Mapping[str, Readable], declarations: Declarations = STANDARD, values: bool = True
+) -> Iterator[Fault]:
     """Yield the reasons why an episode is invalid, in the order of the declarations.
 
     Args:
         arrays: Arrays by dataset path, in memory or on disk. Declared arrays that are not images are read, in blocks.
+        declarations: Declarations of the arrays.
         values: Whether numbers are checked, too. If False, only types, shapes and sizes are checked.
     """
     for path, array in arrays.items():
@@ -85,37 +83,73 @@ def faults(arrays: Mapping[str, Readable], values: bool = True) -> Iterator[Faul
             yield Fault(
                 path, f"{printable(path, 80)!r} is not a name for an array; parts are printable, not empty, . or .."
             )
-        if field_at(path) is None and not path.startswith(EXTRA):
-            known = ", ".join(field.path for field in FIELDS)
-            yield Fault(path, f"unknown field {path!r}; an episode has {known} and anything below {EXTRA}")
+        if declarations.at(path) is None and not path.startswith(EXTRA):
+            yield Fault(
+                path,
+                f"field {path!r} is not declared; declare it (svfl_data.Field), or record it below {EXTRA}. Standard "
+                f"fields are {', '.join(field.path for field in FIELDS)}",
+            )
         if path.startswith(EXTRA) and array.dtype.kind not in PLAIN_KINDS:
             yield Fault(path, f"{path} has dtype {array.dtype}; possible are numbers, booleans and byte strings")
-    sizes: Sizes = {}
-    yield from _group_faults({field.path: field for field in OF_EPISODE.values()}, arrays, sizes, values)
-    if {"N+1", "N"} <= sizes.keys() and sizes["N+1"][0] != sizes["N"][0] + 1:
-        rows, actions = sizes["N+1"][0], sizes["N"][0]
-        yield Fault(sizes["N"][1], f"{rows} observations need {rows - 1} actions, found {actions}")
+    yield from _missing(arrays)
     for camera in camera_names(arrays):
-        of_camera = {field.path.replace(CAMERA, camera): field for field in OF_CAMERA.values()}
-        yield from _group_faults(of_camera, arrays, {}, values)
-        if f"cameras/{camera}/depth" in arrays and f"cameras/{camera}/depth_scale" not in arrays:
-            scale = f"cameras/{camera}/depth_scale"
-            yield Fault(scale, f"field {scale} is missing, so the depth has no unit")
+        if not declarations.image_paths(camera, arrays):
+            yield Fault(f"cameras/{camera}", f"camera {camera} has no images (color, grey, grey16 or depth)")
+    sizes: dict[str, Sizes] = {}
+    for group in _groups(arrays):
+        fields = {field.path: field for field in declarations.in_group(group)}
+        yield from _group_faults(fields, arrays, sizes.setdefault(_scope(group, fields), {}), values)
+    steps = sizes.get("", {})
+    if {"N+1", "N"} <= steps.keys() and steps["N+1"][0] != steps["N"][0] + 1:
+        rows, actions = steps["N+1"][0], steps["N"][0]
+        yield Fault(steps["N"][1], f"{rows} observations need {rows - 1} actions, found {actions}")
 
 
-def check_arrays(arrays: Mapping[str, Readable], where: str, values: bool = True) -> None:
+def _missing(arrays: Mapping[str, Readable]) -> Iterator[Fault]:
+    """Yield the arrays without which there are no steps, or that give others their meaning."""
+    if OBSERVED not in arrays:
+        yield Fault(OBSERVED, f"field {OBSERVED} is missing")
+    if not any(path.startswith("actions/") for path in arrays):
+        yield Fault("actions", "an episode needs an action of each step, and there is no array below actions/")
+    for path in arrays:
+        group, _, leaf = path.rpartition("/")
+        if leaf == "tare" and group.startswith("streams/") and f"{group}/t_ns" not in arrays:
+            yield Fault(f"{group}/t_ns", f"field {group}/t_ns is missing, so {path} belongs to no readings")
+        poses = [pose for pose in POSES if f"{group}/{pose}" in arrays]
+        if group.startswith("cameras/") and leaf == "t_ns" and len(poses) > 1:
+            yield Fault(f"{group}/{poses[1]}", f"{group} has {' and '.join(poses)}; a camera has one pose, or none")
+        if group.startswith("cameras/") and leaf == "depth" and f"{group}/depth_scale" not in arrays:
+            yield Fault(f"{group}/depth_scale", f"field {group}/depth_scale is missing, so the depth has no unit")
+
+
+def _groups(arrays: Mapping[str, Readable]) -> list[str]:
+    """Return the groups that have arrays, those of standard fields in the order of the declarations and first."""
+    found = dict.fromkeys(path.rpartition("/")[0] for path in arrays if not path.startswith(EXTRA))
+    standard = [group for group in dict.fromkeys(field.group for field in FIELDS) if group in found]
+    return [*standard, *sorted(set(found) - set(standard))]
+
+
+def _scope(group: str, fields: Mapping[str, Field]) -> str:
+    """Return the name of the groups that share their symbols: a camera and an own stream have symbols of their own."""
+    return group if group.startswith("cameras/") or any(f.grows and f.shape[0] == "T" for f in fields.values()) else ""
+
+
+def check_arrays(
+    arrays: Mapping[str, Readable], where: str, declarations: Declarations = STANDARD, values: bool = True
+) -> None:
     """Raise an error if the arrays make an episode invalid.
 
     Args:
         arrays: Arrays by dataset path, in memory or on disk.
         where: Name of the episode in the error, such as the file.
+        declarations: Declarations of the arrays.
         values: Whether numbers are checked, too. If False, only types, shapes and sizes are checked.
 
     Raises:
         FieldError: If a field is missing or unknown, has a wrong dtype or shape, disagrees with another field about a
             size, or holds a number that is impossible.
     """
-    for fault in faults(arrays, values):
+    for fault in faults(arrays, declarations, values):
         raise FieldError(f"{where}: {fault.words}")
 
 
@@ -140,7 +174,7 @@ def check_array(field: Field, array: np.ndarray, sizes: Sizes, here: str, path: 
 def _group_faults(
     fields: Mapping[str, Field], arrays: Mapping[str, Readable], sizes: Sizes, values: bool
 ) -> Iterator[Fault]:
-    """Yield the faults of fields that share their symbols, which are those of an episode or of one camera."""
+    """Yield the faults of the fields of a group."""
     for path, field in fields.items():
         clock = f"{path.rpartition('/')[0]}/t_ns"
         if path in arrays:
@@ -150,21 +184,19 @@ def _group_faults(
             yield from (Fault(path, f"field {path} {words}") for words in wrong)
             if clock in fields and clock not in arrays and field.shape[:1] == fields[clock].shape:
                 yield Fault(clock, f"field {clock} is missing, so {path} has no times")
-        elif not field.optional:
-            yield Fault(path, f"field {path} is missing")
 
 
 def _shape_faults(field: Field, array: Readable, sizes: Sizes, path: str) -> Iterator[str]:
     if array.dtype != np.dtype(field.dtype):
         yield f"has dtype {array.dtype}, expected {field.dtype}"
     elif len(array.shape) != len(field.shape):
-        yield f"has shape {array.shape}, expected {shape_words(field)}"
+        yield f"has shape {array.shape}, expected {field.shape_words}"
     else:
         for found, expected in zip(array.shape, field.shape, strict=True):
             if isinstance(expected, int) and found != expected:
-                yield f"has shape {array.shape}, expected {shape_words(field)}"
+                yield f"has shape {array.shape}, expected {field.shape_words}"
             elif expected in INNER and found == 0:
-                yield f"has shape {array.shape}: {expected} in {shape_words(field)} must be at least 1"
+                yield f"has shape {array.shape}: {expected} in {field.shape_words} must be at least 1"
             elif isinstance(expected, str):
                 known, owner = sizes.setdefault(expected, (found, path))
                 if found != known:
@@ -174,9 +206,9 @@ def _shape_faults(field: Field, array: Readable, sizes: Sizes, path: str) -> Ite
 
 def _value_faults(field: Field, array: Readable) -> Iterator[str]:
     """Yield at most one fault in the numbers of an array whose shape is right."""
-    if field.image:
+    if field.image or array.dtype.kind not in "iuf":
         return
-    rule = RULES.get(field.path)
+    rule = RULES.get(CAMERA_PATH.sub(f"cameras/{CAMERA}/", field.path))
     for first, block in _blocks(array):
         wrong = _out_of_bounds(field, block, first) or (rule and rule(block, first))
         if wrong:
@@ -193,7 +225,7 @@ def _blocks(array: Readable) -> Iterator[tuple[int, np.ndarray]]:
 
 
 def _out_of_bounds(field: Field, values: np.ndarray, first: int) -> str | None:
-    low, high = field.bounds
+    low, high = field.possible
     inside = (values >= low) & (values <= high)  # false for NaN
     if inside.all():
         return None
@@ -203,6 +235,12 @@ def _out_of_bounds(field: Field, values: np.ndarray, first: int) -> str | None:
     if not math.isfinite(number):
         return f"holds {number}{index}; only finite numbers are stored"
     return f"holds {number:.6g}{index}; possible are {low:.6g} to {high:.6g}"
+
+
+def _no_poses(matrices: np.ndarray, first: int) -> str | None:
+    wrong = (row for row, matrix in enumerate(matrices) if _no_pose(matrix, first))
+    row = next(wrong, None)
+    return None if row is None else f"holds no pose at index ({row + first},): its rotation or its last row is off"
 
 
 def _no_pose(matrix: np.ndarray, first: int) -> str | None:
@@ -246,8 +284,11 @@ def _no_room(bounds: np.ndarray, first: int) -> str | None:
 RULES: dict[str, Callable[[np.ndarray, int], str | None]] = {
     "streams/object/pose": _not_unit,
     "streams/tags/pose": _not_unit,
+    "streams/tcp/pose": _not_unit,
     "cameras/{camera}/intrinsics": _no_pinhole,
     "cameras/{camera}/T_base_camera": _no_pose,
+    "cameras/{camera}/T_base_camera_per_frame": _no_poses,
+    "cameras/{camera}/T_tcp_camera": _no_pose,
     "cameras/{camera}/image_axes": _not_orthogonal,
     "workspace": _no_room,
 }

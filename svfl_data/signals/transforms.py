@@ -13,7 +13,7 @@ import numpy as np
 
 from svfl_data.errors import FormatError, UsageError
 from svfl_data.schema.episode import Episode
-from svfl_data.schema.fields import LARGEST
+from svfl_data.schema.field import LARGEST
 
 GRAVITY = 9.80665  # m/s^2, standard gravity (CGPM 1901)
 

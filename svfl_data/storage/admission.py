@@ -13,7 +13,8 @@ import msgspec
 import numpy as np
 
 from svfl_data.errors import FormatError, UsageError
-from svfl_data.schema.fields import EXTRA, field_at
+from svfl_data.schema.declarations import Declarations, stored_declarations
+from svfl_data.schema.fields import EXTRA
 from svfl_data.storage.chunks import FLETCHER, FLETCHER32_BYTES, GZIP, Extent, Placement
 from svfl_data.system.printable import printable
 
@@ -75,13 +76,21 @@ class Description:
         self._arrays, self._extent = found.arrays, extent
         self.arrays = {one.path: one.attributes for one in found.arrays}
 
-    def placements(self, size: int) -> dict[str, Placement]:
-        """Return the placement of each array that is declared or the user's own (``extra/``), by dataset path.
+    def declarations(self) -> Declarations:
+        """Return the declarations of the arrays.
 
-        Other arrays come from a later minor version of the format and are left out.
+        Raises:
+            FieldError: If an array outside ``extra/`` is not declared, or a declaration contradicts itself or a
+                standard field.
+        """
+        return stored_declarations({one.path: (self._dtype(one), one.attributes) for one in self._arrays})
+
+    def placements(self, size: int, declarations: Declarations) -> dict[str, Placement]:
+        """Return the placement of each array, by dataset path.
 
         Args:
             size: Size of the content in which the arrays must lie, [bytes].
+            declarations: Declarations of the arrays.
 
         Raises:
             FormatError: If an array is of a kind that is not allowed, or the arrays take too much memory.
@@ -91,15 +100,22 @@ class Description:
             table, value = 24 * one.chunks, one.value
             if one.chunks < 0 or value < 0 or start + table + value > len(self._tail):
                 raise self._refused(one.path, "has a damaged description (shape, type or chunks)")
-            if field_at(one.path) or one.path.startswith(EXTRA):
-                if one.problem:
-                    raise self._refused(one.path, printable(one.problem))
-                if one.in_pieces and field_at(one.path):
-                    raise self._refused(one.path, "is stored in pieces of rows; it must be stored in whole rows")
-                found[one.path] = self._placement(one, start, size)
+            if one.problem:
+                raise self._refused(one.path, printable(one.problem))
+            if one.in_pieces and not one.path.startswith(EXTRA):
+                raise self._refused(one.path, "is stored in pieces of rows; it must be stored in whole rows")
+            found[one.path] = self._placement(one, start, size)
             start += table + value
-        self._check_memory(found, size)
+        self._check_memory(found, size, declarations)
         return found
+
+    def _dtype(self, one: _Array) -> str:
+        if one.problem:
+            raise self._refused(one.path, printable(one.problem))
+        if not DTYPE.fullmatch(one.dtype):
+            raise self._refused(one.path, "has a damaged description (shape, type or chunks)")
+        dtype = np.dtype(one.dtype)
+        return dtype.str if dtype.kind == "S" else str(dtype)
 
     def _placement(self, one: _Array, start: int, size: int) -> Placement:
         """Return the placement of an array after checking that its size and place are those that it claims."""
@@ -135,11 +151,11 @@ class Description:
             raise self._refused(one.path, "has chunks that lie outside the file, or are smaller than its shape needs")
         return Placement(dtype, shape, one.chunk_rows, table)
 
-    def _check_memory(self, placements: dict[str, Placement], size: int) -> None:
+    def _check_memory(self, placements: dict[str, Placement], size: int, declarations: Declarations) -> None:
         """Refuse arrays that would take more memory than the limits allow for a file of this size."""
         factor = expansion()
         needed = {path: _bytes(placement) for path, placement in placements.items()}
-        numbers = {path: count for path, count in needed.items() if (field := field_at(path)) and not field.image}
+        numbers = {path: count for path, count in needed.items() if (f := declarations.at(path)) and not f.large}
         for counts, what, usual, free in (
             (numbers, "numbers", NUMBERS_EXPANSION, NUMBERS_FREE),
             (needed, "arrays", EXPANSION, FREE),

@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 
 from svfl_data.errors import SvflError
-from svfl_data.schema.fields import CAMERA, FIELDS
+from svfl_data.schema.validity import OBSERVED
 from svfl_data.storage.examination import Unanswered, ask
 from svfl_data.storage.seal import SEAL_MARK, SEAL_SIZE
 from svfl_data.system.printable import printable
@@ -26,7 +26,7 @@ def damaged_arrays(path: Path) -> list[str]:
         damage is elsewhere (in metadata), if the file cannot be opened, or if the damage is so bad that HDF5 does not
         return.
     """
-    expected = [field.path for field in FIELDS if not field.optional and CAMERA not in field.path]
+    expected = [OBSERVED]
     try:
         descriptor = open_regular(path)
     except (OSError, SvflError):

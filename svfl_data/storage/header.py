@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from svfl_data.errors import FieldError, FormatError, SvflError
-from svfl_data.schema.fields import field_at
+from svfl_data.schema.declarations import Declarations
+from svfl_data.schema.field import MEANING
 from svfl_data.schema.validity import check_arrays
 from svfl_data.storage import header_cache
 from svfl_data.storage.admission import Description
@@ -26,11 +27,9 @@ from svfl_data.storage.stored_array import StoredArray
 from svfl_data.system.printable import printable
 
 FORMAT = "svfl-episode"
-FORMAT_VERSION = "1.0"
+FORMAT_VERSION = "2.0"
 """Version of the file format, major.minor. A reader accepts every minor version of its own major version, since a minor
-version only adds optional fields."""
-MEANING = ("unit", "axes", "about")
-"""Attributes of an HDF5 dataset that give its numbers their meaning. They must be equal to the field's declaration."""
+version only adds standard fields, and a file declares all its arrays."""
 NAMES = {"names": ["format", "format_version", *PLAIN_ATTRIBUTES, *JSON_ATTRIBUTES], "meaning": list(MEANING)}
 HEADERS_KEPT, BYTES_KEPT = 512, 2**27
 """Largest number of episodes that a process remembers, and largest size of all their descriptions, [bytes]."""
@@ -44,6 +43,7 @@ class Header:
         seal: SHA-256 of the episode's content, in hexadecimal; empty for an episode without a seal.
         attributes: Attributes of the episode file, by name.
         placements: Type, shape and place of each array, by dataset path.
+        declarations: Declarations of the arrays.
         hashed: Whether this process compared the bytes of the episode with its seal. If False, an earlier process did
             so, and the file has not changed since.
         nbytes: Memory that the header takes, approximately, [bytes].
@@ -52,6 +52,7 @@ class Header:
     seal: str
     attributes: Mapping[str, Any]
     placements: dict[str, Placement]
+    declarations: Declarations
     hashed: bool
     nbytes: int
 
@@ -161,25 +162,8 @@ def check_format(attributes: Mapping[str, Any], where: object) -> None:
     version, ours = attributes.get("format_version"), FORMAT_VERSION.split(".")[0]
     if not isinstance(version, str) or version.split(".")[0] != ours:
         found = printable(version if isinstance(version, str) else repr(version), 40)
-        raise FormatError(f"{where}: format version {found}; this software reads {ours}.x")
-
-
-def check_meaning(path: str, attributes: Mapping[str, Any], where: object) -> None:
-    """Refuse an array whose numbers have another unit, other axes or another reference point than declared.
-
-    Args:
-        path: Dataset path of the array.
-        attributes: Attributes of the HDF5 dataset in the file, by name.
-        where: Source of the attributes, such as the file, as the error message names it.
-
-    Raises:
-        FieldError: If ``unit``, ``axes`` or ``about`` differs from the field's declaration.
-    """
-    field = field_at(path)
-    for name in MEANING if field else ():
-        found, expected = attributes.get(name), getattr(field, name)
-        if found != expected:
-            raise FieldError(f"{where}: field {path} has {name} {_short(found)}, expected {expected!r}")
+        way = "; svfl-data upgrade makes a new dataset of it" if found.startswith("1.") else ""
+        raise FormatError(f"{where}: format version {found}; this software reads {ours}.x{way}")
 
 
 def _short(value: object) -> str:
@@ -194,9 +178,9 @@ def _remembered(extent: Extent) -> Header | None:
     digest, answer = found
     try:
         description = Description(answer, extent)
-        return Header(
-            digest, description.attributes, description.placements(extent.size - SEAL_SIZE), False, len(answer)
-        )
+        declarations = description.declarations()
+        placements = description.placements(extent.size - SEAL_SIZE, declarations)
+        return Header(digest, description.attributes, placements, declarations, False, len(answer))
     except (SvflError, ValueError):
         return None  # the limits have changed: opening it again gives the right error
 
@@ -234,12 +218,25 @@ def _judged(extent: Extent, size: int, digest: str, answer: bytes) -> Header:
         check_format(description.attributes, extent)
     if description.problem:
         raise FormatError(f"{extent}: {description.problem}")
-    placements = description.placements(size)
-    for path, attributes in description.arrays.items():
-        check_meaning(path, attributes, extent)
+    try:
+        declarations = description.declarations()
+    except FieldError as error:
+        raise FieldError(f"{extent}: {error}") from error
+    placements = description.placements(size, declarations)
     parse_meta(description.attributes, extent)
-    check_arrays({path: StoredArray(path, extent, found) for path, found in placements.items()}, str(extent))
-    return Header(digest, description.attributes, placements, True, len(answer))
+    found = Header(digest, description.attributes, placements, declarations, True, len(answer))
+    check_arrays(stored_arrays(extent, found), str(extent), declarations)
+    return found
+
+
+def stored_arrays(extent: Extent, found: Header) -> dict[str, StoredArray]:
+    """Return the arrays of an episode, whose rows are read on request, by dataset path.
+
+    Args:
+        extent: Place of the episode.
+        found: Header of the episode.
+    """
+    return {path: StoredArray(path, extent, one, found.declarations.at(path)) for path, one in found.placements.items()}
 
 
 def _keep(extent: Extent, found: Header | FormatError | FieldError) -> None:

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from svfl_data.errors import FieldError, FormatError
+from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Episode, Meta
-from svfl_data.schema.fields import EXTRA, camera_names, field_at
+from svfl_data.schema.fields import EXTRA, camera_names
 from svfl_data.storage.chunks import Extent, pread
 from svfl_data.storage.damage import damaged_arrays
-from svfl_data.storage.header import Header, header, unsealed_header
+from svfl_data.storage.header import Header, header, stored_arrays, unsealed_header
 from svfl_data.storage.metadata import parse_meta
 from svfl_data.storage.seal import SEAL_MARK, SEAL_SIZE
 from svfl_data.storage.stored_array import StoredArray as StoredArray  # imported for users of this module
@@ -71,13 +72,18 @@ class EpisodeReader:
 
     @property
     def format_version(self) -> str:
-        """Version of the file format in which the episode was written, such as ``1.0``."""
+        """Version of the file format in which the episode was written, such as ``2.0``."""
         return str(header(self.extent).attributes["format_version"])
 
     @functools.cached_property
     def meta(self) -> Meta:
         """Metadata of the episode."""
         return parse_meta(header(self.extent).attributes, self.extent)
+
+    @property
+    def declarations(self) -> Declarations:
+        """Declarations of the episode's arrays."""
+        return header(self.extent).declarations
 
     @property
     def paths(self) -> list[str]:
@@ -88,6 +94,15 @@ class EpisodeReader:
     def cameras(self) -> list[str]:
         """Names of the episode's cameras, sorted."""
         return camera_names(self.paths)
+
+    def image_size(self, camera: str) -> tuple[int, int]:
+        """Return height and width of a camera's images, [px].
+
+        Args:
+            camera: Name of the camera.
+        """
+        height, width = self[self.declarations.image_paths(camera, self.paths)[0]].shape[1:3]
+        return height, width
 
     @property
     def seconds(self) -> float:
@@ -109,9 +124,9 @@ class EpisodeReader:
         """Read the whole episode into memory, and compare its bytes with its seal.
 
         Args:
-            images: Whether to read images and the user's own arrays (``extra/``) into memory, too. If False, they are
-                `StoredArray` objects, which read rows when indexed and cannot be read any more once the file has
-                changed. These suffice to check or copy an episode in little memory, however large its images are.
+            images: Whether to read images, arrays of large rows and those below ``extra/`` into memory, too. If False,
+                they are `StoredArray` objects, which read rows when indexed and cannot be read any more once the file
+                has changed. These suffice to check or copy an episode in little memory, however large its images are.
 
         Raises:
             FieldError: If a field does not fit its declaration.
@@ -120,16 +135,16 @@ class EpisodeReader:
         return _loaded(self.extent, header(self.extent, hashed=True), images)
 
     def __getitem__(self, path: str) -> StoredArray:
-        placements = header(self.extent).placements
-        if path not in placements:
-            raise FieldError(f"{self.extent}: recorded without {path}; it has {', '.join(placements)}")
-        return StoredArray(path, self.extent, placements[path])
+        found = header(self.extent)
+        if path not in found.placements:
+            raise FieldError(f"{self.extent}: recorded without {path}; it has {', '.join(found.placements)}")
+        return StoredArray(path, self.extent, found.placements[path], found.declarations.at(path))
 
     def __contains__(self, path: object) -> bool:
         return path in header(self.extent).placements
 
     def __len__(self) -> int:
-        return self["actions/action"].shape[0]
+        return self["observations/t_ns"].shape[0] - 1
 
     def table(self) -> str:
         """Describe every array in one line: type, shape, unit, and mean rate if the array has time stamps."""
@@ -194,14 +209,8 @@ def _named(file: Path) -> Extent:
 
 
 def _loaded(extent: Extent, found: Header, images: bool) -> Episode:
-    stored = {path: StoredArray(path, extent, placement) for path, placement in found.placements.items()}
     arrays: dict[str, Any] = {  # a `StoredArray` gives rows as an array does
-        path: array if not images and _may_be_large(path) else array[()] for path, array in stored.items()
+        path: array if not images and (array.field is None or array.field.large) else array[()]
+        for path, array in stored_arrays(extent, found).items()
     }
-    return Episode(parse_meta(found.attributes, extent), arrays, name=str(extent))
-
-
-def _may_be_large(path: str) -> bool:
-    """Return whether only the limit of all arrays together bounds an array's size (`svfl_data.storage.admission`)."""
-    field = field_at(path)
-    return field is None or field.image
+    return Episode(parse_meta(found.attributes, extent), arrays, str(extent), found.declarations)

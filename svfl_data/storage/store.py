@@ -23,10 +23,11 @@ from typing import Any, BinaryIO, Protocol
 import h5py
 import numpy as np
 
+from svfl_data.schema.declarations import STANDARD, Declarations
 from svfl_data.schema.episode import Episode, Meta, canonical_json
-from svfl_data.schema.fields import field_at
+from svfl_data.schema.field import Field, attributes
 from svfl_data.storage.chunk_encoding import LEVEL, Encoding
-from svfl_data.storage.header import FORMAT, FORMAT_VERSION, MEANING
+from svfl_data.storage.header import FORMAT, FORMAT_VERSION
 from svfl_data.storage.metadata import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, checked_meta
 from svfl_data.storage.reader import read_episode as read_episode  # the counterpart of `write_episode`
 from svfl_data.storage.reader import read_unsealed as read_unsealed
@@ -60,12 +61,14 @@ class Rows(Protocol):
 def episode_bytes(episode: Episode) -> bytes:
     """Return the content of a sealed HDF5 file that holds an episode; equal episodes give equal bytes."""
     buffer = io.BytesIO()
-    _write_hdf5(buffer, episode.meta, episode.arrays, None)
+    _write_hdf5(buffer, episode.meta, episode.arrays, episode.declarations, None)
     content = buffer.getvalue()
     return content + seal(content)
 
 
-def write_sealed(descriptor: int, meta: Meta, arrays: Mapping[str, Rows]) -> None:
+def write_sealed(
+    descriptor: int, meta: Meta, arrays: Mapping[str, Rows], declarations: Declarations = STANDARD
+) -> None:
     """Write a sealed episode of any length into a new file and sync the file.
 
     A few threads encode the arrays, and only a few blocks are in memory at a time. The bytes are the same as those of
@@ -75,6 +78,7 @@ def write_sealed(descriptor: int, meta: Meta, arrays: Mapping[str, Rows]) -> Non
         descriptor: Descriptor of an empty file that is open for reading and writing.
         meta: Metadata of the episode.
         arrays: Arrays by dataset path. They must form a valid episode, which is not checked here.
+        declarations: Declarations of the arrays.
 
     Raises:
         OSError: If the disk refuses; the file then holds nothing of use.
@@ -83,7 +87,7 @@ def write_sealed(descriptor: int, meta: Meta, arrays: Mapping[str, Rows]) -> Non
     encoders = ThreadPoolExecutor(min(THREADS, os.cpu_count() or 1), "encode")
     with encoders, ThreadPoolExecutor(1) as thread:  # Ctrl-C interrupts the main thread, never HDF5's
         try:
-            thread.submit(_write_hdf5, sink, meta, arrays, encoders).result()
+            thread.submit(_write_hdf5, sink, meta, arrays, declarations, encoders).result()
         except BaseException as error:
             sink.error = sink.error or error
     if sink.error is not None:
@@ -93,12 +97,15 @@ def write_sealed(descriptor: int, meta: Meta, arrays: Mapping[str, Rows]) -> Non
     os.fsync(descriptor)
 
 
-def largest_size(arrays: Mapping[str, Rows]) -> int:
+def largest_size(arrays: Mapping[str, Rows], declarations: Declarations = STANDARD) -> int:
     """Return an upper bound of the size of an episode on disk, [bytes], for messages.
 
     The real size is usually much smaller, because of compression.
     """
-    chunks = sum(array.shape[0] // _chunk_rows(path, array) + 1 for path, array in arrays.items() if array.shape)
+    images = {path: declarations.image(path) for path in arrays}
+    chunks = sum(
+        array.shape[0] // _chunk_rows(images[path], array) + 1 for path, array in arrays.items() if array.shape
+    )
     return sum(_bytes(array) for array in arrays.values()) + 256 * chunks + 2**14 * (len(arrays) + 1)
 
 
@@ -107,8 +114,9 @@ def _bytes(array: Rows) -> int:
 
 
 def _write_hdf5(
-    target: BinaryIO | Sink, meta: Meta, arrays: Mapping[str, Rows], encoders: ThreadPoolExecutor | None
-) -> None:
+    target: BinaryIO | Sink, meta: Meta, arrays: Mapping[str, Rows], declarations: Declarations,
+    encoders: ThreadPoolExecutor | None,
+) -> None:  # fmt: skip
     meta = checked_meta(meta)
     with h5py.File(target, "w") as file:
         _write_text(file, "format", FORMAT)
@@ -118,14 +126,16 @@ def _write_hdf5(
         for key in JSON_ATTRIBUTES:
             _write_text(file, key, canonical_json(getattr(meta, key)))
         for path in sorted(arrays):
-            _write_array(file, path, arrays[path], target, encoders)
+            _write_array(file, path, arrays[path], declarations.at(path), target, encoders)
 
 
 def _write_array(
-    file: h5py.File, path: str, array: Rows, target: BinaryIO | Sink, encoders: ThreadPoolExecutor | None
-) -> None:
+    file: h5py.File, path: str, array: Rows, field: Field | None, target: BinaryIO | Sink,
+    encoders: ThreadPoolExecutor | None,
+) -> None:  # fmt: skip
     if array.shape and _bytes(array):
-        encoding = Encoding(array.dtype, (_chunk_rows(path, array), *array.shape[1:]))
+        image = field is not None and field.image
+        encoding = Encoding(array.dtype, (_chunk_rows(image, array), *array.shape[1:]))
         dataset = file.create_dataset(
             path, shape=array.shape, dtype=array.dtype, chunks=encoding.chunk, compression="gzip",
             compression_opts=LEVEL, shuffle=encoding.shuffled,
@@ -139,13 +149,8 @@ def _write_array(
                 raise target.error
     else:
         dataset = file.create_dataset(path, data=array[:] if array.shape else np.asarray(array))
-    field = field_at(path)
-    if field:
-        for name in MEANING:
-            _write_text(dataset, name, getattr(field, name))
-        _write_text(dataset, "doc", field.doc)
-        if field.components:
-            _write_text(dataset, "components", ",".join(field.components))
+    for name, text in attributes(field).items() if field else ():
+        _write_text(dataset, name, text)
 
 
 def _encoded(array: Rows, encoding: Encoding, encoders: ThreadPoolExecutor | None) -> Iterator[list[bytes]]:
@@ -174,10 +179,9 @@ def _write_text(owner: h5py.File | h5py.Dataset, name: str, text: str) -> None:
     attribute.write(np.array(text, dtype=h5py.string_dtype()))
 
 
-def _chunk_rows(path: str, array: Rows) -> int:
+def _chunk_rows(image: bool, array: Rows) -> int:
     """Return the number of rows per chunk: one for images, and for streams about as many as are read at once."""
-    field = field_at(path)
-    if field and field.image:
+    if image:
         return 1
     return max(1, min(array.shape[0], STREAM_CHUNK, CHUNK_BYTES * array.shape[0] // max(1, _bytes(array))))
 
@@ -216,4 +220,4 @@ def resealed_bytes(path: Path, entry: dict[str, Any]) -> bytes:
     """
     episode = read_unsealed(path)
     meta = dataclasses.replace(episode.meta, history=[*episode.meta.history, entry])
-    return episode_bytes(Episode(meta, episode.arrays, episode.name))
+    return episode_bytes(Episode(meta, episode.arrays, episode.name, episode.declarations))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from svfl_data.schema.fields import field_at
+from svfl_data.schema.field import Field
 from svfl_data.storage.chunks import Extent, Placement
 
 
@@ -20,11 +20,13 @@ class StoredArray:
         path: Dataset path of the array in the episode.
         extent: Place of the episode: its file and the range of bytes in it.
         placement: Type, shape and place of the array inside the episode.
+        field: Declaration of the array; None below ``extra/``.
     """
 
     path: str
     extent: Extent
     placement: Placement
+    field: Field | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -48,9 +50,8 @@ class StoredArray:
 
     @property
     def unit(self) -> str:
-        """Unit of the numbers; ``-`` if they have none or the array is not declared in `svfl_data.schema.fields`."""
-        field = field_at(self.path)
-        return field.unit if field else "-"
+        """Unit of the numbers; ``-`` if they have none or the array is not declared."""
+        return self.field.unit if self.field else "-"
 
     def __getitem__(self, rows: int | slice | tuple[()] | Sequence[int] | np.ndarray) -> np.ndarray:
         """Read one row, a range of rows, several chosen rows, or (with ``[()]`` or ``[:]``) the whole array.

@@ -4,22 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from svfl_data.recording.growth import grows
 from svfl_data.recording.index_locks import NEXT
 from svfl_data.recording.writer import EpisodeWriter
-from svfl_data.schema.fields import field_at
+from svfl_data.schema.declarations import STANDARD
 from tests.helpers.builders import make_episode
 
 
 def constants_of(arrays):
-    return {path: array for path, array in arrays.items() if (field := field_at(path)) and not grows(field)}
+    return {path: array for path, array in arrays.items() if (field := STANDARD.at(path)) and not field.grows}
 
 
 def groups_of(arrays):
     groups: dict[str, dict[str, np.ndarray]] = {}
     for path, array in arrays.items():
-        field = field_at(path)
-        if field is None or grows(field):
+        field = STANDARD.at(path)
+        if field is None or field.grows:
             group, _, name = path.rpartition("/")
             groups.setdefault(group, {})[name] = array
     return groups

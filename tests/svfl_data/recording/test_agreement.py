@@ -13,13 +13,12 @@ from svfl_data.errors import DatasetError
 from svfl_data.maintenance.merge import merge
 from svfl_data.maintenance.repair import repair_dataset
 from svfl_data.recording.consistency import check_agreement
-from svfl_data.recording.growth import grows
 from svfl_data.recording.index_locks import NEXT
 from svfl_data.recording.writer import EpisodeWriter
 from svfl_data.sampling.centering_samples import load_centering
 from svfl_data.sampling.samples import Samples
+from svfl_data.schema.declarations import STANDARD
 from svfl_data.schema.episode import Episode, Meta
-from svfl_data.schema.fields import field_at
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import episode_arrays, make_episode
 
@@ -34,14 +33,14 @@ def arrays_of(seed=0, **kwargs):
 
 def start(dataset, arrays, **kwargs):
     meta = Meta("centering", NEXT, 0, "robot", False)
-    constants = {path: array for path, array in arrays.items() if not grows(field_at(path))}
+    constants = {path: array for path, array in arrays.items() if not STANDARD.at(path).grows}
     return EpisodeWriter(dataset, meta, constants, **kwargs)
 
 
 def append(writer, arrays):
     groups: dict[str, dict[str, np.ndarray]] = {}
     for path, array in arrays.items():
-        if grows(field_at(path)):
+        if STANDARD.at(path).grows:
             group, _, name = path.rpartition("/")
             groups.setdefault(group, {})[name] = array
     for group, columns in groups.items():

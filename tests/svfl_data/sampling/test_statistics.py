@@ -19,8 +19,8 @@ from svfl_data.sampling.statistics import (
     statistics,
     statistics_file,
 )
+from svfl_data.schema.declarations import STANDARD
 from svfl_data.schema.episode import Episode
-from svfl_data.schema.fields import OF_EPISODE
 from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import ACTION_PARTS, WRENCH_PARTS, Part, act, dihedral
 from tests.helpers.builders import make_episode
@@ -166,7 +166,7 @@ def test_statistics_are_those_of_the_training_episodes(dataset):
     depth = np.concatenate([episode.cameras["front"].depth.reshape(-1, 1) for episode in episodes]) * 1e-4
     channels = tuple(Part("invariant", (channel,)) for channel in range(3))
     for path, values, parts in (
-        ("observations/proprio", proprio, OF_EPISODE["proprio"].parts),
+        ("observations/proprio", proprio, STANDARD.at("observations/proprio").parts),
         ("streams/wrench/wrench", wrench, WRENCH_PARTS),
         ("cameras/front/color", color, channels),
         ("cameras/front/depth", depth, channels[:1]),

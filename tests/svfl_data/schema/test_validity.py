@@ -6,11 +6,11 @@ import pytest
 from svfl_data.checks import check_file
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FieldError
-from svfl_data.recording.growth import grows
 from svfl_data.recording.index_locks import NEXT
 from svfl_data.recording.writer import EpisodeWriter
+from svfl_data.schema.declarations import STANDARD
 from svfl_data.schema.episode import Camera, Episode, Meta
-from svfl_data.schema.fields import FIELDS, field_at
+from svfl_data.schema.fields import FIELDS
 from svfl_data.schema.validity import faults
 from svfl_data.storage.reader import EpisodeReader
 from tests.helpers.builders import make_episode
@@ -22,7 +22,7 @@ EVERY = pytest.mark.parametrize(("spoil", "field", "words"), INVALID.values(), i
 
 def test_a_sound_episode_has_no_faults():
     assert list(faults(fresh())) == []
-    assert {field.bounds[0] < field.bounds[1] for field in FIELDS} == {True}
+    assert {field.possible[0] < field.possible[1] for field in FIELDS} == {True}
 
 
 @EVERY
@@ -45,7 +45,7 @@ def test_memory_file_and_validate_refuse_alike(spoil, field, words, tmp_path):
 
 def record(dataset, arrays):
     """Gripper arrays to the writer, group by group."""
-    constants = {path: array for path, array in arrays.items() if not grows(field_at(path))}
+    constants = {path: array for path, array in arrays.items() if not STANDARD.at(path).grows}
     late = {path: constants.pop(path) for path in list(constants) if path.startswith("labels/")}
     groups: dict[str, dict[str, np.ndarray]] = {}
     for path in sorted(arrays.keys() - constants.keys() - late.keys()):

@@ -193,7 +193,7 @@ def test_the_same_errors_lazily_and_whole(tmp_path):
         (lambda file: file.attrs.create("index", "three"), FormatError, r"\bint\b.*\bstr\b.*\bindex\b"),
         (lambda file: file.attrs.modify("config", "{"), FormatError, "config.*JSON"),
         (lambda file: file.attrs.modify("format", "other"), FormatError, "format.*'other'.*'svfl-episode'"),
-        (lambda file: file.attrs.modify("format_version", "2.0"), FormatError, r"\b2\.0\b.*\b1\.x"),
+        (lambda file: file.attrs.modify("format_version", "3.0"), FormatError, r"\b3\.0\b.*\b2\.x"),
     ],
 )
 def test_what_is_sealed_but_wrong_is_refused_by_both(file, change, error, facts):

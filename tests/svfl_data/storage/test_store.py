@@ -1,12 +1,14 @@
 """An episode file gives back exactly what was written, or says what is wrong with it."""
 
 import errno
+import json
 import os
 import resource
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -18,13 +20,17 @@ from rerun.chunk import IndexColumn
 from rerun.experimental import Hdf5Reader
 
 from svfl_data.errors import FieldError, FormatError, StorageError
+from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.field import Field, attributes
 from svfl_data.schema.fields import CAMERA, FIELDS
 from svfl_data.storage.seal import seal
 from svfl_data.storage.store import episode_bytes, read_episode, write_episode
 from svfl_data.system.atomic_io import write_atomically
 from tests.helpers.builders import episode_arrays, make_episode
 from tests.helpers.child import in_child
+
+TEMPERATURE = Field(path="streams/temperature/celsius", dtype="float64", shape=("K",), unit="degrees Celsius")
 
 
 def needs(path, name):
@@ -34,7 +40,7 @@ def needs(path, name):
     return same and ((leaf == "t_ns" and path != f"{group}/half_extents") or name == path + "_scale")
 
 
-OPTIONAL = [field.path.replace(CAMERA, "front") for field in FIELDS if field.optional]
+OPTIONAL = [field.path.replace(CAMERA, "front") for field in FIELDS if field.path != "observations/t_ns"]
 
 
 def assert_equal(a: Episode, b: Episode) -> None:
@@ -99,7 +105,7 @@ def test_plain_h5py_can_read_units_and_components(tmp_path):
     with h5py.File(tmp_path / "e.hdf5") as file:
         wrench = file["streams/wrench/wrench"]
         assert wrench.attrs["unit"] == "N, N, N, N m, N m, N m"
-        assert wrench.attrs["components"] == "fx,fy,fz,mx,my,mz"
+        assert json.loads(wrench.attrs["declaration"])["components"] == ["fx", "fy", "fz", "mx", "my", "mz"]
         assert (wrench.compression, wrench.shuffle) == ("gzip", True)
 
 
@@ -153,7 +159,11 @@ def spoil_size(arrays):
 
 
 def spoil_missing(arrays):
-    del arrays["streams/wrench/tare"]
+    del arrays["observations/t_ns"]
+
+
+def spoil_actions(arrays):
+    del arrays["actions/action"], arrays["actions/expert_action"]
 
 
 def spoil_unknown(arrays):
@@ -168,7 +178,8 @@ def spoil_unknown(arrays):
         (spoil_rows, r"\b5 observations.*\b4 actions.*\b3\b"),
         (spoil_dtype, "cameras/front/depth.*float32.*uint16"),
         (spoil_size, "cameras/front/depth.*H = 15.*cameras/front/color.*H = 16"),
-        (spoil_missing, "streams/wrench/tare.*missing"),
+        (spoil_missing, "observations/t_ns.*missing"),
+        (spoil_actions, "actions/"),
         (spoil_unknown, "'temperature'.*observations/t_ns"),
     ],
 )
@@ -209,15 +220,21 @@ def test_later_versions_are_read_if_minor_and_refused_if_major(tmp_path):
     path = tmp_path / "later.hdf5"
     write_episode(make_episode(), path)
     with h5py.File(path, "a") as file:
-        file.attrs["format_version"] = "1.7"
-        file["streams/temperature"] = np.zeros(3)
+        file.attrs["format_version"] = "2.7"
+        for name in ("celsius", "t_ns"):
+            field = Declarations([TEMPERATURE]).at(f"streams/temperature/{name}")
+            file[field.path] = np.arange(3, dtype=field.dtype)
+            file[field.path].attrs.update(attributes(field))
     reseal(path)
-    assert_equal(read_episode(path), make_episode())
-    with h5py.File(path, "a") as file:
-        file.attrs["format_version"] = "2.0"
-    reseal(path)
-    with pytest.raises(FormatError, match=r"later\.hdf5.*\b2\.0\b.*\b1\.x"):
-        read_episode(path)
+    read = read_episode(path)
+    assert read["streams/temperature/celsius"].tolist() == [0, 1, 2]
+    assert read.declarations.own == (replace(TEMPERATURE, shape=("T",)),)
+    for version in ("1.0", "3.0"):
+        with h5py.File(path, "a") as file:
+            file.attrs["format_version"] = version
+        reseal(path)
+        with pytest.raises(FormatError, match=rf"later\.hdf5.*\b{version}\b.*\b2\.x"):
+            read_episode(path)
 
 
 def test_a_sealed_file_without_its_attributes_is_an_error_of_ours(tmp_path):

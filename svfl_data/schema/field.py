@@ -1,0 +1,186 @@
+"""The declaration of one array: what its numbers mean, how they turn, and how the declaration is stored in a file."""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from svfl_data.errors import FieldError
+from svfl_data.symmetry import Kind, Part, parts_named
+from svfl_data.system.printable import printable
+
+Size = int | str
+LARGEST = 1e6
+"""Largest magnitude of every declared number, in its unit, except where its field declares other bounds. No arm, sensor
+or camera comes near it (the largest six-axis sensors measure 4e4 N), and the sum of a thousand million squares of it
+is still finite in float32."""
+LARGE_ROW = 64
+"""Number of elements of a row from which on the array may be large, so that tools read it row by row, like images."""
+ASSUMABLE = ("unit", "axes", "about", "components", "parts", "bounds", "delta")
+"""Attributes of a declaration that may be marked as assumed."""
+TEXT_LIMIT = 2**16
+"""Largest length of each text of a stored declaration."""
+MEANING = ("unit", "axes", "about", "doc", "declaration")
+"""Attributes of an HDF5 dataset that make up its declaration. The last one is JSON (`Stored`)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Field:
+    """Declaration of one array of an episode.
+
+    A file keeps the declaration of each of its arrays. The standard fields are `svfl_data.schema.fields.FIELDS`; an
+    array of your own is declared with the same class, see `svfl_data.schema.declarations.Declarations`.
+
+    Attributes:
+        path: Path of the dataset in the HDF5 file.
+        dtype: NumPy dtype of the array on disk and in memory.
+        shape: Sizes of the array. The first size is a symbol if the array has a row per reading, and a number if the
+            episode has the array once. Equal symbols must have equal sizes in all fields of an episode, a camera or a
+            stream of the user's own.
+        unit: Unit of the stored numbers; ``-`` if there is none.
+        doc: Description of the array.
+        axes: Axes in which vectors are expressed; ``-`` if there are none.
+        about: Point about which torques are taken, or from which positions are measured; ``-`` if there is none.
+        components: Names of the components along the last axis; empty if they have no names.
+        parts: Parts of the last axis with the way in which they transform under planar rotations and reflections; empty
+            if the array does not transform.
+        bounds: Smallest and largest number that may be commanded, for each component; empty for arrays that are not
+            commanded.
+        delta: Whether each component is a change relative to the present state, rather than an absolute value; empty
+            for arrays that are not commanded.
+        image: Whether rows and columns of the array are pixels, which move under rotations.
+        possible: Smallest and largest number that is possible at all. What a robot can do is far within these bounds.
+        assumed: Names of the attributes (`ASSUMABLE`) that are assumptions, because the source of the data did not say.
+        name: Name of a standard field as an attribute of `svfl_data.schema.episode.Episode` or of its `Camera`; empty
+            for a field of the user's own.
+
+    Example:
+        >>> pressure = Field(path="streams/tactile/pressure", dtype="float32", shape=("T", 2, 16, 16), unit="kPa")
+        >>> pressure.grows, pressure.group
+        (True, 'streams/tactile')
+    """
+
+    path: str
+    dtype: str
+    shape: tuple[Size, ...]
+    unit: str = "-"
+    doc: str = ""
+    axes: str = "-"
+    about: str = "-"
+    components: tuple[str, ...] = ()
+    parts: tuple[Part, ...] = ()
+    bounds: tuple[tuple[float, float], ...] = ()
+    delta: tuple[bool, ...] = ()
+    image: bool = False
+    possible: tuple[float, float] = (-LARGEST, LARGEST)
+    assumed: tuple[str, ...] = ()
+    name: str = ""
+
+    @property
+    def group(self) -> str:
+        """Path of the group of the array, whose arrays share a clock, such as ``streams/wrench``."""
+        return self.path.rpartition("/")[0]
+
+    @property
+    def grows(self) -> bool:
+        """Whether the array has a row per reading, rather than one value per episode."""
+        return bool(self.shape) and isinstance(self.shape[0], str)
+
+    @property
+    def large(self) -> bool:
+        """Whether the array may be so large that tools read it row by row: images, and rows of many numbers."""
+        return self.image or int(np.prod([size for size in self.shape[1:] if isinstance(size, int)])) > LARGE_ROW
+
+    @property
+    def rotates(self) -> str:
+        """Transformation of the field under planar rotations and reflections, in words; ``-`` if there is none."""
+        if self.image:
+            return "pixels move"
+        names = self.components or tuple(map(str, range(1 + max((max(part.index) for part in self.parts), default=0))))
+        return parts_named(self.parts, names) if self.parts else "-"
+
+    @property
+    def shape_words(self) -> str:
+        """Shape of the field as the documentation writes it, e.g. ``(N+1, 5)``."""
+        return "(" + ", ".join(map(str, self.shape)) + ("," if len(self.shape) == 1 else "") + ")"
+
+
+class Stored(msgspec.Struct, omit_defaults=True):
+    """JSON form of what a declaration says besides its texts; see `Field` for the meaning of the attributes."""
+
+    shape: list[int | str]
+    components: tuple[str, ...] = ()
+    parts: tuple[tuple[Kind, tuple[int, ...]], ...] = ()
+    bounds: tuple[tuple[float, float], ...] = ()
+    delta: tuple[bool, ...] = ()
+    image: bool = False
+    possible: tuple[int | float, int | float] | None = None
+    assumed: tuple[str, ...] = ()
+
+
+@functools.lru_cache(maxsize=1024)
+def attributes(field: Field) -> dict[str, str]:
+    """Return the attributes of an HDF5 dataset that keep the declaration of its array, by name (`MEANING`).
+
+    Args:
+        field: Declaration of the array.
+    """
+    stored = Stored(
+        list(field.shape), field.components, tuple((part.kind, part.index) for part in field.parts), field.bounds,
+        field.delta, field.image, None if field.possible == (-LARGEST, LARGEST) else field.possible, field.assumed,
+    )  # fmt: skip
+    return {
+        "unit": field.unit, "axes": field.axes, "about": field.about, "doc": field.doc,
+        "declaration": msgspec.json.encode(stored).decode(),
+    }  # fmt: skip
+
+
+def parsed(path: str, dtype: str, texts: Sequence[str]) -> Field:
+    """Return the declaration that a file keeps of an array.
+
+    Args:
+        path: Dataset path of the array.
+        dtype: NumPy dtype of the array.
+        texts: Values of the attributes `MEANING`, in this order.
+
+    Raises:
+        FieldError: If the declaration cannot be read.
+    """
+    if any(len(text) > TEXT_LIMIT for text in texts):
+        raise FieldError(f"field {path} has a declaration of more than {TEXT_LIMIT} characters")
+    unit, axes, about, doc, declaration = texts
+    try:
+        stored = msgspec.json.decode(declaration, type=Stored)
+    except (msgspec.MsgspecError, UnicodeError, RecursionError) as error:
+        raise FieldError(f"field {path} has a declaration that is not readable ({printable(error)})") from error
+    return Field(
+        path=path, dtype=dtype, shape=tuple(stored.shape), unit=unit, doc=doc, axes=axes, about=about,
+        components=stored.components, parts=tuple(Part(kind, index) for kind, index in stored.parts),
+        bounds=stored.bounds, delta=stored.delta, image=stored.image,
+        possible=stored.possible or (-LARGEST, LARGEST), assumed=stored.assumed,
+    )  # fmt: skip
+
+
+def field_fault(field: Field) -> str | None:
+    """Return what contradicts itself in a declaration, in words that follow its path; None if nothing does."""
+    if not all((isinstance(size, int) and size >= 0) or (isinstance(size, str) and size) for size in field.shape):
+        return f"has the shape {field.shape}; sizes are numbers of at least 0, or symbols"
+    last = field.shape[-1] if field.shape else 1
+    for name, values in (("components", field.components), ("bounds", field.bounds), ("delta", field.delta)):
+        if values and len(values) != last:
+            return f"declares {len(values)} {name}, but its last axis has {last}"
+    covered = sorted(index for part in field.parts for index in part.index)
+    if field.parts and covered != (list(range(last)) if isinstance(last, int) else None):
+        return f"has parts that cover the components {covered}, but its last axis has {last}: each must occur once"
+    for part in field.parts:
+        if part.kind in ("vector", "axial") and len(part.index) != 2:
+            return f"has a part of kind {part.kind} with {len(part.index)} components; it has 2"
+    if not all(low < high for low, high in (*field.bounds, field.possible)):
+        return "has bounds that are not lower and upper"
+    if field.image and len(field.shape) not in (3, 4):
+        return f"is an image of shape {field.shape_words}; images have the shape (rows, H, W) or (rows, H, W, channels)"
+    if unknown := set(field.assumed) - set(ASSUMABLE):
+        return f"marks {', '.join(sorted(unknown))} as assumed; possible are {', '.join(ASSUMABLE)}"
+    return None
