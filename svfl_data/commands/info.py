@@ -34,6 +34,10 @@ def add(commands: Commands) -> None:
     parser.set_defaults(command=run)
 
 
+NAMED = ("instruction", "robot", "operator")
+"""Attributes of an episode that are printed if they are known."""
+
+
 def run(arguments: argparse.Namespace) -> None:
     """Print the facts, as text or as JSON."""
     if is_episode(arguments.path) or arguments.episode is not None:
@@ -164,6 +168,7 @@ def episode_words(episode: EpisodeReader) -> str:
     lines = [
         f"  success   {'yes' if meta.success else 'no'}",
         f"  source    {printable(meta.source, 40)}, seed {meta.seed}",
+        *(f"  {name:9} {printable(text, 200)}" for name in NAMED if (text := getattr(meta, name))),
         f"  software  {_versions(meta.software)}",
         f"  file      format {episode.format_version}, {size_words(episode.extent.size)}, sha256 {episode.seal[:12]}",
     ]

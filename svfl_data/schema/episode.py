@@ -28,6 +28,9 @@ class Meta:
         seed: Seed of the dataset. Together with `index` it determines a simulated episode.
         source: Who chose the actions: ``expert``, ``teleop``, ``policy`` or ``robot``.
         success: Whether the task was achieved.
+        instruction: What was to be done, in words, e.g. ``put the cup on the plate``; empty if nobody said.
+        robot: Name of the robot, e.g. ``panda_sim``; empty if unknown.
+        operator: Who operated the robot, as far as it may be told; empty if nobody did or it is unknown.
         config: Everything that was set when recording, as JSON values.
         software: Versions of the packages that recorded the episode, by package name.
         transforms: Transforms that turn raw streams into usable ones (tare, filter, compensation), each with its
@@ -51,6 +54,9 @@ class Meta:
     transforms: list[dict[str, Any]] = field(default_factory=list)
     annotations: list[dict[str, Any]] = field(default_factory=list)
     history: list[dict[str, Any]] = field(default_factory=list)
+    instruction: str = ""
+    robot: str = ""
+    operator: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +182,15 @@ class Episode:
 
 
 class MissingField(FieldError, AttributeError):  # noqa: N818 - the recording's fact, not necessarily a mistake
-    """An array was asked for that the episode was recorded without."""
+    """An array was asked for that the episode was recorded without.
+
+    Example:
+        >>> try:
+        ...     dataset[0]["streams/tactile/pressure"]
+        ... except MissingField as error:
+        ...     print("tactile" in str(error))
+        True
+    """
 
 
 def _array(owner: Episode | Camera, arrays: dict[str, Any], name: str, key: str | None, where: str) -> np.ndarray:

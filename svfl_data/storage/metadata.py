@@ -13,7 +13,7 @@ from svfl_data.signals.transforms import TRANSFORMS, from_record
 from svfl_data.system.printable import printable
 from svfl_data.system.side_files import Int64, check_bounds, parse_as, parse_json, plain
 
-PLAIN_ATTRIBUTES = ("task", "index", "seed", "source", "success")
+PLAIN_ATTRIBUTES = ("task", "index", "seed", "source", "success", "instruction", "robot", "operator")
 JSON_ATTRIBUTES = ("config", "software", "transforms", "annotations", "history")
 
 
@@ -54,6 +54,9 @@ class Model(msgspec.Struct):
     transforms: list[Record]
     annotations: list[Annotation]
     history: list[HistoryEntry]
+    instruction: str
+    robot: str
+    operator: str
 
 
 def parse_meta(attributes: Mapping[str, Any], where: object) -> Meta:
