@@ -13,7 +13,7 @@ from svfl_data.schema.action_bounds import MAX_MOVE_M, MAX_TURN_RAD, ActionBound
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.printable import printable
 from svfl_models.cloning.gripper_view import projection
-from svfl_models.networks.squashed_gaussian import SCALE
+from svfl_models.networks.action_space import PLANAR
 
 UNEVEN, OTHER_RATE = 1.1, 1.5
 """Ratios of the longest to the shortest step duration among episodes. Above `UNEVEN` a message is printed; above
@@ -91,7 +91,9 @@ class DeploymentSpec:
     @property
     def unit(self) -> np.ndarray:
         """Factors from the network's action bounds (the paper's) to those of the demonstrations, shape (5,)."""
-        return np.array([1.0, *3 * [self.max_move / SCALE[1]], self.max_turn / SCALE[4]], dtype=np.float32)
+        return np.array(
+            [1.0, *3 * [self.max_move / PLANAR.scale[1]], self.max_turn / PLANAR.scale[4]], dtype=np.float32
+        )
 
     @property
     def bounds(self) -> ActionBounds:

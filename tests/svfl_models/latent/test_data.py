@@ -182,6 +182,6 @@ def test_pixels_without_depth_have_no_part_in_the_statistics(folder):
     fit(whole, recordings)
     holes = np.random.default_rng(0).random(recordings[0].depth.shape) < 0.3
     fit(holed, [dataclasses.replace(one, depth=np.where(holes, 0, one.depth)) for one in recordings])
-    mean, without = whole.normalization.image_mean[3], holed.normalization.image_mean[3]
+    mean, without = whole.normalization.mean("image")[3], holed.normalization.mean("image")[3]
     torch.testing.assert_close(without, mean, rtol=0.01, atol=0)  # 30 % lower if a hole were a distance of 0
     assert (holed.image(torch.zeros(1, 4, 64, 64))[:, 3] == 0).all()  # and it is read as a pixel of mean depth
