@@ -18,18 +18,18 @@ OPENING = 0.05  # the fingers may stop this far outside their nominal range of 0
 
 
 def check_action(episode: Episode) -> Iterator[Finding]:
-    """Check that actions are within the bounds of the episode's configuration or, if it has none, of the paper.
-
-    The paper is Kohler et al., CoRL 2023; see `svfl_data.schema.action_bounds`.
-    """
-    bounds = ActionBounds.of(episode.meta.config)
-    for name in ("action", "expert_action"):
-        if episode.has(name) and (fault := bounds.fault(getattr(episode, name))):
-            yield error(episode, f"actions/{name}", *fault)
+    """Check that actions are within the bounds that they are declared with."""
+    for path, array in episode.arrays.items():
+        field = episode.declarations.at(path) if path.startswith("actions/") else None
+        bounds = ActionBounds.of(field) if field else None
+        if bounds and (fault := bounds.fault(array)):
+            yield (warning if bounds.assumed else error)(episode, path, *fault)
 
 
 def check_proprio(episode: Episode) -> Iterator[Finding]:
     """Check that the gripper opening is between 0 and 1, and that the TCP is in the workspace."""
+    if not (episode.has("proprio") and episode.has("workspace")):
+        return
     opening, tcp = episode.proprio[:, 0], episode.proprio[:, 1:4]
     if len(rows := np.flatnonzero(np.abs(opening - 0.5) > 0.5 + OPENING)):
         words = f"gripper opening {opening[rows[0]]:.3g} is not within 0 to 1"
@@ -53,7 +53,8 @@ def check_label(episode: Episode) -> Iterator[Finding]:
             yield warning(episode, "labels", None, f"label missing: {' and '.join(missing)}")
         return
     direction = int(episode.label_direction)
-    offsets = [act(camera.image_axes, episode.label_offset, OFFSET_PARTS) for camera in episode.cameras.values()]
+    cameras = [camera for camera in episode.cameras.values() if camera.has("image_axes")]
+    offsets = [act(camera.image_axes, episode.label_offset, OFFSET_PARTS) for camera in cameras]
     if offsets and not any(points_towards(direction, offset) for offset in offsets):
         x, y = offsets[0] * 1e3
         words = (
@@ -69,7 +70,8 @@ def check_records(episode: Episode) -> Iterator[Finding]:
         recorded_transforms(episode)
     except FormatError as problem:
         yield error(episode, "transforms", None, str(problem).removeprefix(f"{episode.name}: "))
-    last = max([int(episode.t_ns[-1]), *(int(t_ns) for t_ns in episode.wrench_t_ns[-1:])])
+    wrench_t_ns = episode.wrench_t_ns[-1:] if episode.has("wrench_t_ns") else ()
+    last = max([int(episode.t_ns[-1]), *(int(t_ns) for t_ns in wrench_t_ns)])
     for row, annotation in enumerate(episode.meta.annotations):
         facts: Any = annotation if isinstance(annotation, dict) else {}
         name, start, end = (facts.get(key) for key in ("name", "start_ns", "end_ns"))

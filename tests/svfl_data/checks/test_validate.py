@@ -1,6 +1,7 @@
 """One law per check, both sides: clean episodes pass, a spoiled one is found and named with its place."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -9,6 +10,8 @@ import pytest
 
 from svfl_data.checks import check_dataset, check_episode, check_file
 from svfl_data.datasets.dataset import Dataset
+from svfl_data.schema.action_fields import planar_action
+from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import episode_arrays, make_episode
@@ -99,14 +102,22 @@ def test_irregular_streams_are_jittery_not_full_of_gaps():
     assert "jitter" in found.words
 
 
-def test_the_bounds_of_the_configuration_come_first():
-    config = {"world": {"max_move": 0.05, "max_turn": 0.2}}
-    arrays = fresh()
+def test_the_bounds_are_those_of_the_declaration():
+    wide, arrays = planar_action(0.05, 0.2), fresh()
+
+    def found(action):
+        meta = Meta("centering", 0, 0, "expert", True)
+        return check_episode(Episode(meta, dict(arrays), "e.hdf5", Declarations([action])))
+
     arrays["actions/action"][6, 2] = 0.04
-    assert findings(dict(arrays), config) == []
+    assert found(wide) == []
     arrays["actions/action"] = arrays["actions/action"] * np.float32([1, 1.5, 1.5, 1.5, 1])
-    (found,) = findings(arrays, config)
-    assert re.search(r"-0\.05 to 0\.05 m.*config", found.words)
+    (one,) = found(wide)
+    assert one.severity == "error"
+    assert re.search(r"dy is 0\.06 m.*-0\.05 to 0\.05 m.*declared", one.words)
+    (one,) = found(replace(wide, assumed=("bounds",)))
+    assert one.severity == "warning"
+    assert "assumed" in one.words
 
 
 def test_tasks_without_labels_need_none():

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.distributions import AffineTransform, Independent, Normal, TanhTransform, TransformedDistribution
 
-from svfl_data.schema.action_bounds import MAX_MOVE_M, MAX_TURN_RAD
+from svfl_data.schema.action_fields import MAX_MOVE_M, MAX_TURN_RAD
 from svfl_data.symmetry import ACTION_PARTS
 from svfl_models.networks.action_space import PLANAR
 from svfl_models.networks.squashed_gaussian import SquashedGaussian
