@@ -6,39 +6,70 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from svfl_data.checks.finding import Finding, error, warning
+from svfl_data.checks.timestamps import clocks
 from svfl_data.errors import FormatError
-from svfl_data.schema.action_bounds import ActionBounds
 from svfl_data.schema.episode import Episode
+from svfl_data.schema.field import Field
+from svfl_data.schema.field_words import assumed_words, component_names, component_units
 from svfl_data.schema.fields import FARTHEST_NS
-from svfl_data.signals.transforms import recorded_transforms
+from svfl_data.signals.transforms import Tare, recorded_transforms
 from svfl_data.symmetry import DIRECTIONS, OFFSET_PARTS, act, points_towards
 
 OUTSIDE_M = 0.03  # contact may push the gripper out of the workspace this far, through an admittance controller
+ROUNDING = 1e-3  # float32 actions may exceed their bounds by this share of half the range
 OPENING = 0.05  # the fingers may stop this far outside their nominal range of 0 to 1
 
 
 def check_action(episode: Episode) -> Iterator[Finding]:
-    """Check that actions are within the bounds of the episode's configuration or, if it has none, of the paper.
+    """Check that every action is within the bounds that its array declares; beyond assumed bounds is a warning."""
+    for path, actions in episode.arrays.items():
+        field = episode.declarations.at(path)
+        if field is None or not field.bounds or not path.startswith("actions/"):
+            continue
+        if fault := _beyond(field, actions):
+            yield (warning if "bounds" in field.assumed else error)(episode, path, *fault)
 
-    The paper is Kohler et al., CoRL 2023; see `svfl_data.schema.action_bounds`.
-    """
-    bounds = ActionBounds.of(episode.meta.config)
-    for name in ("action", "expert_action"):
-        if episode.has(name) and (fault := bounds.fault(getattr(episode, name))):
-            yield error(episode, f"actions/{name}", *fault)
+
+def _beyond(field: Field, actions: np.ndarray) -> tuple[int, str] | None:
+    """Return the first action that is beyond its bounds, and what is wrong with it; None if there is none."""
+    low, high = np.array(field.bounds, dtype=np.float64).T
+    room = ROUNDING * (high - low) / 2
+    outside = (actions < low - room) | (actions > high + room)
+    if not outside.any():
+        return None
+    row, column = int(np.argwhere(outside)[0][0]), int(np.argwhere(outside)[0][-1])
+    name, unit = component_names(field, (len(low),))[column], component_units(field, (len(low),))[column]
+    unit = f" {unit}" if unit else ""
+    count = int(outside.reshape(len(actions), -1).any(axis=1).sum())
+    return row, (
+        f"{name} is {float(actions[outside][0]):.4g}{unit}, outside {low[column]:.4g} to {high[column]:.4g}{unit} "
+        f"({'assumed' if 'bounds' in field.assumed else 'declared'} bounds); {count} of {len(actions)} actions are "
+        "out of bounds"
+    )
 
 
 def check_proprio(episode: Episode) -> Iterator[Finding]:
     """Check that the gripper opening is between 0 and 1, and that the TCP is in the workspace."""
+    if not episode.has("proprio"):
+        return
     opening, tcp = episode.proprio[:, 0], episode.proprio[:, 1:4]
     if len(rows := np.flatnonzero(np.abs(opening - 0.5) > 0.5 + OPENING)):
         words = f"gripper opening {opening[rows[0]]:.3g} is not within 0 to 1"
         yield warning(episode, "observations/proprio", int(rows[0]), words)
+    if not episode.has("workspace"):
+        return
     beyond = np.maximum(episode.workspace[:, 0] - tcp, tcp - episode.workspace[:, 1])
     if (beyond > OUTSIDE_M).any():
         row, axis = (int(i) for i in np.argwhere(beyond > OUTSIDE_M)[0])
         words = f"TCP {'xyz'[axis]} = {tcp[row, axis]:.3f} m is {beyond[row, axis] * 1e3:.0f} mm outside the workspace"
         yield warning(episode, "observations/proprio", row, words)
+
+
+def check_assumptions(episode: Episode) -> Iterator[Finding]:
+    """Warn of everything in the declarations that is an assumption, because the source of the data did not say it."""
+    for path in episode.arrays:
+        for words in assumed_words(field) if (field := episode.declarations.at(path)) else ():
+            yield warning(episode, path, None, f"{words}; the source of the data did not say")
 
 
 def check_label(episode: Episode) -> Iterator[Finding]:
@@ -53,7 +84,8 @@ def check_label(episode: Episode) -> Iterator[Finding]:
             yield warning(episode, "labels", None, f"label missing: {' and '.join(missing)}")
         return
     direction = int(episode.label_direction)
-    offsets = [act(camera.image_axes, episode.label_offset, OFFSET_PARTS) for camera in episode.cameras.values()]
+    seen_by = [camera for camera in episode.cameras.values() if camera.has("image_axes")]
+    offsets = [act(camera.image_axes, episode.label_offset, OFFSET_PARTS) for camera in seen_by]
     if offsets and not any(points_towards(direction, offset) for offset in offsets):
         x, y = offsets[0] * 1e3
         words = (
@@ -66,10 +98,13 @@ def check_label(episode: Episode) -> Iterator[Finding]:
 def check_records(episode: Episode) -> Iterator[Finding]:
     """Check that recorded transforms can be applied, and that annotations have a name and lie within the episode."""
     try:
-        recorded_transforms(episode)
+        found = recorded_transforms(episode)
     except FormatError as problem:
         yield error(episode, "transforms", None, str(problem).removeprefix(f"{episode.name}: "))
-    last = max([int(episode.t_ns[-1]), *(int(t_ns) for t_ns in episode.wrench_t_ns[-1:])])
+    else:
+        if episode.has("wrench") and not episode.has("tare") and Tare() in found:
+            yield error(episode, "transforms", None, "the tare is to be subtracted, but the episode has none")
+    last = max(int(t_ns[-1]) for t_ns in clocks(episode).values() if len(t_ns))
     for row, annotation in enumerate(episode.meta.annotations):
         facts: Any = annotation if isinstance(annotation, dict) else {}
         name, start, end = (facts.get(key) for key in ("name", "start_ns", "end_ns"))
