@@ -7,6 +7,7 @@ import numpy as np
 from svfl_data.errors import FieldError
 from svfl_data.schema.action_fields import planar_action
 from svfl_data.schema.field import Field
+from svfl_data.schema.field_words import component_names, component_units
 
 ROUNDING = 1e-3
 """Fraction of half the range of a component by which float32 actions may exceed their bounds."""
@@ -20,7 +21,7 @@ class ActionBounds:
         low: Smallest action, shape (C,), in the units of the components.
         high: Largest action, shape (C,).
         names: Name of each component.
-        units: Unit of each component; ``-`` if it has none.
+        units: Unit of each component; empty if it has none.
         assumed: Whether the bounds are an assumption, because the source of the data did not say.
     """
 
@@ -40,9 +41,8 @@ class ActionBounds:
         if not field.bounds:
             return None
         low, high = np.array(field.bounds).T
-        names = field.components or tuple(map(str, range(len(low))))
-        given = field.unit.split(", ")
-        units = tuple(given) if len(given) == len(low) else (field.unit,) * len(low)
+        row = (len(low),)
+        names, units = tuple(component_names(field, row)), tuple(component_units(field, row))
         return cls(low, high, names, units, "bounds" in field.assumed)
 
     def outside(self, actions: np.ndarray) -> np.ndarray:
@@ -70,10 +70,10 @@ class ActionBounds:
         if not outside.any():
             return None
         row, column = (int(i) for i in np.argwhere(outside)[0])
-        unit = "" if self.units[column] == "-" else f" {self.units[column]}"
+        unit = f" {self.units[column]}" if self.units[column] else ""
         return row, (
             f"{self.names[column]} is {actions[row, column]:.4g}{unit}, outside {self.low[column]:.4g} to "
-            f"{self.high[column]:.4g}{unit} (bounds: {'assumed' if self.assumed else 'declared'}); "
+            f"{self.high[column]:.4g}{unit} ({'assumed' if self.assumed else 'declared'} bounds); "
             f"{outside.any(axis=1).sum()} of {len(actions)} actions are out of bounds"
         )
 
