@@ -2,13 +2,27 @@
 
 import sys
 
-from svfl_data.commands import card, info, merge, pack, plot, relabel, repair, split, stats, topdown, validate, view
+from svfl_data.commands import (
+    card,
+    info,
+    merge,
+    pack,
+    plot,
+    relabel,
+    repair,
+    split,
+    stats,
+    topdown,
+    upgrade,
+    validate,
+    view,
+)  # fmt: skip
 from svfl_data.commands import filter as filter_
 from svfl_data.system.command_line import Parser
 from svfl_data.system.command_line import main as run
 
 PROGRAM = "svfl-data"
-COMMANDS = (info, view, plot, topdown, validate, repair, relabel, filter_, merge, split, stats, pack, card)
+COMMANDS = (info, view, plot, topdown, validate, repair, relabel, filter_, merge, split, stats, pack, upgrade, card)
 
 
 def main() -> int:

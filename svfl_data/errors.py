@@ -28,6 +28,10 @@ class FormatError(SvflError):
     """A file or folder is not what its name promises: it is missing, truncated, foreign or of another version."""
 
 
+class OldVersionError(FormatError):
+    """An episode is of version 1 of the format, which only ``svfl-data upgrade`` reads."""
+
+
 class FieldError(SvflError):
     """An array is missing, or its shape, dtype or values do not fit its declaration in `svfl_data.schema.fields`."""
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from collectors.recording.loop import Watcher, unwatched
+from svfl_data.datasets.dataset import FAILURES as FAILURES  # imported for users of this module
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.held_folder import Identity, check_same
 from svfl_data.errors import CollectError, FormatError
@@ -34,8 +35,6 @@ class Collector(Protocol):
         """
 
 
-FAILURES = "failures"
-"""Folder of the dataset of failed attempts, inside the folder of the dataset of demonstrations."""
 DEATHS = 3
 """Number of workers that die in a row, without a finished episode between them, at which the collection ends."""
 

@@ -13,7 +13,7 @@ from svfl_data.checks.finding import Finding, Severity
 from svfl_data.checks.judging import check_episode
 from svfl_data.checks.usable import check_usable, sound
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import FormatError, SvflError
+from svfl_data.errors import FormatError, OldVersionError, SvflError
 from svfl_data.recording.index_locks import INFLIGHT
 from svfl_data.recording.journal import SUFFIX
 from svfl_data.storage.damage import damaged_arrays
@@ -32,12 +32,17 @@ def check_file(path: Path) -> list[Finding]:
         Findings of all checks. If the file cannot be read, the first finding gives the error, and the others name the
         arrays that are damaged.
 
+    Raises:
+        OldVersionError: If the episode is of version 1 of the format.
+
     Example:
         >>> [one.words for one in check_file(dataset.episode_path(0)) if one.severity == "error"]
         []
     """
     try:
         return check_episode(read_episode(path, images=False))
+    except OldVersionError:
+        raise
     except SvflError as problem:
         return unreadable(str(path), problem)
 
@@ -51,6 +56,9 @@ def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
     Args:
         dataset: Dataset to check.
 
+    Raises:
+        OldVersionError: If an episode is of version 1 of the format.
+
     Example:
         >>> [one.words for found in check_dataset(dataset) for one in found if one.severity == "error"]
         []
@@ -63,6 +71,8 @@ def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
             name = str(reader.extent)
             episode = dataset.read(index, images=False)
             between.add(index, reader, episode)
+        except OldVersionError:
+            raise
         except SvflError as problem:
             yield unreadable(name, problem)
             continue

@@ -57,8 +57,8 @@ def share(text: str) -> tuple[str, float]:
 def run(arguments: argparse.Namespace) -> None:
     """Draw and store the split."""
     dataset = Dataset.open(arguments.path)
-    dataset.clear()
     check_no_copies(dataset)
+    dataset.clear()
     split = split_episodes(dataset.indices, dict(arguments.ratios), arguments.seed, arguments.name)
     file = split.save(dataset, arguments.replace)
     if arguments.json:

@@ -21,6 +21,8 @@ from svfl_data.system.regular_file import refuse_link
 from svfl_data.system.side_files import plain
 
 SPLITS = "splits"
+FAILURES = "failures"
+"""Name of the folder inside a dataset that is a dataset of failed attempts."""
 EPISODE_LIKE = re.compile(r"episode.*\.(hdf5|h5)", re.IGNORECASE)
 """Pattern of names that a person would take for those of episodes. A file is an episode only if its name is as
 `Dataset.file_name` gives it."""

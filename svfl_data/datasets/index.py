@@ -19,11 +19,11 @@ import msgspec
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.duplicates import content_id
 from svfl_data.datasets.shards import MEMBER
-from svfl_data.errors import StorageError, SvflError
+from svfl_data.errors import FormatError, OldVersionError, StorageError, SvflError
 from svfl_data.schema.fields import EXTRA
 from svfl_data.schema.recording_setup import Setup
 from svfl_data.storage.chunks import Extent
-from svfl_data.storage.header import know_own
+from svfl_data.storage.header import FORMAT_VERSION, header, know_own
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.progress import progress
@@ -128,6 +128,7 @@ def entries(dataset: Dataset) -> list[Entry]:
         dataset: Dataset whose episodes are listed. If its folder is read-only, nothing is added to the index.
 
     Raises:
+        OldVersionError: If an episode is of version 1 of the format; nothing is added to the index.
         FormatError: If a shard is damaged, or the index is not an ordinary file.
         StorageError: If the folder cannot be read.
     """
@@ -166,7 +167,8 @@ def _known(dataset: Dataset, present: "Mapping[str, _Place]") -> tuple[dict[str,
     lines = _read_lines(dataset.path / INDEX)
     known = {}
     for entry in lines:
-        if present.get(entry.name) == _Place(entry.index, entry.size, entry.mtime_ns) and not entry.error:
+        current = entry.format_version.split(".")[0] == FORMAT_VERSION.split(".")[0] and not entry.error
+        if current and present.get(entry.name) == _Place(entry.index, entry.size, entry.mtime_ns):
             known[entry.name] = entry
     return known, len(lines)
 
@@ -198,6 +200,33 @@ def summary(dataset: Dataset) -> Summary:
     )
 
 
+def refuse_old(dataset: Dataset) -> None:
+    """Refuse a dataset of version 1 of the format, by its first episode that can be read.
+
+    Commands that do not read the episodes call this function, so that they neither copy nor change what no command can
+    use.
+
+    Args:
+        dataset: Dataset that a command is about to copy or to change.
+
+    Raises:
+        OldVersionError: If the episode is of version 1.
+        StorageError: If the folder cannot be read.
+    """
+    try:
+        indices = dataset.indices
+    except FormatError:  # a damaged shard, of which other functions say more
+        indices = sorted(dataset.own_files())
+    for index in indices:
+        try:
+            header(dataset.extent(index))
+            return
+        except OldVersionError:
+            raise
+        except SvflError:
+            continue
+
+
 def append_index(folder: Path, path: Path) -> None:
     """Add a line to the index for an episode that was just published.
 
@@ -222,6 +251,9 @@ def describe(extent: Extent) -> Entry:
 
     Args:
         extent: File and byte range of the episode.
+
+    Raises:
+        OldVersionError: If the episode is of version 1 of the format.
     """
     name = f"{extent.file.name}/{extent.member}" if extent.member else extent.file.name
     match = MEMBER.fullmatch(extent.member or extent.file.name)
@@ -244,6 +276,8 @@ def describe(extent: Extent) -> Entry:
                 for camera, path in cameras.items()
             },
         )  # fmt: skip
+    except OldVersionError:
+        raise
     except SvflError as error:
         return Entry(*place, Setup(), "", str(error))
 
@@ -278,6 +312,8 @@ def _present(dataset: Dataset) -> dict[str, _Place]:
 def _examine(dataset: Dataset, place: _Place) -> Entry:
     try:
         return describe(dataset.extent(place.index))
+    except OldVersionError:
+        raise
     except SvflError as error:  # a link, a pipe, or gone since it was listed
         name = dataset.file_name(place.index)
         return Entry(name, place.index, place.size, place.mtime_ns, 0, Setup(), "", str(error))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from svfl_data.datasets.dataset import SPLITS, Dataset, inner_folder
+from svfl_data.datasets.index import refuse_old
 from svfl_data.datasets.shards import shard_files
 from svfl_data.errors import DatasetError, FormatError, UsageError
 from svfl_data.storage.chunks import Extent
@@ -39,6 +40,7 @@ def pack(dataset: Dataset, out: Path | str, shard_bytes: int = SHARD_BYTES) -> D
     Raises:
         UsageError: If `shard_bytes` is not positive, or `out` is the folder of `dataset` itself.
         DatasetError: If `out` holds another dataset or other files.
+        OldVersionError: If the episodes are of version 1 of the format.
         FormatError: If an episode is damaged; shards that were finished before are kept.
         StorageError: If the disk refuses; shards that were finished before are kept.
 
@@ -48,6 +50,7 @@ def pack(dataset: Dataset, out: Path | str, shard_bytes: int = SHARD_BYTES) -> D
     """
     if shard_bytes < 1:
         raise UsageError(f"shard_bytes is {shard_bytes}; it must be at least 1")
+    refuse_old(dataset)
     target = _copy_of(dataset, out)
     with target.writing():
         missing = sorted(set(dataset.indices) - set(target.indices))
@@ -81,6 +84,7 @@ def unpack(dataset: Dataset, out: Path | str) -> Dataset:
     Raises:
         UsageError: If `out` is the folder of `dataset` itself.
         DatasetError: If `out` holds another dataset or other files.
+        OldVersionError: If the episodes are of version 1 of the format.
         FormatError: If an episode is damaged; episodes that were written before are kept.
         StorageError: If the disk refuses; episodes that were written before are kept.
 
@@ -88,6 +92,7 @@ def unpack(dataset: Dataset, out: Path | str) -> Dataset:
         >>> len(unpack(dataset, "data/unpacked"))
         2
     """
+    refuse_old(dataset)
     target = _copy_of(dataset, out)
     with target.writing():
         for index in progress(sorted(set(dataset.indices) - set(target.indices)), "unpacking"):
@@ -109,18 +114,39 @@ def _copy_of(dataset: Dataset, out: Path | str) -> Dataset:
     refuse_link(dataset.path / SPLITS)
     for file in sorted((dataset.path / SPLITS).glob("*.json")):
         copy = inner_folder(target.path, SPLITS) / file.name
-        content = _content(file)
-        if copy.exists() and _content(copy) != content:
+        content = side_content(file)
+        if copy.exists() and side_content(copy) != content:
             raise DatasetError(f"{copy} differs from {file}; name another folder")
         write_atomically(copy, content)
     return target
 
 
-def _content(file: Path) -> bytes:
+def side_content(file: Path) -> bytes:
+    """Return the bytes of a small file of a dataset, such as a split.
+
+    Args:
+        file: Path of the file.
+
+    Raises:
+        FormatError: If the file is not an ordinary file, is larger than `SIZE_LIMIT` or cannot be read.
+    """
     try:
         return read_regular(file, SIZE_LIMIT)
     except OSError as error:
         raise FormatError(f"{file}: {error.strerror}") from error
+
+
+def member_info(index: int, size: int) -> zipfile.ZipInfo:
+    """Return the entry of an episode in the list of contents of a shard; equal episodes have equal entries.
+
+    Args:
+        index: Index of the episode.
+        size: Size of the episode, [bytes].
+    """
+    info = zipfile.ZipInfo(Dataset.file_name(index), EARLIEST)
+    info.external_attr = 0o644 << 16
+    info.file_size = size
+    return info
 
 
 def _write_shard(file: Path, episodes: Sequence[tuple[int, Extent]]) -> None:
@@ -128,9 +154,6 @@ def _write_shard(file: Path, episodes: Sequence[tuple[int, Extent]]) -> None:
     size = sum(extent.size for _, extent in episodes)
     with written_aside(file, size) as whole, zipfile.ZipFile(whole, "w", zipfile.ZIP_STORED) as archive:
         for index, extent in episodes:
-            info = zipfile.ZipInfo(Dataset.file_name(index), EARLIEST)
-            info.external_attr = 0o644 << 16
-            info.file_size = extent.size
-            with archive.open(info, "w") as member:
+            with archive.open(member_info(index, extent.size), "w") as member:
                 for block in extent.blocks():
                     member.write(block)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from svfl_data.datasets.dataset import Dataset, inner_folder
+from svfl_data.datasets.index import refuse_old
 from svfl_data.errors import DatasetError, FieldError, FormatError, StorageError, SvflError
 from svfl_data.recording.index_locks import INFLIGHT, PART, SETUP, build, claim, inflight, locked, publish, take_over
 from svfl_data.recording.journal import SUFFIX, read_journal
@@ -61,6 +62,7 @@ def repair_dataset(path: Path | str, reseal: bool = False) -> list[RepairAction]
 
     Raises:
         FormatError: If the folder is not a dataset.
+        OldVersionError: If the episodes are of version 1 of the format.
         StorageError: If the disk refuses. Everything that was repaired before stays so, and a new call continues.
 
     Example:
@@ -68,6 +70,7 @@ def repair_dataset(path: Path | str, reseal: bool = False) -> list[RepairAction]
         []
     """
     dataset = Dataset.open(path)
+    refuse_old(dataset)
     actions: list[RepairAction] = []
     refuse_link(dataset.path / INFLIGHT)
     if (dataset.path / INFLIGHT).is_dir():

@@ -8,7 +8,6 @@ Source of the formula that merges the moments of two chunks: Chan, Golub, LeVequ
 variance", The American Statistician, 1983, equation 2.1.
 """
 
-import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 
 from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.fingerprint import fingerprint
 from svfl_data.errors import DatasetError, FormatError
 from svfl_data.sampling.split import Split, split_file
 from svfl_data.schema.episode import canonical_json
@@ -265,19 +265,6 @@ def statistics_file(dataset: Dataset, name: str) -> Path:
         name: Name of the split.
     """
     return split_file(dataset, name).with_suffix(".statistics.json")
-
-
-def fingerprint(dataset: Dataset, episodes: Iterable[int]) -> str:
-    """Return the SHA-256 of the indices and seals of episodes, in hexadecimal.
-
-    Args:
-        dataset: Dataset to read the seals from.
-        episodes: Indices of the episodes. Their order changes the hash.
-    """
-    digest = hashlib.sha256()
-    for index in episodes:
-        digest.update(f"{index}:{dataset.episode(index).written_seal}\n".encode())
-    return digest.hexdigest()
 
 
 def _summarised(reader: EpisodeReader) -> dict[str, Field]:

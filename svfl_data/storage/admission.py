@@ -8,6 +8,7 @@ user sets the environment variable named by `VARIABLE`.
 import math
 import os
 import re
+from collections.abc import Container
 
 import msgspec
 import numpy as np
@@ -85,12 +86,13 @@ class Description:
         """
         return stored_declarations({one.path: (self._dtype(one), one.attributes) for one in self._arrays})
 
-    def placements(self, size: int, declarations: Declarations) -> dict[str, Placement]:
+    def placements(self, size: int, declarations: Declarations, left_out: Container[str] = ()) -> dict[str, Placement]:
         """Return the placement of each array, by dataset path.
 
         Args:
             size: Size of the content in which the arrays must lie, [bytes].
             declarations: Declarations of the arrays.
+            left_out: Dataset paths of arrays that are not wanted, whatever they are.
 
         Raises:
             FormatError: If an array is of a kind that is not allowed, or the arrays take too much memory.
@@ -100,11 +102,12 @@ class Description:
             table, value = 24 * one.chunks, one.value
             if one.chunks < 0 or value < 0 or start + table + value > len(self._tail):
                 raise self._refused(one.path, "has a damaged description (shape, type or chunks)")
-            if one.problem:
-                raise self._refused(one.path, printable(one.problem))
-            if one.in_pieces and not one.path.startswith(EXTRA):
-                raise self._refused(one.path, "is stored in pieces of rows; it must be stored in whole rows")
-            found[one.path] = self._placement(one, start, size)
+            if one.path not in left_out:
+                if one.problem:
+                    raise self._refused(one.path, printable(one.problem))
+                if one.in_pieces and not one.path.startswith(EXTRA):
+                    raise self._refused(one.path, "is stored in pieces of rows; it must be stored in whole rows")
+                found[one.path] = self._placement(one, start, size)
             start += table + value
         self._check_memory(found, size, declarations)
         return found

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from svfl_data.errors import FieldError, FormatError, SvflError
+from svfl_data.errors import FieldError, FormatError, OldVersionError, SvflError
 from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.field import MEANING
 from svfl_data.schema.validity import check_arrays
@@ -119,7 +119,7 @@ def unsealed_header(extent: Extent) -> Header:
         FieldError: If a field is missing or does not fit its declaration.
         StorageError: If the examiner cannot be started.
     """
-    return _judged(extent, extent.size, "", _examined(extent, extent.size))
+    return _judged(extent, extent.size, "", examined(extent, extent.size))
 
 
 def forget() -> None:
@@ -152,6 +152,7 @@ def check_format(attributes: Mapping[str, Any], where: object) -> None:
         where: Source of the attributes, such as the file, as the error message names it.
 
     Raises:
+        OldVersionError: If the file is an episode of version 1.
         FormatError: If the file is not an episode, or is an episode of another major version.
     """
     found = attributes.get("format")
@@ -162,8 +163,10 @@ def check_format(attributes: Mapping[str, Any], where: object) -> None:
     version, ours = attributes.get("format_version"), FORMAT_VERSION.split(".")[0]
     if not isinstance(version, str) or version.split(".")[0] != ours:
         found = printable(version if isinstance(version, str) else repr(version), 40)
-        way = "; svfl-data upgrade makes a new dataset of it" if found.startswith("1.") else ""
-        raise FormatError(f"{where}: format version {found}; this software reads {ours}.x{way}")
+        words = f"{where}: format version {found}; this software reads {ours}.x"
+        if found.startswith("1."):
+            raise OldVersionError(f"{words}; svfl-data upgrade makes a new dataset of it")
+        raise FormatError(words)
 
 
 def _short(value: object) -> str:
@@ -189,7 +192,7 @@ def _opened(extent: Extent) -> Header | FormatError | FieldError:
     """Open an episode that neither this process nor the cache knows; return its header or the error that refuses it."""
     try:
         digest = checked_seal(extent)
-        answer = _examined(extent, extent.size - SEAL_SIZE)
+        answer = examined(extent, extent.size - SEAL_SIZE)
         found = _judged(extent, extent.size - SEAL_SIZE, digest, answer)
     except (FormatError, FieldError) as error:
         return error
@@ -197,10 +200,21 @@ def _opened(extent: Extent) -> Header | FormatError | FieldError:
     return found
 
 
-def _examined(extent: Extent, size: int) -> bytes:
+def examined(extent: Extent, size: int, names: Mapping[str, list[str]] = NAMES) -> bytes:
+    """Return the examiner's answer about an episode, whose seal must have been checked if it has one.
+
+    Args:
+        extent: Place of the episode.
+        size: Size of its content, without the seal, [bytes].
+        names: Names of the attributes to read, as `svfl_data.storage.examiner.examine` takes them.
+
+    Raises:
+        FormatError: If the examiner cannot read the file, or the file has changed since it was found.
+        StorageError: If the examiner cannot be started.
+    """
     descriptor = extent.open()
     try:
-        return ask(descriptor, {"offset": extent.offset, "size": size, **NAMES})
+        return ask(descriptor, {"offset": extent.offset, "size": size, **names})
     except Unanswered as error:
         raise FormatError(f"{extent}: not a readable episode ({error})") from error
     finally:

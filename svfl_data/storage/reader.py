@@ -132,7 +132,7 @@ class EpisodeReader:
             FieldError: If a field does not fit its declaration.
             FormatError: If the file has changed, is damaged, or cannot be read.
         """
-        return _loaded(self.extent, header(self.extent, hashed=True), images)
+        return load_arrays(self.extent, header(self.extent, hashed=True), images)
 
     def __getitem__(self, path: str) -> StoredArray:
         found = header(self.extent)
@@ -196,7 +196,7 @@ def read_unsealed(path: Path) -> Episode:
     extent = Extent.of_file(path)
     if damaged := damaged_arrays(path):
         raise FormatError(f"{path}: damaged, {', '.join(damaged)} cannot be read")
-    return _loaded(extent, unsealed_header(extent), images=True)
+    return load_arrays(extent, unsealed_header(extent), images=True)
 
 
 def _named(file: Path) -> Extent:
@@ -208,7 +208,18 @@ def _named(file: Path) -> Extent:
     return Extent.of_file(file.resolve() if file.is_symlink() else file)
 
 
-def _loaded(extent: Extent, found: Header, images: bool) -> Episode:
+def load_arrays(extent: Extent, found: Header, images: bool) -> Episode:
+    """Read the arrays of an episode whose header is known.
+
+    Args:
+        extent: Place of the episode.
+        found: Header of the episode.
+        images: Whether to read images into memory, too; see `EpisodeReader.load`.
+
+    Raises:
+        FieldError: If a field does not fit its declaration.
+        FormatError: If the file has changed, is damaged, or cannot be read.
+    """
     arrays: dict[str, Any] = {  # a `StoredArray` gives rows as an array does
         path: array if not images and (array.field is None or array.field.large) else array[()]
         for path, array in stored_arrays(extent, found).items()

@@ -5,13 +5,15 @@ from pathlib import Path
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import make_episode
+from tests.helpers.version_1 import version_1
 
 
 def make_data(folder: Path, episodes: int = 3) -> Path:
-    """A dataset of synthetic block-centering episodes."""
+    """A dataset of synthetic block-centering episodes; beside it one of format 1.0, which ``upgrade`` asks for."""
     dataset = Dataset.create_or_resume(folder, "centering", 0, {})
     for index in range(episodes):
         write_episode(make_episode(index), dataset.episode_path(index))
+    version_1(folder.with_name("version_1"))
     return folder
 
 
@@ -33,7 +35,8 @@ def data_commands(data: Path, out: Path) -> dict[str, list[str]]:
         "pack": [f"{out}/packed"],
         "unpack": [f"{out}/unpacked"],
     }
-    return {command: [command, str(data), *words] for command, words in own.items()}
+    upgrade = ["upgrade", str(data.with_name("version_1")) if data.name else "", f"{out}/upgraded"]
+    return {command: [command, str(data), *words] for command, words in own.items()} | {"upgrade": upgrade}
 
 
 def train_commands(data: Path, out: Path) -> dict[str, list[str]]:

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.fingerprint import fingerprint
 from svfl_data.errors import FormatError, StorageError, TrainingError
-from svfl_data.sampling.statistics import fingerprint
 from svfl_data.system.side_files import read_json
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.training import run_folder
