@@ -11,6 +11,7 @@ from svfl_data.errors import StorageError, TrainingError, UsageError
 from svfl_data.sampling.windows import WINDOW
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.system.atomic_io import write_atomically
+from svfl_models.cloning import own_acting
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.gripper_view import corners
@@ -110,7 +111,26 @@ def load(file: Path | str) -> exported_policy.ExportedPolicy:
         FormatError: If the file is not a sound checkpoint of a policy.
     """
     module = load_policy(file)
+    refuse_own(module, file)
     return exported_policy.opened(_exported(module), str(file))
+
+
+def refuse_own(module: CloningModule, file: Path | str) -> None:
+    """Refuse a policy with inputs of the user's own where only the paper's inputs can be given.
+
+    Args:
+        module: The trained policy.
+        file: Its checkpoint, for the error.
+
+    Raises:
+        TrainingError: If the policy has inputs of the user's own.
+    """
+    if module.deployment.inputs:
+        taken = ", ".join(one["path"] for one in module.deployment.inputs)
+        raise TrainingError(
+            f"{file}: takes {taken}, which a simulation does not give; svfl-train export makes a program of it that "
+            "runs on the robot (svfl_models.programs.own_policy)"
+        )
 
 
 def _exported(module: CloningModule) -> bytes:
@@ -141,6 +161,8 @@ def export(module: CloningModule, file: Path) -> float:
         raise UsageError(f"{file}: cannot export a policy to {file.suffix or 'a file without suffix'}; possible: .pt2")
     if not file.parent.is_dir():
         raise StorageError(f"{file}: no such folder")
+    if module.deployment.inputs:
+        return own_acting.export(module, file)
     content = _exported(module)
     worst = _difference(module, content)
     if not worst < TOLERANCE:

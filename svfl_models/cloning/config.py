@@ -1,6 +1,6 @@
 """Configuration of a behaviour cloning run, in plain values; importing this module loads no heavy library."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 ENCODERS = ("v", "f", "p", "vf", "vp", "vfp")
@@ -29,6 +29,8 @@ class CloningConfig:
             the middle of the camera image.
         image_size: Height and width of the images that the network gets, [px].
         camera: Name of the camera whose images are used. May be None if there is one camera.
+        inputs: Inputs of the user's own, in the place of `encoder`, see `cloning.recorded_inputs`; empty for `encoder`.
+        action: Path of the action that is learned, if `inputs` are given.
         valid: Share of the demonstrations that is held out to measure how well the policy generalises, 0..1.
         epochs: Number of epochs to train, over which the learning rate falls to zero along a cosine.
         batch_size: Number of demonstrated steps per optimiser step.
@@ -50,6 +52,8 @@ class CloningConfig:
     view: str = "gripper"
     image_size: int = 64
     camera: str | None = None
+    inputs: list[str] = field(default_factory=list)
+    action: str = "actions/action"
     valid: float = 0.1
     epochs: int = 60
     batch_size: int = 64

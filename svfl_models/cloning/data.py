@@ -18,8 +18,9 @@ from svfl_data.sampling.torch_samples import EpochSampler, whole_batches
 from svfl_data.sampling.windows import WINDOW
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_models.cloning.config import CloningConfig
-from svfl_models.cloning.deployment_spec import DeploymentSpec, camera_of, deployment_of
+from svfl_models.cloning.deployment_spec import DeploymentSpec, camera_of, deployment_of, deployment_of_own
 from svfl_models.cloning.gripper_view import JITTER, corners
+from svfl_models.cloning.own_data import OwnDemonstrations
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, random_crop, scaled
 from svfl_models.networks.visual_force import Batch
 from svfl_models.training.augmentation import MARGIN, recoloured
@@ -157,14 +158,31 @@ class CloningData(pl.LightningDataModule):
         super().__init__()
         dataset = Dataset.open(config.data)
         chosen = successful(dataset, config.episodes)
+        if config.inputs:
+            self._take_own(dataset, chosen, config)
+            return
         uses = ["streams/wrench"] if "f" in config.encoder else []
         if "v" in config.encoder:
             uses += [f"cameras/{camera_of(dataset.episode(chosen[0]), config.camera)}"]
         check_usable(dataset, chosen, uses)
         self.deployment = deployment_of(dataset, chosen, config.camera, config.encoder)
         split = split_episodes(chosen, {"train": 1 - config.valid, "valid": config.valid}, config.seed)
+        self.train_set: Demonstrations | OwnDemonstrations
+        self.valid_set: Demonstrations | OwnDemonstrations
         self.train_set = Demonstrations(dataset, split["train"], self.deployment, config, random=True)
         self.valid_set = Demonstrations(dataset, split["valid"], self.deployment, config, random=False)
+        self.batch_size = config.batch_size
+
+    def _take_own(self, dataset: Dataset, chosen: Sequence[int], config: CloningConfig) -> None:
+        """Prepare batches of inputs and an action of the user's own."""
+        symmetric = config.group != "none"
+        self.deployment = deployment_of_own(dataset, chosen, config.inputs, config.action, symmetric)
+        groups = {one["path"] if one["kind"] == "image" else one["path"].rpartition("/")[0]
+                  for one in self.deployment.inputs}  # fmt: skip
+        check_usable(dataset, chosen, sorted(groups))
+        split = split_episodes(chosen, {"train": 1 - config.valid, "valid": config.valid}, config.seed)
+        self.train_set = OwnDemonstrations(dataset, split["train"], self.deployment, config, random=True)
+        self.valid_set = OwnDemonstrations(dataset, split["valid"], self.deployment, config, random=False)
         self.batch_size = config.batch_size
 
     def train_dataloader(self) -> DataLoader[Batch]:

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import DatasetError, TrainingError
+from svfl_data.errors import DatasetError, TrainingError, UsageError
 from svfl_data.schema.action_bounds import planar_limits
 from svfl_data.schema.action_fields import ACTION, MAX_MOVE_M, MAX_TURN_RAD, planar_action
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.printable import printable
 from svfl_models.cloning.gripper_view import projection
-from svfl_models.networks.action_space import PLANAR
+from svfl_models.cloning.recorded_inputs import recorded_input
+from svfl_models.networks.action_space import PLANAR, ActionSpace
 
 UNEVEN, OTHER_RATE = 1.1, 1.5
 """Ratios of the longest to the shortest step duration among episodes. Above `UNEVEN` a message is printed; above
@@ -43,6 +44,10 @@ class DeploymentSpec:
         switch: Whether the gripper commands of all demonstrations are fully open or fully shut.
         max_move: Largest absolute dx, dy or dz of an action, [m].
         max_turn: Largest absolute dtheta of an action, [rad].
+        inputs: Inputs of a policy whose inputs are the user's own, as plain values of
+            `recorded_inputs.RecordedInput`; empty for the paper's inputs.
+        action: Action of such a policy, as plain values of `networks.action_space.ActionSpace`; None for the planar
+            action.
     """
 
     task: str
@@ -57,6 +62,8 @@ class DeploymentSpec:
     switch: bool = False
     max_move: float = MAX_MOVE_M
     max_turn: float = MAX_TURN_RAD
+    inputs: list[dict[str, Any]] = field(default_factory=list)
+    action: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
         shapes = {"image_axes": (2, 2), "projection": (3, 4), "centre": (2,)}
@@ -136,6 +143,58 @@ def deployment_of(
                 )
     step_ms = _period({index: one.step_ms for index, one in found if one.step_ms}, dataset)
     return replace(common, step_ms=step_ms, switch=all(one.switch for _, one in found))
+
+
+def deployment_of_own(
+    dataset: Dataset, episodes: Sequence[int], words: Sequence[str], action: str, symmetric: bool
+) -> DeploymentSpec:
+    """Read what demonstrations have in common, for a policy with inputs and an action of the user's own.
+
+    Vectors are learned in the axes of the images of the cameras that stand still, which must all be the same.
+
+    Args:
+        dataset: Dataset to read the episodes from.
+        episodes: Indices of the demonstrations, at least one.
+        words: Inputs of the policy, see `recorded_inputs.recorded_input`.
+        action: Path of the action.
+        symmetric: Whether the network is symmetric.
+
+    Raises:
+        UsageError: If there is no such input or action, or an input is named twice.
+        DatasetError: If the demonstrations differ in their task or control rate.
+        TrainingError: If a symmetric network cannot take an input or the action.
+    """
+    readers = [dataset.episode(index) for index in episodes]
+    first = readers[0]
+    inputs = [recorded_input(one, first, symmetric) for one in words]
+    if len({one.path for one in inputs}) < len(inputs):
+        raise UsageError(f"an input is named twice: {', '.join(words)}")
+    declared = first.declarations.at(action)
+    if declared is None or not all(action in reader for reader in readers) or not action.startswith("actions/"):
+        known = ", ".join(path for path in first.paths if path.startswith("actions/"))
+        raise UsageError(f"{first.extent}: no action {action!r}; there are {known}")
+    space = ActionSpace.of(declared, symmetric)
+    tasks = sorted({reader.meta.task for reader in readers})
+    if len(tasks) > 1:
+        raise DatasetError(f"{dataset.path}: one policy learns from demonstrations of one task, found {tasks}")
+    seen = [one.path for one in inputs if one.kind == "image" and one.moves == "pixels"]
+    axes = [np.round(first[f"{path}/image_axes"][:], 9).tolist() for path in seen]
+    if any(one != axes[0] for one in axes):
+        raise DatasetError(
+            f"{first.extent}: {' and '.join(seen)} have different image axes, so their images do not turn alike; "
+            f"take one of them as {seen[1]}:invariant"
+        )
+    opened = [reader[action][:][:, space.opening] for reader in readers] if space.opening is not None else []
+    medians = {index: np.median(np.diff(reader["observations/t_ns"][:])) / 1e6 for index, reader in
+               zip(episodes, readers, strict=True) if len(reader)}  # fmt: skip
+    return DeploymentSpec(
+        task=tasks[0],
+        image_axes=axes[0] if axes else np.eye(2).tolist(),
+        step_ms=_period({index: float(step) for index, step in medians.items()}, dataset),
+        switch=bool(opened) and all(np.isin(values, (0, 1)).all() for values in opened),
+        inputs=[one.plain() for one in inputs],
+        action=space.plain(),
+    )
 
 
 def _of_episode(reader: EpisodeReader, camera: str | None, encoder: str) -> DeploymentSpec:

@@ -18,7 +18,7 @@ from svfl_data.reports.success_rate import wilson
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
 from svfl_data.system.worker_processes import Died, run_jobs
-from svfl_models.cloning.acting import acting
+from svfl_models.cloning.acting import acting, refuse_own
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.deployment_spec import OTHER_RATE, DeploymentSpec
 
@@ -99,7 +99,9 @@ def evaluate(
         SvflError: If the file is not a checkpoint of a policy, the task has no environment, the environment differs
             from that of the demonstrations (control rate or camera), or a worker process dies.
     """
-    environment = environment_of(load_policy(checkpoint).deployment.task)
+    module = load_policy(checkpoint)
+    refuse_own(module, checkpoint)
+    environment = environment_of(module.deployment.task)
     console = console or Console(stderr=True)
     columns = (TextColumn("episode"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
     outcomes: dict[int, tuple[bool, int]] = {}

@@ -10,7 +10,8 @@ from svfl_models.training import progress
 from svfl_models.training.progress import QUIET_SECONDS, ProgressLine
 
 COLUMNS = (
-    "epoch", "train_loss", "valid_loss", "valid_gripper", "valid_xy_mm", "valid_z_mm", "valid_turn_deg", "seconds",
+    "epoch", "train_loss", "valid_loss", "valid_error", "valid_gripper", "valid_xy_mm", "valid_z_mm", "valid_turn_deg",
+    "seconds",
 )  # fmt: skip
 
 
@@ -43,7 +44,9 @@ class CloningProgress(ProgressLine):
             (
                 f"loss {float(metrics['train_loss']):.3f}",
                 f"held out {float(metrics['valid_loss']):.3f}",
-                f"{float(metrics['valid_xy_mm']):.1f} mm",
+                f"{float(metrics['valid_xy_mm']):.1f} mm"
+                if "valid_xy_mm" in metrics
+                else f"error {float(metrics['valid_error']):.1%}",
             )
         )
         if self.console.is_terminal:

@@ -85,11 +85,20 @@ class CloningModule(pl.LightningModule):
                 f"the {stage} loss became {loss.item()} in epoch {self.current_epoch}: the training diverged; "
                 f"try a smaller learning rate than {self.learning_rate}"
             )
-        unit = torch.from_numpy(self.deployment.unit).to(action)
-        figures = {"loss": loss} | (errors(said.mode * unit, action * unit) if stage == "valid" else {})
+        figures = {"loss": loss} | (self._errors(said, action) if stage == "valid" else {})
         of_epoch: dict[str, Any] = {"on_step": False, "on_epoch": True, "batch_size": len(action)}
         self.log_dict({f"{stage}_{name}": value for name, value in figures.items()}, **of_epoch)
         return loss
+
+    def _errors(self, said: SquashedGaussian, action: Tensor) -> dict[str, Tensor]:
+        space, mode = said.space, said.mode
+        found = {"error": (space.to_unit(mode) - space.to_unit(action)).abs().mean()}
+        if not self.deployment.inputs:
+            unit = torch.from_numpy(self.deployment.unit).to(action)
+            return found | errors(mode * unit, action * unit)
+        at = space.opening
+        wrong = action.new_zeros(()) if at is None else ((mode[:, at] > 0.5) != (action[:, at] > 0.5)).float().mean()
+        return found | {"gripper": wrong}
 
 
 def errors(said: Tensor, action: Tensor) -> dict[str, Tensor]:

@@ -3,6 +3,7 @@
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import lightning.pytorch as pl
 import torch
@@ -13,8 +14,11 @@ from svfl_data.system.side_files import read_json
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.data import CloningData
+from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.metrics import CloningProgress, MetricsFile
 from svfl_models.cloning.module import CloningModule
+from svfl_models.cloning.recorded_inputs import of_plain
+from svfl_models.networks.input_types import plain_inputs
 from svfl_models.networks.presets import THREADS
 from svfl_models.training import run_folder
 from svfl_models.training.trainer import parameter_count, run, storage_errors
@@ -28,7 +32,8 @@ class Result:
     Attributes:
         train_loss: Mean loss of the last epoch on the training episodes.
         valid_loss: Mean loss of the last epoch on the held-out episodes.
-        valid_gripper: Share of the gripper openings that were wrong, 0..1.
+        valid_gripper: Share of the gripper openings that were wrong, 0..1; 0 for an action without a gripper.
+        valid_error: Mean absolute error of the action, as a share of half the range between its bounds.
         valid_xy_mm: Mean distance between predicted and demonstrated (dx, dy), [mm].
         valid_z_mm: Mean distance between predicted and demonstrated dz, [mm].
         valid_turn_deg: Mean absolute difference between predicted and demonstrated dtheta, [deg].
@@ -42,9 +47,10 @@ class Result:
     train_loss: float
     valid_loss: float
     valid_gripper: float
-    valid_xy_mm: float
-    valid_z_mm: float
-    valid_turn_deg: float
+    valid_error: float
+    valid_xy_mm: float | None
+    valid_z_mm: float | None
+    valid_turn_deg: float | None
     episodes: list[int]
     steps: list[int]
     epochs: int
@@ -80,13 +86,12 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
     data = CloningData(config)
     pl.seed_everything(config.seed, verbose=False)
     steps = config.epochs * math.ceil(len(data.train_set) / config.batch_size)
+    network, deployment = network_of(config, data.deployment), data.deployment.plain()
     module = CloningModule(
-        config.network(), data.deployment.plain(), config.view, config.loss, config.learning_rate, steps, config.plain()
-    )
+        network, deployment, config.view, config.loss, config.learning_rate, steps, config.plain()
+    )  # fmt: skip
     typical = data.train_set.typical()
-    module.policy.trunk.normalization.fit(
-        **{name: typical[name].numpy() for name in ("image", "wrench", "proprio") if name in typical}
-    )
+    module.policy.trunk.normalization.fit(**{name: values.numpy() for name, values in typical.items()})
     with run_folder.held(out), storage_errors(out):
         resumed = _interrupted(config, out)
         if resumed is None:
@@ -95,8 +100,10 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
         watching = [metrics, CloningProgress(config.epochs, console or Console())]
         run(module, data, out, watching, resumed, max_epochs=config.epochs)
         last = metrics.rows[-1]
+        absent: dict[str, Any] = dict.fromkeys(("valid_xy_mm", "valid_z_mm", "valid_turn_deg"))
+        found = {name: last[name] for name in Result.__annotations__ if name in last and name != "seconds"}
         result = Result(
-            **{name: last[name] for name in Result.__annotations__ if name in last and name != "seconds"},
+            **absent | found,
             episodes=[len(part.samples.episodes) for part in (data.train_set, data.valid_set)],
             steps=[len(data.train_set), len(data.valid_set)],
             epochs=len(metrics.rows),
@@ -106,6 +113,19 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
         content = {"config": config.plain(), "deployment": data.deployment.plain(), "result": asdict(result)}
         write_json(out / run_folder.RESULT, content)
     return result
+
+
+def network_of(config: CloningConfig, deployment: DeploymentSpec) -> dict[str, Any]:
+    """Return the arguments of `policy.Policy`, plain values, with the user's own inputs and action if there are any.
+
+    Args:
+        config: Configuration of the training.
+        deployment: What the demonstrations have in common.
+    """
+    if not deployment.inputs:
+        return config.network()
+    inputs = plain_inputs([one.network() for one in of_plain(deployment.inputs)])
+    return config.network() | {"inputs": inputs, "action": deployment.action}
 
 
 def _interrupted(config: CloningConfig, out: Path) -> Path | None:

@@ -15,6 +15,7 @@ from svfl_models.symmetry.groups import GROUPS
 EXAMPLE = """\
 svfl-train bc --data data/block_picking --model svfl --encoder vfp --episodes 50 --seed 0 --out out/bc_picking
 svfl-train bc --data data/block_picking --model cnn --encoder vp --episodes 20
+svfl-train bc --data data/mine --group C4 --inputs cameras/front streams/wrench/wrench=64@500 observations/tcp_velocity
 svfl-train evaluate out/bc_picking/checkpoint.ckpt --episodes 100 --workers 2"""
 DEFAULT = CloningConfig(data="")
 
@@ -39,6 +40,13 @@ def add(commands: Commands) -> None:
     add("--encoder", choices=ENCODERS, default=DEFAULT.encoder,
         help="inputs of the network: v for image, f for wrench (force and torque), p for proprioception, or several of "
         "them (default: %(default)s)")  # fmt: skip
+    add("--inputs", nargs="+", default=[], metavar="INPUT",
+        help="inputs of your own in the place of --encoder: cameras (cameras/front), windows of streams with number "
+        "of readings and rate (streams/wrench/wrench=64@500), arrays below observations/; :invariant at the end "
+        "for a sensor or camera on the gripper that does not turn with the world; images are cropped to their "
+        "middle (default: none)")  # fmt: skip
+    add("--action", default=DEFAULT.action, metavar="PATH",
+        help="array with the actions to learn, if --inputs are given (default: %(default)s)")  # fmt: skip
     add("--model", choices=MODELS,
         help="kind of network: svfl is symmetric; cnn is the baseline without symmetry that has about as many "
         "parameters, the same as --group none (default: svfl)")  # fmt: skip
@@ -89,7 +97,8 @@ def run(arguments: argparse.Namespace) -> None:
     del options["command"], options["model"]
     config = CloningConfig(**options)
     if out is None:
-        name = f"bc_{arguments.data.name}_{config.encoder}_{config.group}_{config.episodes}_seed{config.seed}"
+        seen = "own" if config.inputs else config.encoder
+        name = f"bc_{arguments.data.name}_{seen}_{config.group}_{config.episodes}_seed{config.seed}"
         out = Path("out") / name
 
     from svfl_models.cloning import train
@@ -98,10 +107,14 @@ def run(arguments: argparse.Namespace) -> None:
     result = train.train_cloning(config, out)
     (learned, held_out), (steps, _) = result.episodes, result.steps
     say(f"learned {steps} steps of {learned} episodes of {config.data}; on {held_out} held-out ones:")
-    say(
-        f"gripper wrong in {result.valid_gripper:.1%}, (dx, dy) {result.valid_xy_mm:.1f} mm off, "
-        f"dz {result.valid_z_mm:.1f} mm, dtheta {result.valid_turn_deg:.1f} deg"
-    )
+    if result.valid_xy_mm is None:
+        say(f"gripper wrong in {result.valid_gripper:.1%}, action {result.valid_error:.1%} of its bounds off")
+    else:
+        say(
+            f"gripper wrong in {result.valid_gripper:.1%}, (dx, dy) {result.valid_xy_mm:.1f} mm off, "
+            f"dz {result.valid_z_mm:.1f} mm, dtheta {result.valid_turn_deg:.1f} deg"
+        )
     say(f"{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training")
     say(f"checkpoint  {out / run_folder.CHECKPOINT}")
-    say(f"try it      svfl-train evaluate {out / run_folder.CHECKPOINT}")
+    way = "export" if config.inputs else "evaluate"
+    say(f"try it      svfl-train {way} {out / run_folder.CHECKPOINT}{' --out policy.pt2' if config.inputs else ''}")

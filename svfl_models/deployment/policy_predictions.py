@@ -11,7 +11,7 @@ from svfl_data.sampling.windows import latest, wrench_window
 from svfl_data.schema.episode import Camera, Episode
 from svfl_data.schema.robot import Frame, Observation
 from svfl_data.viewer.predictions import Network, Prediction
-from svfl_models.cloning.acting import ActingPolicy
+from svfl_models.cloning.acting import ActingPolicy, refuse_own
 from svfl_models.cloning.gripper_view import corners
 from svfl_models.cloning.module import CloningModule
 from svfl_models.networks.image_crops import crop_at, crop_side, scaled
@@ -35,6 +35,7 @@ def of_module(module: CloningModule, name: str, at_once: int = AT_ONCE) -> Netwo
         A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode lacks the
         policy's camera, or the camera's images have another size than in training.
     """
+    refuse_own(module, name)
     policy = ActingPolicy(module.policy, module.deployment, module.view).eval()
 
     @torch.inference_mode()

@@ -10,6 +10,7 @@ from svfl_data.errors import TrainingError
 from svfl_data.schema.action_fields import planar_action
 from svfl_data.schema.field import Field
 from svfl_data.symmetry import Part
+from svfl_models.networks.input_types import parts_of_plain, plain_parts
 
 DEVIATION_SHARED = ("vector", "axial")
 """Kinds of parts whose components have one standard deviation and one scale, because a rotation mixes them."""
@@ -24,6 +25,7 @@ class ActionSpace:
         low: Smallest command of each component, in its unit.
         high: Largest command of each component, in its unit.
         opening: Index of the component that opens and closes a gripper from 0 to 1; None if there is none.
+        names: Name of each component; empty if they have no names.
 
     Example:
         >>> ActionSpace.of(planar_action(max_move=0.05)).scale[1]
@@ -34,6 +36,7 @@ class ActionSpace:
     low: tuple[float, ...]
     high: tuple[float, ...]
     opening: int | None = None
+    names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         covered = sorted(index for part in self.parts for index in part.index)
@@ -64,18 +67,23 @@ class ActionSpace:
             raise TrainingError(f"{field.path} is declared without bounds, which a network needs")
         low, high = zip(*field.bounds, strict=True)
         opening = field.components.index("opening") if "opening" in field.components else None
-        return cls(parts_of(field, symmetric), low, high, opening)
+        return cls(parts_of(field, symmetric), low, high, opening, field.components)
 
     @classmethod
     def of_plain(cls, values: dict[str, Any]) -> "ActionSpace":
         """Restore a space from the plain values that `plain` returned."""
-        parts = tuple(Part(kind, tuple(index)) for kind, index in values["parts"])
-        return cls(parts, tuple(values["low"]), tuple(values["high"]), values["opening"])
+        return cls(
+            parts_of_plain(values["parts"]),
+            tuple(values["low"]),
+            tuple(values["high"]),
+            values["opening"],
+            tuple(values["names"]),
+        )
 
     def plain(self) -> dict[str, Any]:
         """Return the space as plain values for files."""
-        parts = [[part.kind, list(part.index)] for part in self.parts]
-        return {"parts": parts, "low": list(self.low), "high": list(self.high), "opening": self.opening}
+        bounds = {"low": list(self.low), "high": list(self.high)}
+        return {"parts": plain_parts(self.parts), **bounds, "opening": self.opening, "names": list(self.names)}
 
     def __len__(self) -> int:
         return len(self.low)

@@ -1,17 +1,19 @@
 """Inputs of a network: images, sequences and vectors, each with the way in which it transforms."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 import msgspec
 
 from svfl_data.errors import TrainingError
-from svfl_data.symmetry import PROPRIO_PARTS, Part
+from svfl_data.symmetry import PROPRIO_PARTS, Kind, Part
 from svfl_models.symmetry.actions import Action, act_on_image, act_on_invariant, act_on_parts
 from svfl_models.symmetry.representations import wrench_parts
 
 COLOUR_AND_DEPTH = 4
+MOST_COMPONENTS = 2**16
+"""Largest number of components of an input that is read from a file."""
 
 
 @dataclass(frozen=True)
@@ -99,10 +101,45 @@ def actions_of(inputs: Sequence[NetworkInput]) -> dict[str, Action]:
     }
 
 
+PlainParts = list[tuple[Kind, list[tuple[int, int]]]]
+"""Parts as plain values: the kind, and the indices as ranges, each of first index and index after the last one."""
+
+
+def plain_parts(parts: Sequence[Part]) -> list[Any]:
+    """Return parts as plain values (`PlainParts`), which are short however many components there are."""
+    found = []
+    for part in parts:
+        ranges: list[list[int]] = []
+        for index in part.index:
+            if ranges and ranges[-1][1] == index:
+                ranges[-1][1] += 1
+            else:
+                ranges.append([index, index + 1])
+        found.append([part.kind, ranges])
+    return found
+
+
+def parts_of_plain(values: PlainParts) -> tuple[Part, ...]:
+    """Restore parts from their plain values.
+
+    Raises:
+        TrainingError: If there are more components than any input has.
+    """
+    if sum(stop - first for _, ranges in values for first, stop in ranges) > MOST_COMPONENTS:
+        raise TrainingError(f"an input of a network has more than {MOST_COMPONENTS} components")
+    return tuple(Part(kind, tuple(index for pair in ranges for index in range(*pair))) for kind, ranges in values)
+
+
 def plain_inputs(inputs: Sequence[NetworkInput]) -> list[dict[str, Any]]:
     """Return inputs as plain values for files."""
     kinds = {kind: name for name, kind in _KINDS.items()}
-    return [{"kind": kinds[type(one)], **asdict(one)} for one in inputs]
+    found = []
+    for one in inputs:
+        values = {field.name: getattr(one, field.name) for field in fields(one)}
+        if not isinstance(one, ImageInput):
+            values["parts"] = plain_parts(one.parts)
+        found.append({"kind": kinds[type(one)], **values})
+    return found
 
 
 def inputs_of_plain(values: Sequence[dict[str, Any]]) -> tuple[NetworkInput, ...]:
@@ -112,8 +149,14 @@ def inputs_of_plain(values: Sequence[dict[str, Any]]) -> tuple[NetworkInput, ...
         TrainingError: If the values are not those of inputs.
     """
     try:
-        return tuple(
-            msgspec.convert({k: v for k, v in one.items() if k != "kind"}, _KINDS[one["kind"]]) for one in values
-        )
+        return tuple(_input_of_plain(one) for one in values)
     except (KeyError, TypeError, AttributeError, msgspec.ValidationError) as error:
         raise TrainingError(f"the inputs of a network cannot be read ({error})") from error
+
+
+def _input_of_plain(values: dict[str, Any]) -> NetworkInput:
+    given = {key: value for key, value in values.items() if key != "kind"}
+    kind = _KINDS[values["kind"]]
+    if kind is not ImageInput:
+        given["parts"] = parts_of_plain(msgspec.convert(given["parts"], PlainParts))
+    return msgspec.convert(given, kind)

@@ -22,7 +22,7 @@ from svfl_data.system.stored_zip import stored
 Module = TypeVar("Module", bound=nn.Module)
 LARGEST = 4096
 """Largest integer in the description of a network; the widths of our own networks are at most some hundreds."""
-DEEPEST, LONGEST = 6, 64
+DEEPEST, LONGEST = 8, 64
 """Most levels of nesting in the description of a network, and most values in each of its lists, mappings and texts."""
 
 
