@@ -11,13 +11,15 @@ import numpy as np
 from svfl_data.errors import FieldError
 from svfl_data.schema.action_fields import ACTION, EXPERT_ACTION
 from svfl_data.schema.field import MEANING, Field, attributes, field_fault, parsed
-from svfl_data.schema.fields import CAMERA, EXTRA, FIELDS, PLAIN_KINDS, TIME, harmless
+from svfl_data.schema.fields import CAMERA, EXTRA, FIELDS, TIME, harmless
 from svfl_data.system.printable import printable
 
 OWN = re.compile(r"(observations|actions|labels|streams/[^/]+|cameras/[^/]+)/[^/]+")
 PLACES = "observations/, actions/, labels/, streams/NAME/ or cameras/NAME/"
 CHOSEN = (ACTION, EXPERT_ACTION)
 """Standard paths whose declaration each robot chooses; see `svfl_data.schema.action_fields`."""
+LARGEST_ITEM = {"b": 1, "i": 8, "u": 8, "f": 8, "c": 16, "S": 2**15}
+"""Largest size of an element by NumPy's kind of its type, [bytes]."""
 CONTENT = ("dtype", "shape", "unit", "axes", "about", "components", "parts", "bounds", "delta", "image", "possible")
 _STANDARD = {field.path: field for field in FIELDS}
 _CLOCKS = {field.group: field.shape[0] for field in FIELDS if field.path.endswith("/t_ns")}
@@ -208,11 +210,15 @@ def _check_place(field: Field) -> None:
     if field.group == "labels" and field.grows:
         raise FieldError(f"field {path} has rows, but an episode has each label once")
     try:
-        plain = np.dtype(field.dtype).kind in PLAIN_KINDS
-    except TypeError:
+        dtype = np.dtype(field.dtype)
+        plain = dtype.isnative and 0 < dtype.itemsize <= LARGEST_ITEM.get(dtype.kind, 0)
+    except (TypeError, ValueError, SyntaxError):
         plain = False
     if not plain:
-        raise FieldError(f"field {path} has dtype {printable(field.dtype)}; possible are numbers, booleans and bytes")
+        raise FieldError(
+            f"field {path} has dtype {printable(field.dtype)}; possible are numbers, booleans and byte "
+            "strings in the byte order of this machine"
+        )
 
 
 def _whole(field: Field) -> Field:
