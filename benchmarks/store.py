@@ -135,7 +135,7 @@ def reading(folder: Path, rounds: int, scratch: Path) -> None:
     """
     dataset = Dataset.open(folder)
     packed = pack(dataset, scratch / "packed")
-    cut = {"crop": CROP, "wrench_window": WINDOW}
+    cut = {"crop": CROP, "windows": {"streams/wrench/wrench": WINDOW}}
     sealed, shards = Samples(dataset, **cut), Samples(packed, **cut)
     cached, random = Samples(dataset, cache=True, **cut), Samples(dataset, cache=True, crop_at="random", **cut)
     ways: dict[str, Fetch] = {

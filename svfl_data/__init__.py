@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from svfl_data.schema.episode import MissingField as MissingField
     from svfl_data.schema.field import Field as Field
     from svfl_data.schema.fields import FIELDS as FIELDS
+    from svfl_data.schema.input_spec import InputSpec as InputSpec
+    from svfl_data.schema.input_spec import Window as Window
     from svfl_data.schema.robot import Calibration as Calibration
     from svfl_data.schema.robot import Frame as Frame
     from svfl_data.schema.robot import Observation as Observation
@@ -79,6 +81,7 @@ HOMES = {
     "SvflError": "errors", "Tare": "signals.transforms", "TorchSamples": "sampling.torch_samples", "act": "symmetry",
     "check_dataset": "checks", "check_episode": "checks", "check_file": "checks",
     "compute_statistics": "sampling.statistics", "contact_intervals": "signals.contact",
+    "InputSpec": "schema.input_spec", "Window": "schema.input_spec",
     "image_axes": "schema.robot", "joint_action": "schema.action_fields", "load_split": "sampling.split",
     "merge": "maintenance.merge", "open_dataset": "datasets.dataset",
     "pack": "maintenance.pack", "planar_action": "schema.action_fields", "pose_action": "schema.action_fields",

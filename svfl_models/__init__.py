@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from svfl_models.latent.train import train_latent as train_latent
     from svfl_models.networks.encoders import ForceEncoder as ForceEncoder
     from svfl_models.networks.encoders import Fusion as Fusion
-    from svfl_models.networks.encoders import ProprioEncoder as ProprioEncoder
+    from svfl_models.networks.encoders import VectorEncoder as VectorEncoder
     from svfl_models.networks.encoders import VisionEncoder as VisionEncoder
     from svfl_models.networks.heads import Actor as Actor
     from svfl_models.networks.heads import Critic as Critic
@@ -45,7 +45,7 @@ HOMES = {
     "Actor": "networks.heads", "CenteringClassifier": "centering.classifier", "CloningConfig": "cloning.config",
     "Critic": "networks.heads", "ForceEncoder": "networks.encoders", "Fusion": "networks.encoders",
     "GROUPS": "symmetry.groups", "Group": "symmetry.groups", "LatentConfig": "latent.config",
-    "Policy": "networks.policy", "ProprioEncoder": "networks.encoders", "SymmetricConv": "symmetry.layers",
+    "Policy": "networks.policy", "VectorEncoder": "networks.encoders", "SymmetricConv": "symmetry.layers",
     "SymmetricLinear": "symmetry.layers", "TrainingConfig": "centering.config", "VisionEncoder": "networks.encoders",
     "VisualForceEncoder": "networks.visual_force", "assert_equivariant": "symmetry.testing",
     "equivariance_error": "symmetry.testing", "load_classifier": "centering.checkpoint",

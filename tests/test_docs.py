@@ -69,6 +69,19 @@ def test_the_page_on_recording_can_be_followed_to_the_letter(tmp_path, monkeypat
     episode = read_episode(tmp_path / "data" / "mine" / "episode_000000.hdf5")
     assert [one for one in check_episode(episode) if one.severity == "error"] == []
     assert len(episode.wrench) > 200
+    assert len(episode["streams/left_finger/wrench"]) > 200
+    assert episode["streams/tactile/pressure"].shape[1:] == (2, 16, 16)
+    assert episode.meta.instruction == "wipe the plate"
+    batch = names["batch"]
+    shapes = {
+        "streams/wrench/wrench": (2, 64, 6), "streams/left_finger/wrench": (2, 64, 6),
+        "streams/joints/velocity": (2, 10, 6), "streams/tactile/pressure": (2, 4, 2, 16, 16),
+        "observations/tcp_velocity": (2, 3), "actions/action": (2, 1, 7),
+        "cameras/front/color": (2, 1, 48, 64, 3), "cameras/front/depth": (2, 1, 48, 64),
+        "cameras/wrist/color": (2, 1, 32, 32, 3),
+    }  # fmt: skip
+    assert {path: batch[path].shape for path in shapes} == shapes
+    assert not batch["streams/joints/padding"].any()
     assert names["in_base"](np.diag([1.0, -1.0, -1.0]), np.arange(6.0)).tolist() == [0, -1, -2, 3, -4, -5]
     commands = re.findall(r"^    (svfl-.*)$", (ROOT / "docs" / "recording.md").read_text(), re.M)
     assert len(commands) >= 5

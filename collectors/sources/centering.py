@@ -14,6 +14,7 @@ from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, d
 from collectors.simulation.centering_expert import CollisionExpert
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
+from collectors.sources.declared import declarations_of
 from collectors.sources.simulated import VERSIONS, Simulated
 from collectors.tasks.task import ATTEMPTS, MAX_STEPS, attempt_seed
 from svfl_data.datasets.dataset import Dataset
@@ -90,7 +91,7 @@ class CenteringCollector(Simulated):
         }
         config = self.config() | {"drawn": asdict(scene), "attempt": attempt, "rejected": rejected}
         meta = Meta(TASK, index, self.seed, "expert", True, config, software_versions(*VERSIONS))
-        return Episode(meta, arrays)
+        return Episode(meta, arrays, declarations=declarations_of(self.world))
 
 
 def balanced_direction(seed: int, index: int) -> int:

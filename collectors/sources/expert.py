@@ -11,6 +11,7 @@ from collectors.recording.collection import software_versions
 from collectors.recording.loop import Watcher, record, unwatched
 from collectors.recording.worker import forget
 from collectors.simulation.config import WorldConfig
+from collectors.sources.declared import declarations_of
 from collectors.sources.perturbations import Perturbed
 from collectors.sources.simulated import VERSIONS, Simulated
 from collectors.tasks import task_class
@@ -102,7 +103,7 @@ class ExpertCollector(Simulated):
         meta = Meta(
             self.task, number, self.seed, "expert", success, self.config() | facts, software_versions(*VERSIONS)
         )
-        return Episode(meta, arrays)
+        return Episode(meta, arrays, declarations=declarations_of(self.world))
 
     def _recorded(self, task: Task, policy: Policy, watch: Watcher) -> tuple[dict[str, np.ndarray], bool]:
         """Run a policy on a task that has just been set up; return its arrays and whether the task is achieved."""

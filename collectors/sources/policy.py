@@ -19,6 +19,7 @@ from collectors.recording.collection import software_versions
 from collectors.recording.loop import Watcher, record, unwatched
 from collectors.recording.worker import forget
 from collectors.simulation.config import WorldConfig
+from collectors.sources.declared import declarations_of
 from collectors.sources.simulated import VERSIONS, Simulated
 from collectors.tasks import task_class
 from collectors.tasks.task import MAX_STEPS, POLICY_ATTEMPT, attempt_seed
@@ -95,7 +96,7 @@ class PolicyCollector(Simulated):
         facts = {"drawn": task.drawn(), "index": index, "attempt": POLICY_ATTEMPT, "rejected": []}
         software = software_versions(*VERSIONS)
         meta = Meta(self.task, index, self.seed, "policy", task.success(), self.config() | facts, software)
-        return Episode(meta, arrays)
+        return Episode(meta, arrays, declarations=declarations_of(self.world))
 
     def _act(self, observation: Observation) -> NDArray[np.float32] | None:
         """Return the policy's action, clipped to its bounds so that the recorded action is the one carried out."""

@@ -13,6 +13,7 @@ from collectors.recording.collection import software_versions
 from collectors.recording.live_view import shown
 from collectors.recording.loop import record, unwatched
 from collectors.simulation.config import WorldConfig
+from collectors.sources.declared import declarations_of
 from collectors.sources.simulated import VERSIONS, Simulated
 from collectors.tasks import task_class
 from collectors.tasks.task import POLICY_ATTEMPT, attempt_seed
@@ -164,7 +165,8 @@ class Session:
         self._end, self._tares = "time was up", list[int]()
         self._steps, self._message = 0, "recording"
         self._clock.begin()
-        with EpisodeWriter(self._dataset, meta, constants(self._world)) as writer:
+        declared = declarations_of(self._world.config)
+        with EpisodeWriter(self._dataset, meta, constants(self._world), declared.own) as writer:
             robot = Journaled(self._world, writer)
             with shown(self._viewer, self._scene) if self._viewer else nullcontext(unwatched) as watch:
                 arrays = record(
@@ -187,7 +189,8 @@ class Session:
             facts |= steadiness(beats)
             arrays = arrays | {"extra/teleop/beat_ns": beats}
         config = meta.config | {"teleop": self._about | facts}
-        episode = Episode(replace(meta, index=self._scene, success=success, config=config), arrays)
+        meta = replace(meta, index=self._scene, success=success, config=config)
+        episode = Episode(meta, arrays, declarations=declarations_of(self._world.config))
         self._held.check()
         write_episode(episode, self._dataset.episode_path(self._scene))
         self._saved[self._scene] = success

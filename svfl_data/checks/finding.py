@@ -108,14 +108,22 @@ def longest_run(same: np.ndarray) -> tuple[int, int]:
     return int(starts[best]), int(lengths[best])
 
 
-def travel_m(episode: Episode, start_ns: int, end_ns: int) -> float:
+def travel_m(episode: Episode, start_ns: int, end_ns: int) -> float | None:
     """Return how far the TCP moves between two times: the largest extent of its path along a base axis, [m].
 
     Args:
         episode: Episode to look at.
         start_ns: Beginning of the interval on the episode clock, [ns].
         end_ns: End of the interval on the episode clock, [ns].
+
+    Returns:
+        The distance, or None if neither the proprioception nor the pose of the TCP was recorded.
     """
-    within = (episode.t_ns >= start_ns) & (episode.t_ns <= end_ns)
-    path = episode.proprio[within, 1:4]
+    if episode.has("proprio"):
+        t_ns, position = episode.t_ns, episode.proprio[:, 1:4]
+    elif episode.has("tcp_pose"):
+        t_ns, position = episode.tcp_t_ns, episode.tcp_pose[:, :3]
+    else:
+        return None
+    path = position[(t_ns >= start_ns) & (t_ns <= end_ns)]
     return float(np.ptp(path, axis=0).max()) if len(path) else 0.0

@@ -12,11 +12,16 @@ FROZEN_FRAMES, FROZEN_TRAVEL_M = 5, 0.01  # a camera is frozen if so many images
 
 
 def check_color(episode: Episode, camera: Camera) -> Iterator[Finding]:
-    """Check that no colour image is black or of one grey, and that images do not freeze while the gripper moves."""
-    path = f"cameras/{camera.name}/color"
+    """Check that no colour or grey image is all black or of one grey, and that none freezes while the gripper moves."""
+    for path in episode.declarations.image_paths(camera.name, episode.arrays):
+        if not path.endswith("/depth"):
+            yield from _seen(episode, camera, path)
+
+
+def _seen(episode: Episode, camera: Camera, path: str) -> Iterator[Finding]:
     flat, black, repeated = [], True, []
     previous: np.ndarray | None = None
-    for frame in _images(camera, "color"):
+    for frame in _images(camera, path.rpartition("/")[2]):
         flat.append(frame.min() == frame.max())
         black = black and not (flat[-1] and frame.any())
         if previous is not None:
@@ -42,7 +47,7 @@ def _frozen(episode: Episode, camera: Camera, path: str, repeated: np.ndarray) -
         return
     start, end = int(camera.t_ns[row]), int(camera.t_ns[row + repeats])
     moved = travel_m(episode, start, end)
-    if moved > FROZEN_TRAVEL_M:
+    if moved is not None and moved > FROZEN_TRAVEL_M:
         words = (
             f"frozen picture: {repeats + 1} identical images from {seconds(start)} to {seconds(end)}, "
             f"while the gripper moved by {moved * 1e3:.0f} mm"

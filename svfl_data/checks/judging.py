@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Iterator
 
+from svfl_data.checks.camera_poses import check_poses
 from svfl_data.checks.finding import Finding
 from svfl_data.checks.images import check_color, check_depth
-from svfl_data.checks.motion import check_action, check_label, check_proprio, check_records
+from svfl_data.checks.motion import check_action, check_assumptions, check_label, check_proprio, check_records
 from svfl_data.checks.timestamps import check_coverage, check_gaps, check_jitter, check_order, check_rates
 from svfl_data.checks.wrench import check_saturation, check_stuck, check_tare
 from svfl_data.schema.episode import Camera, Episode
@@ -12,7 +13,7 @@ from svfl_data.schema.episode import Camera, Episode
 STREAM_CHECKS: tuple[Callable[[Episode], Iterator[Finding]], ...] = (
     check_order, check_rates, check_gaps, check_jitter, check_coverage,
     check_saturation, check_stuck, check_tare,
-    check_action, check_proprio, check_label, check_records,
+    check_action, check_proprio, check_label, check_records, check_assumptions, check_poses,
 )  # fmt: skip
 IMAGE_CHECKS: tuple[Callable[[Episode, Camera], Iterator[Finding]], ...] = (check_color, check_depth)
 

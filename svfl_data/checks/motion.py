@@ -6,11 +6,13 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from svfl_data.checks.finding import Finding, error, warning
+from svfl_data.checks.timestamps import clocks
 from svfl_data.errors import FormatError
 from svfl_data.schema.action_bounds import ActionBounds
 from svfl_data.schema.episode import Episode
+from svfl_data.schema.field_words import assumed_words
 from svfl_data.schema.fields import FARTHEST_NS
-from svfl_data.signals.transforms import recorded_transforms
+from svfl_data.signals.transforms import Tare, recorded_transforms
 from svfl_data.symmetry import DIRECTIONS, OFFSET_PARTS, act, points_towards
 
 OUTSIDE_M = 0.03  # contact may push the gripper out of the workspace this far, through an admittance controller
@@ -18,27 +20,36 @@ OPENING = 0.05  # the fingers may stop this far outside their nominal range of 0
 
 
 def check_action(episode: Episode) -> Iterator[Finding]:
-    """Check that actions are within the bounds of the episode's configuration or, if it has none, of the paper.
-
-    The paper is Kohler et al., CoRL 2023; see `svfl_data.schema.action_bounds`.
-    """
-    bounds = ActionBounds.of(episode.meta.config)
-    for name in ("action", "expert_action"):
-        if episode.has(name) and (fault := bounds.fault(getattr(episode, name))):
-            yield error(episode, f"actions/{name}", *fault)
+    """Check that every action is within the bounds that its array declares; beyond assumed bounds is a warning."""
+    for path, actions in episode.arrays.items():
+        field = episode.declarations.at(path) if path.startswith("actions/") else None
+        bounds = ActionBounds.of(field) if field else None
+        if bounds and (fault := bounds.fault(actions)):
+            yield (warning if bounds.assumed else error)(episode, path, *fault)
 
 
 def check_proprio(episode: Episode) -> Iterator[Finding]:
     """Check that the gripper opening is between 0 and 1, and that the TCP is in the workspace."""
+    if not episode.has("proprio"):
+        return
     opening, tcp = episode.proprio[:, 0], episode.proprio[:, 1:4]
     if len(rows := np.flatnonzero(np.abs(opening - 0.5) > 0.5 + OPENING)):
         words = f"gripper opening {opening[rows[0]]:.3g} is not within 0 to 1"
         yield warning(episode, "observations/proprio", int(rows[0]), words)
+    if not episode.has("workspace"):
+        return
     beyond = np.maximum(episode.workspace[:, 0] - tcp, tcp - episode.workspace[:, 1])
     if (beyond > OUTSIDE_M).any():
         row, axis = (int(i) for i in np.argwhere(beyond > OUTSIDE_M)[0])
         words = f"TCP {'xyz'[axis]} = {tcp[row, axis]:.3f} m is {beyond[row, axis] * 1e3:.0f} mm outside the workspace"
         yield warning(episode, "observations/proprio", row, words)
+
+
+def check_assumptions(episode: Episode) -> Iterator[Finding]:
+    """Warn of everything in the declarations that is an assumption, because the source of the data did not say it."""
+    for path in episode.arrays:
+        for words in assumed_words(field) if (field := episode.declarations.at(path)) else ():
+            yield warning(episode, path, None, f"{words}; the source of the data did not say")
 
 
 def check_label(episode: Episode) -> Iterator[Finding]:
@@ -53,7 +64,8 @@ def check_label(episode: Episode) -> Iterator[Finding]:
             yield warning(episode, "labels", None, f"label missing: {' and '.join(missing)}")
         return
     direction = int(episode.label_direction)
-    offsets = [act(camera.image_axes, episode.label_offset, OFFSET_PARTS) for camera in episode.cameras.values()]
+    seen_by = [camera for camera in episode.cameras.values() if camera.has("image_axes")]
+    offsets = [act(camera.image_axes, episode.label_offset, OFFSET_PARTS) for camera in seen_by]
     if offsets and not any(points_towards(direction, offset) for offset in offsets):
         x, y = offsets[0] * 1e3
         words = (
@@ -66,10 +78,13 @@ def check_label(episode: Episode) -> Iterator[Finding]:
 def check_records(episode: Episode) -> Iterator[Finding]:
     """Check that recorded transforms can be applied, and that annotations have a name and lie within the episode."""
     try:
-        recorded_transforms(episode)
+        found = recorded_transforms(episode)
     except FormatError as problem:
         yield error(episode, "transforms", None, str(problem).removeprefix(f"{episode.name}: "))
-    last = max([int(episode.t_ns[-1]), *(int(t_ns) for t_ns in episode.wrench_t_ns[-1:])])
+    else:
+        if episode.has("wrench") and not episode.has("tare") and Tare() in found:
+            yield error(episode, "transforms", None, "the tare is to be subtracted, but the episode has none")
+    last = max(int(t_ns[-1]) for t_ns in clocks(episode).values() if len(t_ns))
     for row, annotation in enumerate(episode.meta.annotations):
         facts: Any = annotation if isinstance(annotation, dict) else {}
         name, start, end = (facts.get(key) for key in ("name", "start_ns", "end_ns"))

@@ -27,6 +27,15 @@ def clocks(episode: Episode) -> dict[str, np.ndarray]:
     }
 
 
+def sampled(episode: Episode) -> dict[str, np.ndarray]:
+    """Return the time stamps, [ns], of all streams but those of events: texts come when something happens."""
+    texts, numbers = set[str](), set[str]()
+    for path, array in episode.arrays.items():
+        if not path.endswith("/t_ns"):
+            (texts if array.dtype.kind == "S" and path.startswith("streams/") else numbers).add(_group(path))
+    return {path: t_ns for path, t_ns in clocks(episode).items() if _group(path) not in texts - numbers}
+
+
 def period_ns(t_ns: np.ndarray) -> float:
     """Return the median of the positive intervals between time stamps, [ns]; 0 if there is no such interval."""
     forward = np.diff(t_ns)
@@ -93,7 +102,7 @@ def check_gaps(episode: Episode) -> Iterator[Finding]:
 
     A wide interval counts as a clock that was set forward if the stream ends after all others by about as much.
     """
-    every = clocks(episode)
+    every = sampled(episode)
     for path, t_ns in every.items():
         intervals, period = np.diff(t_ns), expected_ns(episode, path)
         if not period or not len(intervals):
@@ -145,7 +154,7 @@ def _ends_late(path: str, excess: float, every: dict[str, np.ndarray]) -> bool:
 
 def check_jitter(episode: Episode) -> Iterator[Finding]:
     """Check that the intervals of a stream are about equal, and that mean and median interval give the same rate."""
-    for path, t_ns in clocks(episode).items():
+    for path, t_ns in sampled(episode).items():
         intervals, period, spread = np.diff(t_ns), period_ns(t_ns), _spread(t_ns)
         if spread > JITTER:
             row = int(np.abs(intervals - period).argmax()) + 1
@@ -172,7 +181,7 @@ def check_coverage(episode: Episode) -> Iterator[Finding]:
     if start < 0 or start > CLOCK_START_S * 1e9:
         words = f"the clock does not start with the episode: the first observation is at {seconds(start)}"
         yield warning(episode, "observations/t_ns", 0, words)
-    for path, t_ns in clocks(episode).items():
+    for path, t_ns in sampled(episode).items():
         if not len(t_ns):
             yield warning(episode, path, None, "the stream is empty")
             continue
@@ -184,4 +193,4 @@ def check_coverage(episode: Episode) -> Iterator[Finding]:
             words = f"ends at {seconds(t_ns[-1])}, the last observation is at {seconds(end)}"
             yield warning(episode, path, len(t_ns) - 1, words)
     if not len(episode):
-        yield note(episode, "actions/action", None, "the episode has no actions")
+        yield note(episode, "actions", None, "the episode has no actions")

@@ -6,12 +6,12 @@ configuration, or nowhere. The file is treated like one of the present version: 
 examiner lets HDF5 read it, and all limits of `svfl_data.storage.admission` hold.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 from svfl_data.errors import FieldError, FormatError, OldVersionError
-from svfl_data.schema.action_bounds import ActionBounds
 from svfl_data.schema.action_fields import ACTION, EXPERT_ACTION, expert, planar_action
 from svfl_data.schema.declarations import CHOSEN, Declarations, standard_field
 from svfl_data.schema.episode import Episode
@@ -124,9 +124,13 @@ def _check_meaning(path: str, found: Mapping[str, Any], extent: Extent) -> None:
 
 def _declarations(config: Mapping[str, Any], paths: Iterable[str]) -> Declarations:
     """Return the declarations of an episode: the standard ones, and actions with the bounds of its configuration."""
-    bounds = ActionBounds.of(config)
-    action = planar_action(bounds.move, bounds.turn)
-    if not bounds.declared:
-        action = replace(action, assumed=("bounds",))
+    found = config.get(SIMULATED, config)
+    move, turn = (found.get(name) for name in ("max_move", "max_turn")) if isinstance(found, dict) else (None, None)
+    declared = _positive(move) and _positive(turn)
+    action = planar_action(float(move), float(turn)) if declared else replace(planar_action(), assumed=("bounds",))  # type: ignore[arg-type] # _positive: a number
     actions = {ACTION: action, EXPERT_ACTION: expert(action)}
     return Declarations(actions[path] for path in CHOSEN if path in paths)
+
+
+def _positive(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf

@@ -6,7 +6,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from svfl_data.errors import DatasetError, FieldError
-from svfl_data.schema.action_bounds import ActionBounds
+from svfl_data.schema.action_bounds import ActionBounds, planar_limits
+from svfl_data.schema.action_fields import ACTION, MAX_MOVE_M, MAX_TURN_RAD, planar_action
 from svfl_data.schema.episode import Camera, Episode
 from svfl_data.schema.robot import Optics
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
@@ -57,8 +58,7 @@ class ReplaySpec:
         T_base_camera: Pose of the camera in base, four rows, [m].
         view: View of the images: "camera" for the images of the camera itself, or a description of the view computed
             from them, such as "top, seen from 1 m".
-        action_bounds: Largest displacement along an axis, [m], and largest turn, [rad], of one action. None if they
-            are unknown.
+        action_bounds: Largest displacement along an axis, [m], and largest turn, [rad], of one action.
     """
 
     task: str
@@ -69,7 +69,7 @@ class ReplaySpec:
     intrinsics: Rows
     T_base_camera: Rows
     view: str = "camera"
-    action_bounds: tuple[float, float] | None = None
+    action_bounds: tuple[float, float] = (MAX_MOVE_M, MAX_TURN_RAD)
 
     @classmethod
     def seen_by(
@@ -78,7 +78,7 @@ class ReplaySpec:
         size: tuple[int, int],
         workspace: np.ndarray,
         task: str,
-        action_bounds: tuple[float, float] | None = None,
+        action_bounds: tuple[float, float] = (MAX_MOVE_M, MAX_TURN_RAD),
         view: str = "camera",
     ) -> "ReplaySpec":
         """Return the spec of an agent that sees the images of a camera.
@@ -89,8 +89,7 @@ class ReplaySpec:
             size: Height and width of the images, [px].
             workspace: Lower and upper bounds of x, y, z of the workspace in base, shape (3, 2), [m].
             task: Name of the task.
-            action_bounds: Largest displacement along an axis, [m], and largest turn, [rad], of one action. None if
-                they are unknown.
+            action_bounds: Largest displacement along an axis, [m], and largest turn, [rad], of one action.
             view: View of the images, as for the attribute `view`.
         """
         (a, b), (c, d) = np.asarray(camera.image_axes, np.float64).tolist()
@@ -121,8 +120,9 @@ class ReplaySpec:
             episode: Recorded episode.
             camera: Camera of the episode whose images are used.
         """
-        found = ActionBounds.of(episode.meta.config)
-        bounds = (found.move, found.turn) if found.declared else None
+        action = episode.declarations.at(ACTION)
+        assert action is not None
+        bounds = planar_limits(action)
         height, width = camera.arrays["color"].shape[1:3]
         return cls.seen_by(camera, (height, width), episode.workspace, episode.meta.task, bounds)
 
@@ -140,12 +140,12 @@ class ReplaySpec:
         (height, width), (x, y), bounds = found["size"], found["centre"], found["action_bounds"]
         scale = float(found["depth_scale"])
         axes, lens, pose = ((a, b), (c, d)), _rows(found["intrinsics"]), _rows(found["T_base_camera"])
-        numbers = np.concatenate([np.ravel(part) for part in (axes, (x, y), lens, pose, (scale,), bounds or ())])
+        numbers = np.concatenate([np.ravel(part) for part in (axes, (x, y), lens, pose, (scale,), bounds)])
         if not np.isfinite(numbers).all() or scale <= 0 or min(height, width) < 1:
             raise ValueError("its spec has impossible numbers")
-        bounds = tuple(bounds) if bounds else None
+        move, turn = bounds
         return cls(
-            str(found["task"]), (height, width), scale, axes, (x, y), lens, pose, str(found["view"]), bounds
+            str(found["task"]), (height, width), scale, axes, (x, y), lens, pose, str(found["view"]), (move, turn)
         )  # fmt: skip
 
     def require_equal(self, other: "ReplaySpec", where: str, there: str) -> None:
@@ -170,8 +170,10 @@ class ReplaySpec:
 
     @property
     def bounds(self) -> ActionBounds:
-        """Bounds of an action: `action_bounds`, or the bounds of the paper if they are unknown."""
-        return ActionBounds(*self.action_bounds, origin="the replay buffer") if self.action_bounds else ActionBounds()
+        """Bounds of an action."""
+        found = ActionBounds.of(planar_action(*self.action_bounds))
+        assert found is not None
+        return found
 
     def proprio(self, values: np.ndarray) -> np.ndarray:
         """Transform proprioception from base axes to image-aligned axes, with positions from the workspace centre.

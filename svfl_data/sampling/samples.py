@@ -6,25 +6,26 @@ that the values were taken from.
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import DatasetError, UsageError
+from svfl_data.errors import DatasetError, FieldError, UsageError
 from svfl_data.recording.consistency import check_agreement
 from svfl_data.sampling.frames import Frames, corners, draws
-from svfl_data.sampling.ragged import join, rows_until, starts
-from svfl_data.sampling.windows import WINDOW
+from svfl_data.sampling.ragged import join, rows_of, starts
+from svfl_data.schema.action_fields import ACTION
 from svfl_data.schema.clocks import Clock
-from svfl_data.storage.reader import EpisodeReader, StoredArray
+from svfl_data.schema.input_spec import ACTIONS, EXPERT_ACTION, InputSpec, Window
+from svfl_data.schema.input_spec import PROPRIO as PROPRIO  # imported for users of this module
+from svfl_data.schema.input_spec import WRENCH as WRENCH
+from svfl_data.storage.reader import StoredArray
 from svfl_data.system.progress import progress
 
-TIMES, PROPRIO = "observations/t_ns", "observations/proprio"
-ACTION, EXPERT_ACTION = "actions/action", "actions/expert_action"
-WRENCH, WRENCH_TIMES, TARE = "streams/wrench/wrench", "streams/wrench/t_ns", "streams/wrench/tare"
+TIMES = "observations/t_ns"
 Batch = dict[str, np.ndarray]
 Values = TypeVar("Values", bound=Any)
 
@@ -34,23 +35,28 @@ class Samples:
 
     A sample at step t consists of these entries, whose keys are those of a batch (shapes begin with the batch size B):
 
-    - ``cameras/NAME/color`` (B, K, h, w, 3) uint8 and ``cameras/NAME/depth`` (B, K, h, w) uint16: the last K frames at
-      or before the observation, latest last; ``cameras/NAME/depth_scale`` (B,): metres per unit of depth.
-    - ``streams/wrench/wrench`` (B, T, 6) float32, [N] and [N m], base axes, about the sensor origin: the last T
-      readings at or before the observation, tared.
-    - ``observations/proprio`` (B, 5) float32, as recorded.
-    - ``actions/action`` (B, A, 5) float32: the actions of steps t .. t+A-1.
-    - ``.../padding`` of each camera, of the wrench and of the actions, (B, K), (B, T), (B, A) bool: true where the
-      episode had no frame or reading yet, or has no further action. The nearest frame, reading or action of the
-      episode is repeated there, or zeros are given if there is none. Also true where a frame or reading is from before
-      a break in its stream: a declared gap, or more than 10 periods without a frame or reading
+    - ``cameras/NAME/color`` (B, K, h, w, 3) uint8, ``cameras/NAME/depth`` (B, K, h, w) uint16, and likewise other
+      images of the camera: the last K frames at or before the observation, latest last;
+      ``cameras/NAME/depth_scale`` (B,): metres per unit of depth.
+    - ``streams/wrench/wrench`` (B, T, 6) float32, [N] and [N m], and likewise each array with a window: the last T
+      readings at or before the observation, minus the ``tare`` of the group if it has one.
+    - ``observations/proprio`` (B, 5) float32, and likewise each vector, as recorded.
+    - ``actions/action`` (B, A, 5) float32, and likewise each action: the actions of steps t .. t+A-1.
+    - ``.../padding`` of each camera, of each group of windows and of the actions, (B, K), (B, T), (B, A) bool: true
+      where the episode had no frame or reading yet, or has no further action. The nearest frame, reading or action of
+      the episode is repeated there, or zeros are given if there is none. Also true where a frame or reading is from
+      before a break in its stream: a declared gap, or more than 10 periods without a frame or reading
       (`svfl_data.schema.clocks.Clock`).
-    - ``.../age`` of each camera and of the wrench, (B,) float32: time from the newest frame or reading to the
-      observation, [s]; infinite if there is no frame or reading yet.
+    - ``.../age`` of each camera and of each group of windows, (B,) float32: time from the newest frame or reading to
+      the observation, [s]; infinite if there is no frame or reading yet.
     - The fields that `labels` names, and ``episode`` and ``step`` (B,) int64: index of the sample's episode and number
       of its observation.
 
     Pickling, as for worker processes that are not forked, stores only the settings; the copy reads the files again.
+
+    Attributes:
+        inputs: What is taken at each observation.
+        actions: Paths of the actions that are given.
 
     Example:
         >>> samples = Samples(dataset, frames=2, action_chunk=4)
@@ -58,6 +64,9 @@ class Samples:
         >>> batch["streams/wrench/wrench"].shape, batch["actions/action"].shape
         ((3, 64, 6), (3, 4, 5))
     """
+
+    inputs: InputSpec
+    actions: list[str]
 
     def __init__(
         self,
@@ -67,7 +76,9 @@ class Samples:
         at: Literal["each action", "the end"] = "each action",
         cameras: Sequence[str] | None = None,
         frames: int = 1,
-        wrench_window: int = WINDOW,
+        windows: Mapping[str, Window | int] | None = None,
+        vectors: Sequence[str] | None = None,
+        actions: Sequence[str] | None = None,
         action_chunk: int = 1,
         expert_action: bool = False,
         crop: int | None = None,
@@ -87,7 +98,11 @@ class Samples:
                 ``the end`` gives one sample at the last observation of each episode.
             cameras: Names of the cameras to read. The cameras of the first episode by default.
             frames: Number of frames per camera in each sample, K, at least 1.
-            wrench_window: Number of wrench readings in each sample, T. With 0, samples have no wrench.
+            windows: Window of each stream, or its number of readings T, by the path of the array, such as
+                ``{"streams/wrench/wrench": Window(64, rate_hz=500)}``. By default 64 readings of every array called
+                ``wrench``, and the latest reading of every other stream of the user's own.
+            vectors: Paths of the arrays below ``observations/`` to read. All of them by default.
+            actions: Paths of the actions to read. All but ``actions/expert_action`` by default.
             action_chunk: Number of actions in each sample, A, at least 1.
             expert_action: Whether to give the actions that the expert intended (``actions/expert_action``) instead of
                 the commanded actions, in the episodes that have both.
@@ -103,21 +118,21 @@ class Samples:
         Raises:
             UsageError: If a size is too small, or the crop is larger than the images.
             DatasetError: If there are no samples, an episode is unfit for training, episodes differ in their setup or
-                in the shapes of their fields, or the budget is too small.
+                in the shapes of their fields, a stream has another rate than its window, or the budget is too small.
             FieldError: If an episode lacks a field.
             FormatError: If an episode is damaged.
         """
-        for name, value, least in (
-            ("frames", frames, 1),
-            ("wrench_window", wrench_window, 0),
-            ("action_chunk", action_chunk, 1),
-        ):
-            if value < least:
-                raise UsageError(f"{name} is {value}; it must be at least {least}")
+        if action_chunk < 1:
+            raise UsageError(f"action_chunk is {action_chunk}; it must be at least 1")
         self.dataset, self.episodes = dataset, list(dataset.indices if episodes is None else episodes)
-        self.at, self.cameras, self.labels = at, None if cameras is None else list(cameras), list(labels)
-        self.frames, self.wrench_window, self.action_chunk = frames, wrench_window, action_chunk
-        self.expert_action = expert_action
+        if not self.episodes:
+            raise DatasetError(f"{dataset.path}: no episodes to take samples from")
+        first = dataset.episode(self.episodes[0])
+        self.inputs = InputSpec.of(first.paths, first.declarations, cameras, frames, windows, vectors)
+        recorded = [path for path in first.paths if path.startswith(ACTIONS) and path != EXPERT_ACTION]
+        self.actions = list(recorded if actions is None else actions)
+        self.at, self.labels = at, list(labels)
+        self.action_chunk, self.expert_action = action_chunk, expert_action
         self.crop, self.crop_at, self.seed = crop, crop_at, seed
         self.cache = cache
         self.budget = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2 if budget is None else budget
@@ -152,22 +167,27 @@ class Samples:
         out = {"episode": self._index[episode], "step": self._step[chosen]}
         for path, values in self._constants.items():
             out[path] = values[episode]
-        out[PROPRIO] = self._proprio[self._observation[chosen]]
-        if self.wrench_window:
-            rows, out["streams/wrench/padding"] = self._wrench_rows.last(chosen, self.wrench_window)
-            out["streams/wrench/age"] = self._wrench_rows.age[chosen]
-            out[WRENCH] = self._wrench[rows]
+        for path in self.inputs.vectors:
+            out[path] = self._values[path][self._observation[chosen]]
+        for group, window in self.inputs.groups.items():
+            rows, out[f"{group}/padding"] = self._rows[group].last(chosen, window.length)
+            out[f"{group}/age"] = self._rows[group].age[chosen]
+            for path in self.inputs.windows:
+                if path.rpartition("/")[0] == group:
+                    out[path] = self._values[path][rows]
         rows, out["actions/padding"] = self._action_rows(chosen)
-        out[ACTION] = self._action[rows]
+        for path in self.actions:
+            out[path] = self._values[path][rows]
         fraction = draws(self.seed, epoch, chosen) if self.crop_at == "random" else None
-        for camera, seen in self._frame_rows.items():
-            rows, out[f"cameras/{camera}/padding"] = seen.last(chosen, self.frames)
-            out[f"cameras/{camera}/age"] = seen.age[chosen]
-            for path in (f"cameras/{camera}/color", f"cameras/{camera}/depth"):
-                if path in self._images:
+        for camera in self.inputs.cameras:
+            group = f"cameras/{camera}"
+            rows, out[f"{group}/padding"] = self._rows[group].last(chosen, self.inputs.frames)
+            out[f"{group}/age"] = self._rows[group].age[chosen]
+            for path, images in self._images.items():
+                if path.startswith(f"{group}/"):
                     height, width = self._sizes[path]
                     size = (self.crop, self.crop) if self.crop else (height, width)
-                    out[path] = self._images[path].cut(episode, rows, corners(height, width, size, fraction), size)
+                    out[path] = images.cut(episode, rows, corners(height, width, size, fraction), size)
         return out
 
     def _action_rows(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -179,63 +199,56 @@ class Samples:
 
     def _load(self, validated: bool = False) -> None:
         readers = [self.dataset.episode(index) for index in self.episodes]
-        if not readers:
-            raise DatasetError(f"{self.dataset.path}: no episodes to take samples from")
-        if self.cameras is None:
-            self.cameras = readers[0].cameras
-        check_agreement(self.dataset, self.episodes, self.cameras)
-        needed = [TIMES, PROPRIO, ACTION, *([WRENCH, WRENCH_TIMES, TARE] if self.wrench_window else ()), *self.labels]
-        needed += [f"cameras/{camera}/{name}" for camera in self.cameras for name in ("t_ns", "color")]
-        has_depth = [camera for camera in self.cameras if f"cameras/{camera}/depth" in readers[0]]
-        needed += [f"cameras/{camera}/{name}" for camera in has_depth for name in ("depth", "depth_scale")]
+        cameras = [f"cameras/{camera}" for camera in self.inputs.cameras]
+        check_agreement(self.dataset, self.episodes, self.inputs.cameras)
+        first = readers[0]
+        groups = [*self.inputs.groups, *cameras]
+        for camera in self.inputs.cameras:
+            if camera not in first.cameras:
+                known = ", ".join(first.cameras) or "none"
+                raise FieldError(f"{first.extent}: no camera {camera!r}; there are: {known}")
+        images = [path for one in self.inputs.cameras for path in first.declarations.image_paths(one, first.paths)]
+        tares = [f"{group}/tare" for group in self.inputs.groups if f"{group}/tare" in first]
+        scales = [f"{group}/depth_scale" for group in cameras if f"{group}/depth" in images]
+        needed = [TIMES, *self.inputs.vectors, *self.actions, *self.inputs.windows, *tares, *self.labels, *scales]
+        needed += [*images, *(f"{group}/t_ns" for group in groups)]
         stored = [{path: reader[path] for path in needed} for reader in progress(readers, "opening episodes")]
-        if self.expert_action:
+        if self.expert_action and ACTION in self.actions:
             for of_episode, reader in zip(stored, readers, strict=True):
                 of_episode[ACTION] = reader[EXPERT_ACTION if EXPERT_ACTION in reader else ACTION]
-        self._check(stored, readers)
+        self._check(stored, images)
         if validated:
-            uses = [
-                *(["streams/wrench"] if self.wrench_window else ()),
-                *self.labels,
-                *(f"cameras/{camera}" for camera in self.cameras),
-            ]
-            check_usable(self.dataset, self.episodes, uses)
-
+            check_usable(self.dataset, self.episodes, [*groups, *self.labels])
         arrays = {path: [of_episode[path] for of_episode in stored] for path in needed}
-        images = [path for path in needed if path.endswith(("/color", "/depth"))]
         self._sizes = {path: stored[0][path].shape[1:3] for path in images}
         self._images = {path: Frames.of(arrays[path], self.cache) for path in images}
         values = {path: [_sound(array) for array in arrays[path]] for path in needed if path not in images}
-
-        action_counts = [len(piece) for piece in values[ACTION]]
+        times = values[TIMES]
+        action_counts = [len(piece) - 1 for piece in times]
         steps = [np.arange(count) if self.at == "each action" else np.array([count]) for count in action_counts]
-        now_ns = [times[step] for times, step in zip(values[TIMES], steps, strict=True)]
+        now_ns = [t_ns[step] for t_ns, step in zip(times, steps, strict=True)]
         self._index = np.array(self.episodes, dtype=np.int64)
         self._episode = np.repeat(np.arange(len(steps)), [len(step) for step in steps])
         self._step = np.concatenate(steps).astype(np.int64)
         if not len(self._step):
             raise DatasetError(f"{self.dataset.path}: the episodes have no steps to take samples from")
-        self._observation = starts([len(times) for times in values[TIMES]])[self._episode] + self._step
-        self._proprio, self._action = join(values[PROPRIO]), join(values[ACTION])
-        first = starts(action_counts)
-        self._actions = first, first + action_counts
+        self._observation = starts([len(t_ns) for t_ns in times])[self._episode] + self._step
+        begin = starts(action_counts)
+        self._actions = begin, begin + action_counts
+        self._values = {path: join(values[path]) for path in (*self.inputs.vectors, *self.actions)}
+        for path in self.inputs.windows:
+            tare = values.get(f"{path.rpartition('/')[0]}/tare")
+            pieces = values[path] if tare is None else map(_tared, values[path], tare)
+            self._values[path] = join(list(pieces))
         metas = [reader.meta for reader in readers]
-        self._wrench = np.empty((0, 6), np.float32)
-        if self.wrench_window:
-            raw = zip(values[WRENCH], values[TARE], strict=True)
-            self._wrench = join([(wrench - tare).astype(np.float32) for wrench, tare in raw])
-            clocks = [Clock.of(meta, "streams/wrench") for meta in metas]
-            self._wrench_rows = rows_until(values[WRENCH_TIMES], now_ns, clocks)
-        self._frame_rows = {
-            camera: rows_until(
-                values[f"cameras/{camera}/t_ns"], now_ns, [Clock.of(meta, f"cameras/{camera}") for meta in metas]
-            )
-            for camera in self.cameras
-        }
-        constants = [*self.labels, *(f"cameras/{camera}/depth_scale" for camera in has_depth)]
-        self._constants = {path: np.stack(values[path]) for path in constants}
+        self._rows = {}
+        for group in groups:
+            clocks = [Clock.of(meta, group) for meta in metas]
+            window = self.inputs.groups.get(group, Window())
+            self._rows[group] = rows_of(values[f"{group}/t_ns"], now_ns, clocks, window, group, readers)
+        self._constants = {path: np.stack(values[path]) for path in (*self.labels, *scales)}
 
-    def _check(self, stored: list[dict[str, StoredArray]], readers: list[EpisodeReader]) -> None:
+    def _check(self, stored: list[dict[str, StoredArray]], pictures: Collection[str]) -> None:
         """Refuse episodes with different shapes, and samples that exceed the memory budget, before values are read."""
         for path, array in stored[0].items():
             rows = 0 if path in self.labels or not array.shape else 1
@@ -245,12 +258,12 @@ class Samples:
                         f"{path} is {array.shape[rows:]} in {array.extent}, but {other[path].shape[rows:]} in "
                         f"{other[path].extent}; a batch needs equal shapes"
                     )
-            if self.crop and path.endswith(("/color", "/depth")) and not 1 <= self.crop <= min(array.shape[1:3]):
+            if self.crop and path in pictures and not 1 <= self.crop <= min(array.shape[1:3]):
                 raise UsageError(f"crop is {self.crop} px; {path} has {array.shape[1]} x {array.shape[2]} px")
         small = images = 0
         for path, array in ((path, array) for of_episode in stored for path, array in of_episode.items()):
             size = int(np.prod(array.shape, dtype=np.int64)) * array.dtype.itemsize
-            small, images = (small, images + size) if path.endswith(("/color", "/depth")) else (small + size, images)
+            small, images = (small, images + size) if path in pictures else (small + size, images)
         need = small + (images if self.cache else 0)
         if need > self.budget:
             way = "cache=False, " if self.cache else ""
@@ -267,12 +280,14 @@ class Samples:
         self._load()
 
     def __repr__(self) -> str:
-        size = sum(values.nbytes for values in (self._wrench, self._proprio, self._action))
+        size = sum(values.nbytes for values in self._values.values())
         size += sum(images.memory.nbytes for images in self._images.values() if images.memory is not None)
+        windows = [f"{window.length} of {path}" for path, window in self.inputs.windows.items()]
         return (
             f"Samples({self.dataset.path}: {len(self)} at {self.at} of {len(self.episodes)} episodes, "
-            f"{self.frames} frames of {', '.join(self.cameras or ['no camera'])}, {self.wrench_window} readings, "
-            f"{self.action_chunk} actions, {size / 1e6:.1f} MB in memory)"
+            f"{self.inputs.frames} frames of {', '.join(self.inputs.cameras) or 'no camera'}, readings: "
+            f"{', '.join(windows) or 'none'}, {self.action_chunk} of {', '.join(self.actions)}, "
+            f"{size / 1e6:.1f} MB in memory)"
         )
 
 
@@ -284,6 +299,10 @@ def apart(batch: Mapping[str, Values], count: int) -> list[dict[str, Values]]:
         count: Number of samples in the batch.
     """
     return [{key: values[row] for key, values in batch.items()} for row in range(count)]
+
+
+def _tared(readings: np.ndarray, tare: np.ndarray) -> np.ndarray:
+    return (readings - tare).astype(readings.dtype) if tare.shape == readings.shape[1:] else readings
 
 
 def _sound(array: StoredArray) -> np.ndarray:

@@ -4,9 +4,7 @@ import numpy as np
 
 from svfl_data.schema.clocks import Clock
 from svfl_data.schema.episode import Episode
-
-WINDOW = 64
-"""Number of readings in a wrench window (Kohler et al., CoRL 2023, section 5 and appendix: the last 64 readings)."""
+from svfl_data.schema.input_spec import WINDOW as WINDOW  # imported for users of this module
 
 
 def latest(t_ns: np.ndarray, now_ns: int) -> int:

@@ -1,70 +1,55 @@
-"""Bounds of one action, from the configuration of an episode, or else from the paper (Kohler et al., CoRL 2023).
+"""Comparison of actions with the bounds that their declaration gives."""
 
-A recording with other bounds than the paper's declares them in its configuration, ``Meta.config = {"max_move": 0.1,
-"max_turn": 0.5}``. Simulated episodes have both bounds in ``config["world"]``.
-"""
-
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-MAX_MOVE_M, MAX_TURN_RAD = 0.025, math.pi / 16
-"""Largest displacement along each axis, [m], and largest yaw change, [rad], of one action in the paper (Kohler et al.,
-CoRL 2023, section 5)."""
+from svfl_data.errors import FieldError
+from svfl_data.schema.action_fields import planar_action
+from svfl_data.schema.field import Field
+from svfl_data.schema.field_words import component_names, component_units
+
 ROUNDING = 1e-3
 """Fraction of half the range of a component by which float32 actions may exceed their bounds."""
-DECLARED = "config"
-COMPONENTS = (("the gripper opening", ""), ("dx", " m"), ("dy", " m"), ("dz", " m"), ("dtheta", " rad"))
 
 
 @dataclass(frozen=True)
 class ActionBounds:
-    """Bounds of an action (gripper opening, dx, dy, dz, dtheta).
+    """Bounds of an action with C components.
 
     Attributes:
-        move: Largest magnitude of dx, dy and dz, [m].
-        turn: Largest magnitude of dtheta, [rad].
-        origin: Source of the bounds in words, which is ``config`` if the configuration of the episode declares them.
+        low: Smallest action, shape (C,), in the units of the components.
+        high: Largest action, shape (C,).
+        names: Name of each component.
+        units: Unit of each component; empty if it has none.
+        assumed: Whether the bounds are an assumption, because the source of the data did not say.
     """
 
-    move: float = MAX_MOVE_M
-    turn: float = MAX_TURN_RAD
-    origin: str = "the paper, the config says none"
+    low: np.ndarray
+    high: np.ndarray
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    assumed: bool = False
 
     @classmethod
-    def of(cls, config: Mapping[str, Any]) -> "ActionBounds":
-        """Return the bounds that the configuration of an episode declares, or else those of the paper.
+    def of(cls, field: Field) -> "ActionBounds | None":
+        """Return the bounds of a declared action; None if it is declared without bounds.
 
         Args:
-            config: Configuration of the episode (`Meta.config`).
+            field: Declaration of the action.
         """
-        found = config.get("world", config)
-        move, turn = (found.get(name) for name in ("max_move", "max_turn")) if isinstance(found, dict) else (None, None)
-        return cls(float(move), float(turn), DECLARED) if _positive(move) and _positive(turn) else cls()  # type: ignore[arg-type] # _positive: a number
-
-    @property
-    def declared(self) -> bool:
-        """Whether the configuration of the episode declares the bounds."""
-        return self.origin == DECLARED
-
-    @property
-    def low(self) -> np.ndarray:
-        """Smallest action, shape (5,), [-, m, m, m, rad]."""
-        return np.array([0.0, -self.move, -self.move, -self.move, -self.turn])
-
-    @property
-    def high(self) -> np.ndarray:
-        """Largest action, shape (5,), [-, m, m, m, rad]."""
-        return np.array([1.0, self.move, self.move, self.move, self.turn])
+        if not field.bounds:
+            return None
+        low, high = np.array(field.bounds).T
+        row = (len(low),)
+        names, units = tuple(component_names(field, row)), tuple(component_units(field, row))
+        return cls(low, high, names, units, "bounds" in field.assumed)
 
     def outside(self, actions: np.ndarray) -> np.ndarray:
         """Return which components of actions are beyond the bounds.
 
         Args:
-            actions: Actions, shape (..., 5).
+            actions: Actions, shape (..., C).
 
         Returns:
             True for each component that is beyond its bounds, same shape, bool.
@@ -76,7 +61,7 @@ class ActionBounds:
         """Return the first action that is beyond the bounds, and what is wrong with it.
 
         Args:
-            actions: Actions, shape (N, 5).
+            actions: Actions, shape (N, C).
 
         Returns:
             Row of the action and a description of the fault, or None if all actions are within the bounds.
@@ -85,12 +70,28 @@ class ActionBounds:
         if not outside.any():
             return None
         row, column = (int(i) for i in np.argwhere(outside)[0])
-        name, unit = COMPONENTS[column]
+        unit = f" {self.units[column]}" if self.units[column] else ""
         return row, (
-            f"{name} is {actions[row, column]:.4g}{unit}, outside {self.low[column]:.4g} to {self.high[column]:.4g}"
-            f"{unit} (bounds: {self.origin}); {outside.any(axis=1).sum()} of {len(actions)} actions are out of bounds"
+            f"{self.names[column]} is {actions[row, column]:.4g}{unit}, outside {self.low[column]:.4g} to "
+            f"{self.high[column]:.4g}{unit} ({'assumed' if self.assumed else 'declared'} bounds); "
+            f"{outside.any(axis=1).sum()} of {len(actions)} actions are out of bounds"
         )
 
 
-def _positive(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf
+def planar_limits(field: Field) -> tuple[float, float]:
+    """Return the largest displacement along an axis, [m], and the largest turn, [rad], of a planar action.
+
+    Args:
+        field: Declaration of ``actions/action``.
+
+    Raises:
+        FieldError: If the action is another one than gripper opening, dx, dy, dz and dtheta, or has no bounds.
+    """
+    move, turn = (field.bounds[1][1], field.bounds[4][1]) if len(field.bounds) == 5 else (0.0, 0.0)
+    if not (move > 0 and turn > 0) or field.bounds != planar_action(move, turn).bounds:
+        found = ", ".join(field.components) or f"{field.shape_words} without names"
+        raise FieldError(
+            f"{field.path} has the components {found}; this needs the planar action (opening, dx, dy, dz, dtheta) with "
+            "equal bounds of dx, dy and dz"
+        )
+    return move, turn

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from svfl_data.errors import DatasetError
-from svfl_data.schema.declarations import STANDARD, Declarations, standard_field
+from svfl_data.schema.declarations import CHOSEN, STANDARD, Declarations, standard_field
 from svfl_data.schema.episode import Meta
 from svfl_data.schema.field import MEANING, Field, attributes
 
@@ -92,6 +92,11 @@ class Setup(msgspec.Struct, frozen=True):
             rows={**self.rows, **_rows(arrays, declarations)},
         )
 
+    def facts(self) -> dict[str, Any]:
+        """Return all facts by name; an action that is not declared is the standard one."""
+        standard = {f"{DECLARED}{path}": _texts(field) for path in CHOSEN if (field := standard_field(path))}
+        return {**self.numbers, **self.rows, **standard, **self.declared}
+
     @property
     def cameras(self) -> set[str]:
         """Names of the cameras of the episode."""
@@ -165,7 +170,7 @@ class Common:
         """
         self.varies |= set(setup.varies)
         self._first = self._first or (where, setup.cameras)
-        for name, value in [*setup.numbers.items(), *setup.rows.items(), *setup.declared.items()]:
+        for name, value in setup.facts().items():
             self._facts.setdefault(name, (where, value))
 
     def differences(self, setup: Setup, whole: bool = True) -> Iterator[Difference]:
@@ -183,7 +188,7 @@ class Common:
             if self._compared(f"cameras/{camera}/intrinsics", setup):
                 words = ("missing", "present") if camera in cameras else ("present", "missing")
                 yield Difference(f"cameras/{camera}", *words, where)
-        own: dict[str, Any] = {**setup.numbers, **setup.rows, **setup.declared}
+        own = setup.facts()
         for name, (where, value) in self._facts.items():
             if not self._compared(name, setup):
                 continue

@@ -2,7 +2,7 @@
 
 The raw stream in the file stays as the sensor gave it. `Meta.transforms` lists the transforms in the order in which
 they are applied, each as a JSON object with a `name` and its parameters. A file without such a list is tared with its
-own tare.
+own tare, if it has one.
 """
 
 from collections.abc import Iterable
@@ -196,12 +196,12 @@ def from_record(record: dict[str, Any], where: str) -> Transform:
 
 
 def recorded_transforms(episode: Episode) -> list[Transform]:
-    """Return the recorded transforms of an episode in order, or its own tare if it records none.
+    """Return the recorded transforms of an episode in order, or its own tare, if it has one, if it records none.
 
     Raises:
         FormatError: If a recorded transform is unknown or has an impossible parameter.
     """
-    records = episode.meta.transforms or [as_record(Tare())]
+    records = episode.meta.transforms or ([as_record(Tare())] if episode.has("tare") else [])
     return [from_record(record, episode.name) for record in records]
 
 

@@ -35,7 +35,11 @@ def expect_fit(
     """
     for name in (name for name in INPUTS[encoder] if name in GROUPED):
         values = torch.from_numpy(getattr(samples, name))
-        normalised = normalization.image(values).movedim(1, -1) if name == "image" else normalization.wrench(values)
+        normalised = (
+            normalization.scaled("image", values).movedim(1, -1)
+            if name == "image"
+            else normalization.scaled("wrench", values)
+        )
         for what, components in GROUPED[name].items():
             size = float(normalised[..., components].square().mean().sqrt())
             if not LEAST <= size <= MOST:

@@ -15,9 +15,9 @@ from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.gripper_view import corners
 from svfl_models.cloning.module import CloningModule
+from svfl_models.networks.action_space import PLANAR
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, scaled
 from svfl_models.networks.policy import Policy
-from svfl_models.networks.squashed_gaussian import to_unit
 from svfl_models.programs import exported_policy
 from svfl_models.programs.program import TOLERANCE, from_bytes
 from svfl_models.symmetry.ordinary import plain
@@ -160,7 +160,7 @@ def _difference(module: CloningModule, content: bytes) -> float:
     for _ in range(TRIALS):
         inputs = _inputs(module, lambda *shape: torch.rand(shape, generator=generator))
         (told,) = program(*inputs)
-        said, expected = (to_unit(answer / unit) for answer in (told, network(*inputs)))
+        said, expected = (PLANAR.to_unit(answer / unit) for answer in (told, network(*inputs)))
         worst = torch.maximum(worst, (said - expected).abs().max())
     return float(worst)
 

@@ -59,10 +59,11 @@ class Demonstrations(TorchDataset[Batch]):
         self.sees = "v" in config.encoder
         cameras = [deployment.camera] if self.sees else []
         self.feels = "f" in config.encoder
-        window = WINDOW if self.feels else 0
+        windows = {WRENCH: WINDOW} if self.feels else {}
         self.samples = Samples(
-            dataset, episodes, cameras=cameras, wrench_window=window, expert_action=True, cache=True, validated=False
-        )
+            dataset, episodes, cameras=cameras, windows=windows, vectors=[PROPRIO], actions=[ACTION],
+            expert_action=True, cache=True, validated=False,
+        )  # fmt: skip
         self.deployment, self.config, self.random = deployment, config, random
         self.axes = np.array(deployment.image_axes)
         self.projection = torch.tensor(deployment.projection, dtype=torch.float32)

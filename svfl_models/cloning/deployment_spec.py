@@ -9,11 +9,12 @@ import numpy as np
 
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, TrainingError
-from svfl_data.schema.action_bounds import MAX_MOVE_M, MAX_TURN_RAD, ActionBounds
+from svfl_data.schema.action_bounds import planar_limits
+from svfl_data.schema.action_fields import ACTION, MAX_MOVE_M, MAX_TURN_RAD, planar_action
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.printable import printable
 from svfl_models.cloning.gripper_view import projection
-from svfl_models.networks.squashed_gaussian import SCALE
+from svfl_models.networks.action_space import PLANAR
 
 UNEVEN, OTHER_RATE = 1.1, 1.5
 """Ratios of the longest to the shortest step duration among episodes. Above `UNEVEN` a message is printed; above
@@ -91,12 +92,15 @@ class DeploymentSpec:
     @property
     def unit(self) -> np.ndarray:
         """Factors from the network's action bounds (the paper's) to those of the demonstrations, shape (5,)."""
-        return np.array([1.0, *3 * [self.max_move / SCALE[1]], self.max_turn / SCALE[4]], dtype=np.float32)
+        return np.array(
+            [1.0, *3 * [self.max_move / PLANAR.scale[1]], self.max_turn / PLANAR.scale[4]], dtype=np.float32
+        )
 
     @property
-    def bounds(self) -> ActionBounds:
-        """Bounds of an action of the demonstrations."""
-        return ActionBounds(self.max_move, self.max_turn)
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Smallest and largest action of the demonstrations, each of shape (5,), [-, m, m, m, rad]."""
+        low, high = np.array(planar_action(self.max_move, self.max_turn).bounds).T
+        return low, high
 
 
 def deployment_of(
@@ -135,10 +139,12 @@ def deployment_of(
 
 
 def _of_episode(reader: EpisodeReader, camera: str | None, encoder: str) -> DeploymentSpec:
-    bounds = ActionBounds.of(reader.meta.config)
+    action = reader.declarations.at(ACTION)
+    assert action is not None
+    max_move, max_turn = planar_limits(action)
     seen = _seen(reader, camera) if "v" in encoder else {}
     return replace(
-        DeploymentSpec(task=reader.meta.task, max_move=bounds.move, max_turn=bounds.turn),
+        DeploymentSpec(task=reader.meta.task, max_move=max_move, max_turn=max_turn),
         **seen,
         centre=np.round(reader["workspace"][:2].mean(axis=1), 9).tolist() if "p" in encoder else [0.0, 0.0],
         step_ms=float(np.median(np.diff(reader["observations/t_ns"][:])) / 1e6) if len(reader) else 0.0,

@@ -154,8 +154,7 @@ class Trial:
         action = self.policy(image, wrench, proprio)[0].numpy()
         if not np.isfinite(action).all():
             raise TrainingError(f"{self.name}: the policy's action is not finite: {action.tolist()}")
-        bounds = self.policy.deployment.bounds
-        return np.clip(action, bounds.low, bounds.high).astype(np.float32)
+        return np.clip(action, *self.policy.deployment.bounds).astype(np.float32)
 
 
 def _expect_same(environment: Any, deployment: DeploymentSpec, name: str) -> None:  # noqa: ANN401 - gymnasium's, wrapped

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from svfl_models.networks.squashed_gaussian import SquashedGaussian, to_physical, to_unit
+from svfl_models.networks.squashed_gaussian import SquashedGaussian
 
 INNER = 0.99
 """Largest size of a component, as a share of its bound, that a demonstrated action is limited to before its likelihood
@@ -35,14 +35,17 @@ def action_error(policy: SquashedGaussian, action: Tensor) -> Tensor:
 
     Args:
         policy: Distribution of the policy's actions for B samples.
-        action: Demonstrated actions within the bounds of the network, shape (B, 5).
+        action: Demonstrated actions within the bounds of the network, shape (B, C).
 
     Returns:
         Loss of each sample, shape (B,).
     """
-    opening = functional.binary_cross_entropy_with_logits(2 * policy.mean[:, 0], action[:, 0], reduction="none")
-    rest = torch.tanh(policy.mean[:, 1:]) - to_unit(action)[:, 1:]
-    return opening + rest.square().sum(dim=-1)
+    at, rest = policy.space.opening, torch.tanh(policy.mean) - policy.space.to_unit(action)
+    if at is None:
+        return rest.square().sum(dim=-1)
+    opening = functional.binary_cross_entropy_with_logits(2 * policy.mean[:, at], action[:, at], reduction="none")
+    others = [index for index in range(len(policy.space)) if index != at]
+    return opening + rest[:, others].square().sum(dim=-1)
 
 
 def surprise(policy: SquashedGaussian, action: Tensor) -> Tensor:
@@ -52,14 +55,14 @@ def surprise(policy: SquashedGaussian, action: Tensor) -> Tensor:
 
     Args:
         policy: Distribution of the policy's actions for B samples.
-        action: Demonstrated actions within the bounds of the network, shape (B, 5).
+        action: Demonstrated actions within the bounds of the network, shape (B, C).
 
     Returns:
         Loss of each sample, shape (B,).
     """
     above = LOG_SIGMA_FLOOR + functional.softplus(policy.log_sigma - LOG_SIGMA_FLOOR)  # smooth: keeps a gradient
-    inside = to_physical(to_unit(action).clamp(-INNER, INNER))
-    return -SquashedGaussian(policy.mean, above).log_prob(inside)
+    inside = policy.space.to_physical(policy.space.to_unit(action).clamp(-INNER, INNER))
+    return -SquashedGaussian(policy.mean, above, policy.space).log_prob(inside)
 
 
 LOSSES: dict[str, Loss] = {"action": action_error, "likelihood": surprise}

@@ -23,7 +23,6 @@ from svfl_data.symmetry import DIRECTIONS
 from svfl_data.system.atomic_io import write_atomically
 from svfl_models.centering.classifier import CenteringClassifier
 from svfl_models.centering.latent_trunk import LatentTrunk
-from svfl_models.networks.encoders import IMAGE_CHANNELS
 from svfl_models.networks.image_crops import CROP
 from svfl_models.networks.visual_force import Batch
 from svfl_models.programs.program import TOLERANCE, from_bytes
@@ -148,10 +147,7 @@ def inputs(classifier: CenteringClassifier) -> dict[str, tuple[int, ...]]:
     if isinstance(trunk, LatentTrunk):
         raise TrainingError("a classifier on a latent encoder cannot be exported; those of V, F and V+F can")
     found: dict[str, tuple[int, ...]] = {}
-    if trunk.vision is not None:
-        found["image"] = (IMAGE_CHANNELS, trunk.image_size, trunk.image_size)
-    if trunk.force is not None:
-        found["wrench"] = (trunk.window, 6)
+    found |= {name: trunk.shape(name) for name in trunk.inputs}
     return found
 
 
@@ -210,10 +206,10 @@ def random_batch(classifier: CenteringClassifier, samples: int) -> Batch:
     generator, normalization = torch.Generator().manual_seed(0), classifier.trunk.normalization
     batch = {name: torch.randn(samples, *shape, generator=generator) for name, shape in inputs(classifier).items()}
     if "image" in batch:
-        mean, scale = (values[:, None, None] for values in (normalization.image_mean, normalization.image_scale))
+        mean, scale = (values[:, None, None] for values in (normalization.mean("image"), normalization.scale("image")))
         batch["image"] = batch["image"] * scale.cpu() + mean.cpu()
     if "wrench" in batch:
-        batch["wrench"] = batch["wrench"] * normalization.wrench_scale.cpu() + normalization.wrench_mean.cpu()
+        batch["wrench"] = batch["wrench"] * normalization.scale("wrench").cpu() + normalization.mean("wrench").cpu()
     return batch
 
 

@@ -8,8 +8,8 @@ from torch import Tensor, nn
 
 from svfl_data.errors import TrainingError
 from svfl_models.latent.config import MODALITIES
+from svfl_models.networks.action_space import PLANAR
 from svfl_models.networks.normalization import Normalization
-from svfl_models.networks.squashed_gaussian import to_unit
 
 IMAGE_SIZE, WINDOW, PROPRIO = 64, 64, 6
 SHAPES = {"image": (4, IMAGE_SIZE, IMAGE_SIZE), "wrench": (WINDOW, 6), "proprio": (5,)}
@@ -37,7 +37,7 @@ class Inputs(nn.Module):
             wrench: Wrench windows in image-aligned axes, shape (N, 64, 6), [N] and [N m].
             proprio: Proprioception in image-aligned axes, (x, y) relative to the workspace centre, shape (N, 5).
         """
-        self.normalization.fit(image, wrench, proprio)
+        self.normalization.fit(image=image, wrench=wrench, proprio=proprio)
 
     def forward(self, batch: Mapping[str, Tensor], only: Sequence[str] = MODALITIES) -> Batch:
         """Return the inputs of an encoder.
@@ -56,12 +56,12 @@ class Inputs(nn.Module):
 
     def image(self, image: Tensor) -> Tensor:
         """Scale colour and depth, shape (..., 4, H, W); a pixel without depth (0) gets the mean depth."""
-        scaled = self.normalization.image(image)
+        scaled = self.normalization.scaled("image", image)
         return torch.cat([scaled[..., :3, :, :], scaled[..., 3:, :, :] * (image[..., 3:, :, :] > 0)], dim=-3)
 
     def wrench(self, wrench: Tensor) -> Tensor:
         """Scale wrench windows, shape (..., 64, 6)."""
-        return torch.asinh(self.normalization.wrench(wrench))
+        return torch.asinh(self.normalization.scaled("wrench", wrench))
 
     def proprio(self, proprio: Tensor) -> Tensor:
         """Scale proprioception (..., 5) to (..., 6): opening, x, y, z, then cosine and sine of twice the yaw.
@@ -69,11 +69,11 @@ class Inputs(nn.Module):
         The yaw is doubled because a gripper with two fingers looks the same after half a turn.
         """
         yaw = 2 * proprio[..., 4:]
-        return torch.cat([self.normalization.proprio(proprio)[..., :4], yaw.cos(), yaw.sin()], dim=-1)
+        return torch.cat([self.normalization.scaled("proprio", proprio)[..., :4], yaw.cos(), yaw.sin()], dim=-1)
 
     def action(self, action: Tensor) -> Tensor:
         """Scale actions, shape (..., 5), to -1..1 in each component."""
-        return to_unit(action)
+        return PLANAR.to_unit(action)
 
 
 def _expect(batch: Mapping[str, Tensor], name: str) -> Tensor:

@@ -91,7 +91,7 @@ class Objective:
             return {}
         image = batch["image"].flatten(0, 1)
         unit = image.new_tensor([1.0, 1.0, 1.0, DEPTH_UNIT])[:, None, None]
-        target = (image - network.inputs.normalization.image_mean[:, None, None]) / unit
+        target = (image - network.inputs.normalization.mean("image")[:, None, None]) / unit
         nats = _nats(network.decoder(seen.states.state.flatten(0, 1)) - target)
         valid = (image[:, 3] > 0).float()
         frames, pixels = batch["image"].shape[1], image[0, 0].numel()

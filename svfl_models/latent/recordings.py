@@ -10,7 +10,8 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.recording.consistency import check_agreement
 from svfl_data.sampling.windows import WINDOW, latest
-from svfl_data.schema.action_bounds import ActionBounds
+from svfl_data.schema.action_bounds import planar_limits
+from svfl_data.schema.action_fields import ACTION
 from svfl_data.schema.episode import Camera, Episode
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.system.progress import progress
@@ -90,7 +91,8 @@ def _check_alike(episodes: Sequence[Episode], dataset: Dataset) -> None:
     tasks = sorted({episode.meta.task for episode in episodes})
     if len(tasks) > 1:
         raise DatasetError(f"{dataset.path}: holds episodes of {', '.join(tasks)}; --mixed learns from all of them")
-    limits = sorted({(bounds.move, bounds.turn) for bounds in (ActionBounds.of(one.meta.config) for one in episodes)})
+    actions = [field for episode in episodes if (field := episode.declarations.at(ACTION))]
+    limits = sorted({planar_limits(field) for field in actions})
     if len(limits) > 1:
         found = " and ".join(f"{move:g} m, {turn:g} rad" for move, turn in limits)
         raise DatasetError(f"{dataset.path}: actions have different limits, {found}; --mixed learns from all of them")

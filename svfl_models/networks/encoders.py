@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from svfl_data.symmetry import PROPRIO_PARTS, Part
+from svfl_models.networks.baselines import PlainLayers
 from svfl_models.networks.inputs import IMAGE_SIZES
 from svfl_models.networks.layer_factory import Layers, T
 from svfl_models.symmetry.representations import stored
@@ -33,6 +34,7 @@ class VisionEncoder(nn.Module):
         widths: Numbers of units after the first six convolutions.
         latent: Number of units of the output.
         size: Height and width of the images, one of `inputs.IMAGE_SIZES`, [px].
+        channels: Number of channels of the images.
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
@@ -41,16 +43,18 @@ class VisionEncoder(nn.Module):
         torch.Size([2, 32])
     """
 
-    def __init__(self, layers: Layers[T], widths: Sequence[int], latent: int, size: int = 64) -> None:
+    def __init__(
+        self, layers: Layers[T], widths: Sequence[int], latent: int, size: int = 64, channels: int = IMAGE_CHANNELS
+    ) -> None:
         super().__init__()
-        types = [layers.image(IMAGE_CHANNELS), *(layers.hidden(width) for width in (*widths, latent))]
+        types = [layers.image(channels), *(layers.hidden(width) for width in (*widths, latent))]
         self.convolutions = nn.ModuleList(
             layers.conv(types[i], types[i + 1], 3, padding) for i, padding in enumerate(PADDINGS)
         )
         self.pooled = {*range(IMAGE_SIZES.index(size)), 5}  # followed by a pooling: `size` to 8, then 6 to 3
 
     def forward(self, image: Tensor) -> Tensor:
-        """Map normalised images, shape (B, 4, size, size), to features, shape (B, C)."""
+        """Map normalised images, shape (B, channels, size, size), to features, shape (B, C)."""
         x = image.contiguous(memory_format=torch.channels_last)  # this is a quarter faster on a CPU at these widths
         for i, convolution in enumerate(self.convolutions):
             x = convolution(x)
@@ -58,6 +62,29 @@ class VisionEncoder(nn.Module):
                 x = functional.max_pool2d(x, 2)  # commutes with the ReLU, which then has a quarter of the pixels
             x = functional.relu(x)
         return x.flatten(1)  # (B, C, 1, 1) -> (B, C)
+
+
+class InvariantVision(nn.Module):
+    """Image encoder for images that do not turn with the world, such as those of a camera on the gripper.
+
+    A plain network maps the image to invariants, and a map of the layer factory makes features of them.
+
+    Args:
+        layers: Layer factory of the network that the features are for.
+        widths: Numbers of units after the first six convolutions, of the plain network.
+        latent: Number of units of the output.
+        size: Height and width of the images, one of `inputs.IMAGE_SIZES`, [px].
+        channels: Number of channels of the images.
+    """
+
+    def __init__(self, layers: Layers[T], widths: Sequence[int], latent: int, size: int, channels: int) -> None:
+        super().__init__()
+        self.vision = VisionEncoder(PlainLayers(), widths, latent, size, channels)
+        self.map = layers.linear(layers.vector((Part("invariant", tuple(range(latent))),)), layers.hidden(latent))
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Map normalised images, shape (B, channels, size, size), to features, shape (B, C)."""
+        return functional.relu(self.map(self.vision(image)))
 
 
 class SelfAttention(nn.Module):
@@ -96,7 +123,7 @@ class ForceEncoder(nn.Module):
 
     Args:
         layers: Layer factory that the encoder is built from.
-        parts: Parts that say how the six components of a reading transform, see `representations.wrench_parts`.
+        parts: Parts that say how the components of a reading transform, see `representations.wrench_parts`.
         window: Number of readings T in a window.
         width: Number of units per reading.
         heads: Number of attention heads, which must divide `width`.
@@ -123,7 +150,7 @@ class ForceEncoder(nn.Module):
         self.readout = layers.linear(layers.hidden(window * width), layers.hidden(latent))
 
     def forward(self, wrench: Tensor) -> Tensor:
-        """Map normalised wrench windows in image-aligned axes, shape (B, T, 6), to features, shape (B, C)."""
+        """Map normalised windows in image-aligned axes, shape (B, T, C), to features, shape (B, C')."""
         x = functional.relu(self.embed(stored(self.parts, wrench))) + self.position
         x = self.attention(x)
         return functional.relu(self.readout(x.flatten(1)))  # (B, T, fields * copies) -> (B, T * fields * copies)
@@ -149,37 +176,40 @@ def position_encoding(window: int, width: int) -> Tensor:
     return torch.where(unit % 2 == 0, torch.sin(place * frequency), torch.cos(place * frequency))
 
 
-class ProprioEncoder(nn.Module):
-    """Proprioception encoder: a four-layer perceptron of the opening, position and yaw of the gripper.
+class VectorEncoder(nn.Module):
+    """Encoder of a vector, such as proprioception: a four-layer perceptron.
 
     Args:
         layers: Layer factory that the encoder is built from.
         widths: Numbers of units after the first three layers.
         latent: Number of units of the output.
+        parts: Parts of the vector; by default those of proprioception (gripper opening, x, y, z, yaw).
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
-        >>> ProprioEncoder(layer_factory(GROUPS["D4"]), widths=(4, 4, 4), latent=8)(torch.randn(2, 5)).shape
+        >>> VectorEncoder(layer_factory(GROUPS["D4"]), widths=(4, 4, 4), latent=8)(torch.randn(2, 5)).shape
         torch.Size([2, 64])
     """
 
-    def __init__(self, layers: Layers[T], widths: Sequence[int], latent: int) -> None:
+    def __init__(
+        self, layers: Layers[T], widths: Sequence[int], latent: int, parts: tuple[Part, ...] = PROPRIO_PARTS
+    ) -> None:
         super().__init__()
-        types = [layers.vector(PROPRIO_PARTS), *(layers.hidden(width) for width in (*widths, latent))]
+        self.parts = parts
+        types = [layers.vector(parts), *(layers.hidden(width) for width in (*widths, latent))]
         self.maps = nn.ModuleList(layers.linear(source, target) for source, target in pairwise(types))
 
-    def forward(self, proprio: Tensor) -> Tensor:
-        """Map normalised proprioception to features.
+    def forward(self, vector: Tensor) -> Tensor:
+        """Map normalised vectors to features.
 
         Args:
-            proprio: Gripper opening, x, y, z and yaw, shape (B, 5), in image-aligned axes. All but the yaw are
-                normalised. x and y are relative to the centre of the workspace, about which images are rotated. The
-                yaw is in [rad].
+            vector: Components, shape (B, C), in image-aligned axes. All but angles are normalised. Positions are
+                relative to the centre of the workspace, about which images are rotated. Angles are in [rad].
 
         Returns:
             Features, shape (B, C).
         """
-        x = stored(PROPRIO_PARTS, proprio)  # yaw x of a two-fingered gripper becomes (cos 2x, sin 2x)
+        x = stored(self.parts, vector)  # yaw x of a two-fingered gripper becomes (cos 2x, sin 2x)
         for linear in self.maps:
             x = functional.relu(linear(x))
         return x

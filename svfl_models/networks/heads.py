@@ -9,17 +9,13 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from svfl_data.symmetry import ACTION_PARTS, OFFSET_PARTS, Part
+from svfl_data.symmetry import OFFSET_PARTS
+from svfl_models.networks.action_space import PLANAR, ActionSpace
 from svfl_models.networks.baselines import PlainLayers
 from svfl_models.networks.layer_factory import Layers, T
-from svfl_models.networks.squashed_gaussian import SquashedGaussian, to_unit
+from svfl_models.networks.squashed_gaussian import SquashedGaussian
 from svfl_models.symmetry.representations import physical, stored
 
-POLICY_PARTS = (*ACTION_PARTS, Part("invariant", (5, 6, 7, 8)))
-"""Parts of an actor's output: the mean of an action before squashing (5 components), then the logarithms of the
-standard deviations of gripper opening, of dx and dy together, of dz and of dtheta."""
-DEVIATION_OF = [5, 6, 6, 7, 8]
-"""Index in `POLICY_PARTS` of the standard deviation of each component of an action; dx and dy share one."""
 LOG_SIGMA = (-20.0, 2.0)
 """Bounds to which the logarithm of a standard deviation is clamped, as in the reference implementation."""
 NARROWEST = 8
@@ -58,14 +54,15 @@ class OffsetHead(nn.Module):
 class Actor(nn.Module):
     """Head of three linear maps that gives a distribution of actions.
 
-    Each hidden layer is half as wide as the layer before it, but has at least `NARROWEST` units. (dx, dy) is a vector,
-    dtheta is a pseudoscalar, and the other components are invariant. dx and dy share one standard deviation, which is
+    Each hidden layer is half as wide as the layer before it, but has at least `NARROWEST` units. The mean consists of
+    the parts of the action. The components of a vector, such as dx and dy, share one standard deviation, which is
     invariant: two separate ones would have to change places when the world is turned by a quarter, which invariants
     cannot do (see `squashed_gaussian`).
 
     Args:
         layers: Layer factory that the actor is built from.
         latent: Number of units of the features.
+        space: Parts and bounds of the action; by default those of the paper's planar action.
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
@@ -74,11 +71,14 @@ class Actor(nn.Module):
         torch.Size([2, 5])
     """
 
-    def __init__(self, layers: Layers[T], latent: int) -> None:
+    def __init__(self, layers: Layers[T], latent: int, space: ActionSpace = PLANAR) -> None:
         super().__init__()
+        self.space = space
         widths = (latent, max(latent // 2, NARROWEST), max(latent // 4, NARROWEST))
         hidden = [layers.hidden(width) for width in widths]
-        self.maps = nn.ModuleList(layers.linear(*types) for types in pairwise([*hidden, layers.vector(POLICY_PARTS)]))
+        self.maps = nn.ModuleList(
+            layers.linear(*types) for types in pairwise([*hidden, layers.vector(space.policy_parts)])
+        )
 
     def forward(self, features: Tensor) -> SquashedGaussian:
         """Map features, shape (B, C), to one distribution of actions per sample, in image-aligned axes."""
@@ -86,8 +86,9 @@ class Actor(nn.Module):
         x = features
         for linear in hidden:
             x = functional.relu(linear(x))
-        policy = physical(POLICY_PARTS, last(x))
-        return SquashedGaussian(policy[:, : len(DEVIATION_OF)], policy[:, DEVIATION_OF].clamp(*LOG_SIGMA))
+        policy, count = physical(self.space.policy_parts, last(x)), len(self.space)
+        deviations = policy[:, [count + number for number in self.space.deviation_of]]
+        return SquashedGaussian(policy[:, :count], deviations.clamp(*LOG_SIGMA), self.space)
 
 
 class Critic(nn.Module):
@@ -96,6 +97,7 @@ class Critic(nn.Module):
     Args:
         layers: Layer factory that the critic is built from.
         latent: Number of units of the features.
+        space: Parts and bounds of the action; by default those of the paper's planar action.
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
@@ -104,10 +106,11 @@ class Critic(nn.Module):
         torch.Size([2, 2])
     """
 
-    def __init__(self, layers: Layers[T], latent: int) -> None:
+    def __init__(self, layers: Layers[T], latent: int, space: ActionSpace = PLANAR) -> None:
         super().__init__()
+        self.space = space
         hidden = layers.hidden(latent)
-        source = layers.joined([hidden, layers.vector(ACTION_PARTS)])
+        source = layers.joined([hidden, layers.vector(space.parts)])
         self.maps = nn.ModuleList(layers.linear(source, hidden) for _ in range(2))
         self.values = nn.ModuleList(PlainLayers().linear(latent, 1) for _ in range(2))
         self.copies = layers.copies
@@ -117,12 +120,12 @@ class Critic(nn.Module):
 
         Args:
             features: Features of the observations, shape (B, C).
-            action: Actions, shape (B, 5): gripper opening 0..1, dx, dy, dz [m], dtheta [rad], in image-aligned axes.
+            action: Actions in physical units, shape (B, C), in image-aligned axes.
 
         Returns:
             Two values per sample, shape (B, 2).
         """
-        x = torch.cat([features, stored(ACTION_PARTS, to_unit(action))], dim=-1)
+        x = torch.cat([features, stored(self.space.parts, self.space.to_unit(action))], dim=-1)
         values = []
         for linear, value in zip(self.maps, self.values, strict=True):
             invariant = functional.relu(linear(x)).unflatten(-1, (-1, self.copies)).amax(dim=-1)  # (B, units)

@@ -5,66 +5,79 @@ Otherwise normalising a rotated input would not give the rotated normalised inpu
 samples alone. They are buffers of the module, so that a checkpoint contains them.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from svfl_data.errors import TrainingError
 from svfl_data.sampling.statistics import statistics
-from svfl_data.symmetry import PROPRIO_PARTS, WRENCH_PARTS, Part
-
-IMAGE_PARTS = tuple(Part("invariant", (channel,)) for channel in range(4))
+from svfl_data.symmetry import Part
+from svfl_models.networks.input_types import ImageInput, NetworkInput, paper_inputs
 
 
 class Normalization(nn.Module):
-    """Mean and scale of image channels, wrench and proprioception; the identity until `fit` is called.
+    """Mean and scale of each input of a network; the identity until `fit` is called.
 
-    The yaw is not changed, because it enters a network as the cosine and sine of its double.
+    Angles are not changed, because they enter a network as the cosine and sine of their double.
+
+    Args:
+        inputs: Inputs of the network; by default the paper's image, wrench and proprioception.
     """
 
-    image_mean: Tensor
-    image_scale: Tensor
-    wrench_mean: Tensor
-    wrench_scale: Tensor
-    proprio_mean: Tensor
-    proprio_scale: Tensor
-
-    def __init__(self) -> None:
+    def __init__(self, inputs: Sequence[NetworkInput] = paper_inputs("vfp")) -> None:
         super().__init__()
-        for name, components in (("image", 4), ("wrench", 6), ("proprio", 5)):
-            self.register_buffer(f"{name}_mean", torch.zeros(components))
-            self.register_buffer(f"{name}_scale", torch.ones(components))
+        self.inputs = {one.name: one for one in inputs}
+        for name, one in self.inputs.items():
+            count = sum(len(part.index) for part in _parts(one))
+            self.register_buffer(f"{name}_mean", torch.zeros(count))
+            self.register_buffer(f"{name}_scale", torch.ones(count))
 
-    def fit(
-        self, image: np.ndarray | None = None, wrench: np.ndarray | None = None, proprio: np.ndarray | None = None
-    ) -> None:
+    def fit(self, **values: np.ndarray | None) -> None:
         """Set means and scales to the statistics of the training samples.
 
-        Inputs that are None keep their means and scales.
+        Args:
+            values: Physical values of each input by its name: images (S, channels, H, W), windows (S, T, C) or vectors
+                (S, C). Inputs that are not given, or are None, keep their means and scales; values of other names are
+                ignored.
+        """
+        for name, given in values.items():
+            if given is None or name not in self.inputs:
+                continue
+            one = self.inputs[name]
+            last = np.moveaxis(given, 1, -1) if isinstance(one, ImageInput) else given
+            mean, scale = statistics(last, [part for part in _parts(one) if part.kind != "angle"])
+            self.mean(name).copy_(torch.from_numpy(mean))
+            self.scale(name).copy_(torch.from_numpy(scale))
+
+    def mean(self, name: str) -> Tensor:
+        """Return the mean that is subtracted from each component or channel of an input, shape (C,)."""
+        return self.get_buffer(f"{name}_mean")
+
+    def scale(self, name: str) -> Tensor:
+        """Return the scale that each component or channel of an input is divided by, shape (C,)."""
+        return self.get_buffer(f"{name}_scale")
+
+    def scaled(self, name: str, values: Tensor) -> Tensor:
+        """Return the normalised values of an input, of the same shape, dimensionless but for angles.
 
         Args:
-            image: Images, shape (S, 4, H, W): colour / 255, then depth in [m].
-            wrench: Wrench windows, shape (S, T, 6), [N] and [N m].
-            proprio: Proprioception, shape (S, 5), with (x, y) relative to the workspace centre.
+            name: Name of the input.
+            values: Physical values: images (..., channels, H, W), windows (..., T, C) or vectors (..., C).
+
+        Raises:
+            TrainingError: If the network has no such input.
         """
-        given = (
-            ("image", None if image is None else np.moveaxis(image, 1, -1), IMAGE_PARTS),
-            ("wrench", wrench, WRENCH_PARTS),
-            ("proprio", proprio, tuple(part for part in PROPRIO_PARTS if part.kind != "angle")),
-        )
-        for name, values, parts in given:
-            if values is not None:
-                mean, scale = statistics(values, parts)
-                getattr(self, f"{name}_mean").copy_(torch.from_numpy(mean))
-                getattr(self, f"{name}_scale").copy_(torch.from_numpy(scale))
+        if name not in self.inputs:
+            raise TrainingError(f"no input {name!r}; there are {', '.join(self.inputs)}")
+        mean, scale = self.mean(name), self.scale(name)
+        if isinstance(self.inputs[name], ImageInput):
+            mean, scale = mean[:, None, None], scale[:, None, None]
+        return (values - mean) / scale
 
-    def image(self, image: Tensor) -> Tensor:
-        """Return normalised images, dimensionless, of the same shape (B, 4, H, W) as the input."""
-        return (image - self.image_mean[:, None, None]) / self.image_scale[:, None, None]
 
-    def wrench(self, wrench: Tensor) -> Tensor:
-        """Return normalised wrench windows, dimensionless, of the same shape (B, T, 6) as the input."""
-        return (wrench - self.wrench_mean) / self.wrench_scale
-
-    def proprio(self, proprio: Tensor) -> Tensor:
-        """Return normalised proprioception, of the same shape (B, 5) as the input, dimensionless but for the yaw."""
-        return (proprio - self.proprio_mean) / self.proprio_scale
+def _parts(one: NetworkInput) -> Sequence[Part]:
+    if isinstance(one, ImageInput):
+        return [Part("invariant", (channel,)) for channel in range(one.channels)]
+    return one.parts

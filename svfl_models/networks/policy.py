@@ -1,10 +1,15 @@
 """A policy, which maps the camera image, wrench window and proprioception to a distribution of actions."""
 
+from collections.abc import Sequence
+from typing import Any
+
 from torch import nn
 
 from svfl_data.errors import TrainingError
 from svfl_data.sampling.windows import WINDOW
+from svfl_models.networks.action_space import PLANAR, ActionSpace
 from svfl_models.networks.heads import Actor
+from svfl_models.networks.input_types import inputs_of_plain
 from svfl_models.networks.layer_factory import Layers, layer_factory
 from svfl_models.networks.presets import PRESETS
 from svfl_models.networks.squashed_gaussian import SquashedGaussian
@@ -16,14 +21,19 @@ class Policy(nn.Module):
     """Policy network of a trunk and an actor (Kohler et al., CoRL 2023, section 4), symmetric or plain.
 
     Args:
-        encoder: Inputs of the policy: ``v`` image, ``f`` wrench window, ``p`` proprioception, or several, e.g. ``vfp``.
+        encoder: Inputs of the policy by the short names of the paper's: ``v`` image, ``f`` wrench window, ``p``
+            proprioception, or several, e.g. ``vfp``.
         group: Name of the symmetry group, one of `groups.GROUPS`; ``none`` builds the parameter-matched CNN baseline.
         preset: Name of the network's sizes, one of `presets.PRESETS`.
         image_size: Height and width of the images, one of `inputs.IMAGE_SIZES`, [px].
         window: Number of readings T per wrench window.
+        inputs: Inputs of the policy as plain values (`input_types.plain_inputs`), in the place of `encoder`. None for
+            the paper's inputs.
+        action: Parts and bounds of the action as plain values (`ActionSpace.plain`). None for the paper's planar
+            action.
 
     Raises:
-        TrainingError: If there is no such group or preset.
+        TrainingError: If there is no such group or preset, or inputs or action cannot be read.
 
     Example:
         >>> policy = Policy("fp", preset="tiny")
@@ -38,6 +48,8 @@ class Policy(nn.Module):
         preset: str = "default",
         image_size: int = 64,
         window: int = WINDOW,
+        inputs: Sequence[dict[str, Any]] | None = None,
+        action: dict[str, Any] | None = None,
     ) -> None:
         super().__init__()
         if preset not in PRESETS:
@@ -45,8 +57,9 @@ class Policy(nn.Module):
         self.group = group_named(group)
         layers: Layers = layer_factory(self.group)
         widths = PRESETS[preset]["cnn" if self.group == GROUPS["none"] else "svfl"]
-        self.trunk = VisualForceEncoder(layers, widths, encoder, image_size, window)
-        self.actor = Actor(layers, widths.latent)
+        given = encoder if inputs is None else inputs_of_plain(inputs)
+        self.trunk = VisualForceEncoder(layers, widths, given, image_size, window)
+        self.actor = Actor(layers, widths.latent, PLANAR if action is None else ActionSpace.of_plain(action))
 
     def forward(self, batch: Batch) -> SquashedGaussian:
         """Return the distribution of actions for each sample of a batch, in image-aligned axes.

@@ -15,40 +15,11 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-CENTRE = (0.5, 0.0, 0.0, 0.0, 0.0)
-SCALE = (0.5, 0.025, 0.025, 0.025, math.pi / 16)
-"""Half the width of an action's bounds, which are `CENTRE` +- `SCALE`: gripper opening 0..1, dx, dy, dz [m], dtheta
-[rad] (Kohler et al., CoRL 2023, section 5)."""
+from svfl_models.networks.action_space import PLANAR, ActionSpace
 
 INSIDE = 1 - 1e-6
 """Largest absolute value of a component in units of the bounds when its density is computed. An action on a bound, such
 as a closed gripper, is clamped to this value, because u is infinite at the bound itself."""
-
-
-def to_unit(action: Tensor) -> Tensor:
-    """Scale physical actions to -1..1 in every component.
-
-    The scaling commutes with the group, because dx and dy share one scale.
-
-    Args:
-        action: Actions, shape (..., 5): gripper opening 0..1, dx, dy, dz [m], dtheta [rad].
-
-    Returns:
-        The scaled actions, of the same shape, dimensionless.
-    """
-    return (action - action.new_tensor(CENTRE)) / action.new_tensor(SCALE)
-
-
-def to_physical(unit: Tensor) -> Tensor:
-    """Scale actions of -1..1 back to physical units, which is the inverse of `to_unit`.
-
-    Args:
-        unit: Scaled actions, shape (..., 5), dimensionless.
-
-    Returns:
-        Actions of the same shape: gripper opening 0..1, dx, dy, dz [m], dtheta [rad].
-    """
-    return unit.new_tensor(CENTRE) + unit.new_tensor(SCALE) * unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,26 +27,29 @@ class SquashedGaussian:
     """A distribution of actions for each sample, in which the components are independent of each other.
 
     Attributes:
-        mean: Mean of u, the action before the tanh, in the order of `svfl_data.symmetry.ACTION_PARTS`, shape (B, 5).
-        log_sigma: Natural logarithm of the standard deviations of u, shape (B, 5); dx and dy have the same one.
+        mean: Mean of u, the action before the tanh, shape (B, C).
+        log_sigma: Natural logarithm of the standard deviations of u, shape (B, C); the components of a vector, such as
+            dx and dy, have the same one.
+        space: Parts and bounds of the action; by default those of the paper's planar action.
     """
 
     mean: Tensor
     log_sigma: Tensor
+    space: ActionSpace = PLANAR
 
     @property
     def mode(self) -> Tensor:
-        """The action that belongs to the mean, shape (B, 5), which a policy takes when it does not explore."""
-        return to_physical(torch.tanh(self.mean))
+        """The action that belongs to the mean, shape (B, C), which a policy takes when it does not explore."""
+        return self.space.to_physical(torch.tanh(self.mean))
 
     def sample(self, noise: Tensor | None = None) -> Tensor:
         """Draw one action per sample, differentiable in mean and standard deviation.
 
         Args:
-            noise: Standard normal numbers, shape (B, 5). None means that they are drawn.
+            noise: Standard normal numbers, shape (B, C). None means that they are drawn.
 
         Returns:
-            Actions in physical units, shape (B, 5).
+            Actions in physical units, shape (B, C).
         """
         return self.sample_with_log_prob(noise)[0]
 
@@ -85,29 +59,29 @@ class SquashedGaussian:
         The density is computed from u itself, so that it is exact even where the tanh is near the bounds.
 
         Args:
-            noise: Standard normal numbers, shape (B, 5). None means that they are drawn.
+            noise: Standard normal numbers, shape (B, C). None means that they are drawn.
 
         Returns:
-            Actions in physical units, shape (B, 5), and the logarithms of their densities, shape (B,).
+            Actions in physical units, shape (B, C), and the logarithms of their densities, shape (B,).
         """
         if noise is None:
             noise = torch.randn_like(self.mean)
         u = self.mean + self.log_sigma.exp() * noise
-        return to_physical(torch.tanh(u)), self._log_density(u, noise)
+        return self.space.to_physical(torch.tanh(u)), self._log_density(u, noise)
 
     def log_prob(self, action: Tensor) -> Tensor:
         """Return the logarithm of the density of actions, per physical unit of each component.
 
         Args:
-            action: Actions in physical units, shape (B, 5), within the bounds.
+            action: Actions in physical units, shape (B, C), within the bounds.
 
         Returns:
             Natural logarithms of the densities, shape (B,).
         """
-        u = torch.atanh(to_unit(action).clamp(-INSIDE, INSIDE))
+        u = torch.atanh(self.space.to_unit(action).clamp(-INSIDE, INSIDE))
         return self._log_density(u, (u - self.mean) / self.log_sigma.exp())
 
     def _log_density(self, u: Tensor, noise: Tensor) -> Tensor:
         normal = -0.5 * noise.square() - self.log_sigma - 0.5 * math.log(2 * math.pi)
         log_slope = 2 * (math.log(2) - u - functional.softplus(-2 * u))  # log(1 - tanh(u)^2), without its underflow
-        return (normal - log_slope - u.new_tensor(SCALE).log()).sum(dim=-1)
+        return (normal - log_slope - u.new_tensor(self.space.scale).log()).sum(dim=-1)

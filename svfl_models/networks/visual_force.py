@@ -1,18 +1,20 @@
-"""The trunk of every network here: it maps the camera image, wrench window and proprioception to one feature vector."""
+"""The trunk of every network here: it maps images, windows of readings and vectors to one feature vector."""
+
+from collections.abc import Sequence
 
 from torch import Tensor, nn
 
 from svfl_data.errors import TrainingError
-from svfl_models.networks.encoders import IMAGE_CHANNELS, ForceEncoder, Fusion, ProprioEncoder, VisionEncoder
+from svfl_models.networks.encoders import ForceEncoder, Fusion, InvariantVision, VectorEncoder, VisionEncoder
+from svfl_models.networks.input_types import ImageInput, NetworkInput, SequenceInput, paper_inputs
 from svfl_models.networks.layer_factory import Layers
 from svfl_models.networks.normalization import Normalization
 from svfl_models.networks.presets import Widths
-from svfl_models.symmetry.representations import wrench_parts
 
 Batch = dict[str, Tensor]
-"""Inputs of a network by name, with vectors in image-aligned axes. ``image`` (B, 4, H, H): colour / 255, then depth in
-[m]. ``wrench`` (B, T, 6): force [N], then torque [N m]. ``proprio`` (B, 5): gripper opening 0..1, x and y relative to
-the workspace centre and z [m], yaw [rad]."""
+"""Inputs of a network by name, with vectors in image-aligned axes. The paper's inputs are ``image`` (B, 4, H, H):
+colour / 255, then depth in [m]; ``wrench`` (B, T, 6): force [N], then torque [N m]; ``proprio`` (B, 5): gripper opening
+0..1, x and y relative to the workspace centre and z [m], yaw [rad]."""
 
 
 class VisualForceEncoder(nn.Module):
@@ -21,10 +23,15 @@ class VisualForceEncoder(nn.Module):
     Args:
         layers: Layer factory that the network is built from, which decides whether the network is symmetric.
         widths: Numbers of units of each part of the network.
-        inputs: Inputs of the network: ``v`` image, ``f`` wrench window, ``p`` proprioception, or several, e.g. ``vfp``.
+        inputs: Inputs of the network (`input_types`), or the short names of the paper's: ``v`` image, ``f`` wrench
+            window, ``p`` proprioception, or several, e.g. ``vfp``.
         image_size: Height and width of the images, one of `inputs.IMAGE_SIZES`, [px].
-        window: Number of readings T per wrench window.
-        torque: How a torque transforms: ``axial``, or the paper's ``polar`` (see `representations.wrench_parts`).
+        window: Number of readings T per wrench window, if the inputs are given by short names.
+        torque: How a torque transforms, if the inputs are given by short names: ``axial``, or the paper's ``polar``
+            (see `representations.wrench_parts`).
+
+    Raises:
+        TrainingError: If there is no input, or two have the same name.
 
     Example:
         >>> from svfl_models.networks.layer_factory import layer_factory
@@ -38,23 +45,32 @@ class VisualForceEncoder(nn.Module):
         self,
         layers: Layers,
         widths: Widths,
-        inputs: str = "vf",
+        inputs: str | Sequence[NetworkInput] = "vf",
         image_size: int = 64,
         window: int = 64,
         torque: str = "axial",
     ) -> None:
         super().__init__()
+        given = paper_inputs(inputs, window, torque) if isinstance(inputs, str) else tuple(inputs)
+        self.inputs = {one.name: one for one in given}
+        if not given or len(self.inputs) < len(given):
+            raise TrainingError(f"a network needs inputs with different names, got {[one.name for one in given]}")
         self.image_size, self.window = image_size, window
-        self.normalization = Normalization()
-        latent = widths.latent
-        self.vision = VisionEncoder(layers, widths.vision, latent, image_size) if "v" in inputs else None
-        self.force = (
-            ForceEncoder(layers, wrench_parts(torque), window, widths.force, widths.heads, latent)
-            if "f" in inputs
-            else None
-        )
-        self.proprio = ProprioEncoder(layers, widths.proprio, latent) if "p" in inputs else None
-        self.fusion = Fusion(layers, len(inputs), latent)
+        self.normalization = Normalization(given)
+        self.encoders = nn.ModuleList(_encoder(one, layers, widths, image_size) for one in given)
+        self.fusion = Fusion(layers, len(given), widths.latent)
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Return the shape of an input without the batch dimension.
+
+        Args:
+            name: Name of the input.
+        """
+        one = self.inputs[name]
+        if isinstance(one, ImageInput):
+            return (one.channels, self.image_size, self.image_size)
+        components = sum(len(part.index) for part in one.parts)
+        return (one.length, components) if isinstance(one, SequenceInput) else (components,)
 
     def forward(self, batch: Batch) -> Tensor:
         """Return the fused features of a batch.
@@ -69,14 +85,19 @@ class VisualForceEncoder(nn.Module):
             TrainingError: If an input is missing or has a shape that the network was not built for.
         """
         features = []
-        if self.vision is not None:
-            image = _expect(batch, "image", (IMAGE_CHANNELS, self.image_size, self.image_size))
-            features.append(self.vision(self.normalization.image(image)))
-        if self.force is not None:
-            features.append(self.force(self.normalization.wrench(_expect(batch, "wrench", (self.window, 6)))))
-        if self.proprio is not None:
-            features.append(self.proprio(self.normalization.proprio(_expect(batch, "proprio", (5,)))))
+        for name, encoder in zip(self.inputs, self.encoders, strict=True):
+            values = _expect(batch, name, self.shape(name))
+            features.append(encoder(self.normalization.scaled(name, values)))
         return self.fusion(features)
+
+
+def _encoder(one: NetworkInput, layers: Layers, widths: Widths, image_size: int) -> nn.Module:
+    if isinstance(one, ImageInput):
+        kind = VisionEncoder if one.moves == "pixels" else InvariantVision
+        return kind(layers, widths.vision, widths.latent, image_size, one.channels)
+    if isinstance(one, SequenceInput):
+        return ForceEncoder(layers, one.parts, one.length, widths.force, widths.heads, widths.latent)
+    return VectorEncoder(layers, widths.proprio, widths.latent, one.parts)
 
 
 def _expect(batch: Batch, name: str, shape: tuple[int, ...]) -> Tensor:

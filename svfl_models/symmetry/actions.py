@@ -7,7 +7,7 @@ idea of a transformation can still disagree with physics (a mirrored torque, a f
 All matrices are orthogonal, of shape (2, 2), in image-aligned axes (x right, y up).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import torch
@@ -36,13 +36,15 @@ PARTS: dict[str, tuple[Part, ...]] = {
 """Parts of the last axis of those entries of a batch that are made of parts, by name of the entry."""
 
 
-def act_on_batch(matrix: np.ndarray, batch: Batch) -> Batch:
+def act_on_batch(matrix: np.ndarray, batch: Batch, own: Mapping[str, Action] | None = None) -> Batch:
     """Rotate or mirror the world that a batch shows.
 
     Args:
         matrix: Matrix of the group element, shape (2, 2).
         batch: Some or all of the entries ``image`` (B, C, H, H); ``wrench`` (..., 6); ``proprio`` (..., 5), with (x, y)
-            relative to the workspace centre; ``action`` (..., 5); ``offset`` (..., 2); ``direction`` (...), classes.
+            relative to the workspace centre; ``action`` (..., 5); ``offset`` (..., 2); ``direction`` (...), classes;
+            and the entries of `own`.
+        own: Actions on further entries, or on these in another form, by name, such as `act_on_parts`.
 
     Returns:
         The transformed batch. Elements other than quarter turns and flips move pixels by interpolation, which is not
@@ -54,7 +56,9 @@ def act_on_batch(matrix: np.ndarray, batch: Batch) -> Batch:
     """
     moved = {}
     for name, values in batch.items():
-        if name == "image":
+        if own and name in own:
+            moved[name] = own[name](matrix, values)
+        elif name == "image":
             moved[name] = act_on_image(matrix, values)
         elif name == "direction":
             moved[name] = direction_permutation(matrix, values.device)[values]

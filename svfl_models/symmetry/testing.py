@@ -8,7 +8,7 @@ The actions on inputs and outputs come from `svfl_models.symmetry.actions`, neve
 """
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -32,6 +32,7 @@ def equivariance_error(
     group: Group = GROUPS["D4"],
     act_on_output: Action = act_on_scores,
     elements: Sequence[np.ndarray] | None = None,
+    own: Mapping[str, Action] | None = None,
 ) -> list[float]:
     """Return the relative error of f(g x) = g f(x) for each group element g.
 
@@ -42,6 +43,7 @@ def equivariance_error(
         act_on_output: How the output should transform: `actions.act_on_scores`, ``act_on_hidden(group)``,
             ``act_on_parts(OFFSET_PARTS)``, `act_on_invariant`, or a function of your own.
         elements: Matrices of the elements to try, each of shape (2, 2). None means all elements of the group.
+        own: Actions on inputs that are not the paper's, by name, see `actions.act_on_batch`.
 
     Returns:
         ``|f(g x) - g f(x)| / |f(x)|`` for each element: 0 if a function is exactly equivariant, of order 1 if it is not
@@ -63,7 +65,7 @@ def equivariance_error(
             "the output is zero everywhere, which every action leaves alone: this check would prove nothing"
         )
     return [
-        float((function(act_on_batch(g, batch)) - act_on_output(g, output)).norm()) / size
+        float((function(act_on_batch(g, batch, own)) - act_on_output(g, output)).norm()) / size
         for g in (group.elements if elements is None else elements)
     ]
 
@@ -75,6 +77,7 @@ def assert_equivariant(
     act_on_output: Action = act_on_scores,
     elements: Sequence[np.ndarray] | None = None,
     function: Callable[[nn.Module, Batch], Tensor] | None = None,
+    own: Mapping[str, Action] | None = None,
 ) -> None:
     """Check that a network is equivariant in train and eval mode, in float32 and float64.
 
@@ -88,6 +91,8 @@ def assert_equivariant(
             pixels.
         function: Function of the module and a batch that computes the output to check, such as hidden features. None
             means ``module(batch)``.
+        own: Actions on inputs that are not the paper's, by name, see `actions.act_on_batch`. If there are any, name the
+            elements, too: only quarter turns and flips are exact for images.
 
     Raises:
         AssertionError: If an error is larger than rounding. The message names the worst element, the mode and the
@@ -106,7 +111,7 @@ def assert_equivariant(
             network = copy.deepcopy(module).to(dtype).train(training)
             cast = {name: values.to(dtype) if values.is_floating_point() else values for name, values in batch.items()}
             compute = network if function is None else partial(function, network)
-            errors = equivariance_error(compute, cast, group, act_on_output, elements)
+            errors = equivariance_error(compute, cast, group, act_on_output, elements, own)
             worst = int(np.argmax(errors))
             if not errors[worst] < tolerance:
                 raise AssertionError(

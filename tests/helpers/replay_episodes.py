@@ -8,12 +8,14 @@ import numpy as np
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.replay import ReplayBuffer, ReplayConfig, ReplaySpec
 from svfl_data.sampling.windows import WINDOW, wrench_window
+from svfl_data.schema.action_fields import expert, planar_action
+from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import episode_arrays
 
 SMALL = ReplayConfig(crop=12)
-WORLD = {"world": {"max_move": 0.025, "max_turn": 0.2}}
+ACTION = planar_action(0.025, 0.2)
 
 
 def make_demo(index: int, steps: int = 4, success: bool = True, task: str = "picking", size: int = 16, **changes):
@@ -25,8 +27,9 @@ def make_demo(index: int, steps: int = 4, success: bool = True, task: str = "pic
     arrays["actions/action"][:, 0] = rng.uniform(0, 1, steps)
     arrays |= changes.get("arrays", {})
     arrays = {path: array for path, array in arrays.items() if array is not None}
-    config = changes.get("config", WORLD)
-    return Episode(Meta(task, index, 0, "expert", success, config=config), arrays)
+    action = changes.get("action", ACTION)
+    declared = Declarations([action, expert(action)])
+    return Episode(Meta(task, index, 0, "expert", success), arrays, declarations=declared)
 
 
 def store(folder: Path, *episodes: Episode) -> Dataset:

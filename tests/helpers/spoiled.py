@@ -159,7 +159,7 @@ def constant_depth(arrays):
 
 def action_too_large(arrays):
     arrays["actions/action"][6, 2] = 0.026
-    return "actions/action", 6, "error", "dy is 0.026 m, outside -0.025 to 0.025 m (bounds: the paper"
+    return "actions/action", 6, "error", "dy is 0.026 m, outside -0.025 to 0.025 m (declared bounds)"
 
 
 def opening_too_large(arrays):

@@ -53,7 +53,7 @@ def next_gripper(network: LatentNetwork, followed: Sequence[Followed]) -> NextHa
     before, after, action, predicted = [], [], [], []
     for one in followed:
         proprio, said = one.batch["proprio"][0], one.seen.next_proprio[0]
-        linear = said[:, :4] * normalization.proprio_scale[:4] + normalization.proprio_mean[:4]
+        linear = said[:, :4] * normalization.scale("proprio")[:4] + normalization.mean("proprio")[:4]
         yaw = torch.atan2(said[:, 5], said[:, 4]) / 2
         predicted.append(torch.cat([linear, yaw[:, None]], dim=1).numpy())
         before.append(proprio[:-1].numpy())

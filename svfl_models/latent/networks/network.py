@@ -90,6 +90,6 @@ class LatentNetwork(nn.Module):
 
     def picture(self, state: Tensor) -> Tensor:
         """Decode states (..., Z) to images (..., 4, 64, 64): colour 0..1 (approximately) and depth in [m]."""
-        mean = self.inputs.normalization.image_mean[:, None, None]
+        mean = self.inputs.normalization.mean("image")[:, None, None]
         unit = mean.new_tensor([1.0, 1.0, 1.0, DEPTH_UNIT])[:, None, None]
         return (mean + unit * self.decoder(state.flatten(0, -2))).unflatten(0, state.shape[:-1])

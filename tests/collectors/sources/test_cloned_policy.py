@@ -27,7 +27,7 @@ from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.evaluate import environment_of, evaluate
 from svfl_models.deployment import predictions
 from svfl_models.experiments import cloning_table
-from svfl_models.networks.squashed_gaussian import SCALE
+from svfl_models.networks.action_space import PLANAR
 from svfl_models.programs import exported_policy
 from svfl_models.symmetry.layers import SymmetricConv
 from svfl_models.training import run_folder
@@ -38,6 +38,8 @@ pytestmark = pytest.mark.slow
 
 QUIET = Console(quiet=True)
 ROOT = Path(__file__).parents[3]
+
+SCALE = np.array(PLANAR.scale)
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """One law per check, both sides: clean episodes pass, a spoiled one is found and named with its place."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -9,9 +10,12 @@ import pytest
 
 from svfl_data.checks import check_dataset, check_episode, check_file
 from svfl_data.datasets.dataset import Dataset
+from svfl_data.schema.action_fields import planar_action
+from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import episode_arrays, make_episode
+from tests.helpers.open_episode import BARE, OWN, bare_episode, open_arrays
 from tests.helpers.spoiled import (
     COLOR,
     DEPTH,
@@ -33,8 +37,9 @@ from tests.helpers.spoiled import (
 PERIOD = 2_000_000
 
 
-def findings(arrays, config=None, task="centering", **meta):
-    return check_episode(Episode(Meta(task, 0, 0, "expert", True, config or {}, **meta), arrays, name="e.hdf5"))
+def findings(arrays, config=None, task="centering", declarations=(), **meta):
+    made = Meta(task, 0, 0, "expert", True, config or {}, **meta)
+    return check_episode(Episode(made, arrays, "e.hdf5", Declarations(declarations)))
 
 
 def test_a_clean_episode_has_no_findings():
@@ -99,14 +104,91 @@ def test_irregular_streams_are_jittery_not_full_of_gaps():
     assert "jitter" in found.words
 
 
-def test_the_bounds_of_the_configuration_come_first():
-    config = {"world": {"max_move": 0.05, "max_turn": 0.2}}
+def test_actions_are_judged_by_the_bounds_that_their_array_declares():
     arrays = fresh()
     arrays["actions/action"][6, 2] = 0.04
-    assert findings(dict(arrays), config) == []
+    assert findings(dict(arrays), declarations=[planar_action(0.05, 0.2)]) == []
     arrays["actions/action"] = arrays["actions/action"] * np.float32([1, 1.5, 1.5, 1.5, 1])
-    (found,) = findings(arrays, config)
-    assert re.search(r"-0\.05 to 0\.05 m.*config", found.words)
+    (found,) = findings(dict(arrays), declarations=[planar_action(0.05, 0.2)])
+    assert (found.severity, found.index) == ("error", 6)
+    assert re.search(r"-0\.05 to 0\.05 m.*declared", found.words)
+    assumed = replace(planar_action(0.05, 0.2), assumed=("bounds",))
+    beyond, said = findings(arrays, declarations=[assumed])
+    assert (beyond.severity, said.severity) == ("warning", "warning")
+    assert "assumed bounds" in beyond.words
+    assert said.words.startswith("bounds are assumed")
+
+
+def test_joint_commands_have_names_units_and_bounds_of_their_own():
+    episode = bare_episode()
+    action = np.array(episode.action)
+    action[3, 4] = 4.0
+    (found,) = check_episode(Episode(episode.meta, episode.arrays | {"actions/action": action}, declarations=BARE))
+    assert (found.field, found.index, found.severity) == ("actions/action", 3, "error")
+    assert "wrist_2 is 4 rad, outside -3.2 to 3.2 rad" in found.words
+
+
+def of_open(**changes):
+    """Findings of the many-sensor episode with some arrays changed; None leaves an array out."""
+    changed = {path.replace("__", "/"): array for path, array in changes.items()}
+    arrays = {path: np.array(array) for path, array in (open_arrays() | changed).items() if array is not None}
+    found = check_episode(Episode(Meta("cups", 0, 0, "teleop", True), arrays, declarations=OWN))
+    return [(one.field, one.severity, one.words) for one in found]
+
+
+def test_an_episode_without_a_tare_or_with_assumptions_is_warned_of_and_nothing_else():
+    assert [(field, severity, words.partition(";")[0].partition(":")[0]) for field, severity, words in of_open()] == [
+        ("streams/left_finger/wrench", "warning", "has no tare"),
+        ("observations/tcp_velocity", "warning", "axes are assumed"),
+        ("observations/tcp_velocity", "warning", "parts are assumed"),
+    ]
+    assert check_episode(bare_episode()) == []
+
+
+def test_every_wrench_sensor_is_checked_not_only_the_first():
+    wrench = open_arrays()["streams/left_finger/wrench"].copy()
+    wrench[20:60] = wrench[20]
+    found = of_open(streams__left_finger__wrench=wrench)
+    assert ("streams/left_finger/wrench", "error") in [(field, severity) for field, severity, _ in found]
+    assert any("stuck sensor: 40 identical readings" in words for _, _, words in found)
+    wrench[20:60, 0] = 80.0
+    wrench[20:60, 1] = np.arange(40)
+    found = of_open(streams__left_finger__wrench=wrench)
+    assert any("fx is saturated: 40 readings" in words for _, _, words in found)
+
+
+def test_a_gap_of_an_own_stream_is_found():
+    arrays = open_arrays()
+    kept = np.delete(np.arange(101), slice(40, 50))
+    found = of_open(
+        streams__tactile__t_ns=arrays["streams/tactile/t_ns"][kept],
+        streams__tactile__pressure=arrays["streams/tactile/pressure"][kept],
+    )
+    assert any(field == "streams/tactile/t_ns" and words.startswith("gaps") for field, _, words in found)
+
+
+def test_grey_images_are_looked_at_like_colour():
+    color = open_arrays()["cameras/wrist/color"]
+    grey = color[..., 0].astype(np.uint16)
+    assert len(of_open(cameras__wrist__color=None, cameras__wrist__grey16=grey)) == len(of_open())
+    grey[3] = 7
+    found = of_open(cameras__wrist__color=None, cameras__wrist__grey16=grey)
+    assert ("cameras/wrist/grey16", "error") in [(field, severity) for field, severity, _ in found]
+
+
+def test_the_pose_of_a_camera_that_moves_is_checked():
+    found = of_open(streams__tcp__pose=None, streams__tcp__t_ns=None)
+    assert any(field == "cameras/wrist/T_tcp_camera" and "streams/tcp/pose is missing" in w for field, _, w in found)
+    late = open_arrays()["streams/tcp/t_ns"][100:], open_arrays()["streams/tcp/pose"][100:]
+    found = of_open(streams__tcp__t_ns=late[0], streams__tcp__pose=late[1])
+    assert any("2 of 11 frames lie before the first pose" in words for _, _, words in found)
+    poses = np.tile(np.eye(4), (11, 1, 1))
+    moving = {"cameras__wrist__T_tcp_camera": None, "cameras__wrist__T_base_camera_per_frame": poses}
+    assert any("the pose never changes, while the gripper moved by" in words for _, _, words in of_open(**moving))
+    poses[:, 0, 3] = np.linspace(0, 0.1, 11)
+    assert len(of_open(**moving)) == len(of_open())
+    poses[6:, 1, 3] = 5.0
+    assert any("the camera jumps by 5 m at row 6" in words for _, _, words in of_open(**moving))
 
 
 def test_tasks_without_labels_need_none():

@@ -11,6 +11,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, UsageError
 from svfl_data.replay import ReplayBuffer, ReplayConfig
 from svfl_data.replay.episode_builder import unseen
+from svfl_data.schema.action_fields import planar_action
 from tests.helpers.replay_episodes import live_through, make_demo, observation, small, spec_of, store
 
 
@@ -103,11 +104,7 @@ def test_what_cannot_be_preloaded_is_named(tmp_path):
     [
         ({"task": "pushing"}, r"episode_000001\.hdf5.*task.*pushing.*picking.*episode 0\b"),
         ({"size": 20}, r"cameras/front/(color|depth).*\(20, 20.*\(16, 16"),
-        (
-            {"config": {"world": {"max_move": 0.05, "max_turn": 0.2}}},
-            r"action_bounds.*\(0\.05, 0\.2\).*\(0\.025, 0\.2\)",
-        ),
-        ({"config": {}}, r"action_bounds.*None.*\(0\.025, 0\.2\)"),
+        ({"action": planar_action(0.05, 0.2)}, r"actions/action.*bounds.*0\.05.*0\.025"),
         ({"arrays": {"cameras/front/image_axes": np.eye(2)}}, r"cameras/front/image_axes.*\b1\.0 .*\b0\.0 "),
         (
             {"arrays": {"cameras/front/depth_scale": np.array(1e-3)}},
@@ -159,7 +156,7 @@ def test_an_action_beyond_the_bounds_is_refused_and_nothing_kept(tmp_path):
     buffer = ReplayBuffer(10, spec_of(demo), small())
     buffer.begin_episode(observation(demo, 0))
     for column, value, facts in (
-        (0, -1.0, r"gripper opening.*-1\b.*\b0 to 1\b"),
+        (0, -1.0, r"opening.*-1\b.*\b0 to 1\b"),
         (2, 0.03, r"dy.*\b0\.03 m.*-0\.025 to 0\.025 m"),
         (4, -0.3, r"dtheta.*-0\.3 rad.*-0\.2 to 0\.2 rad"),
     ):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, UsageError
-from svfl_data.sampling.samples import Samples
+from svfl_data.sampling.samples import WRENCH, Samples
 from svfl_data.sampling.windows import wrench_window
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.storage.store import write_episode
@@ -91,7 +91,8 @@ def test_the_law_of_samples(tmp_path_factory, seed, sizes, depth, frames, window
         for index, episode in episodes.items()
         for step in (range(len(episode)) if at == "each action" else [len(episode)])
     ]
-    options = {"frames": frames, "wrench_window": window, "action_chunk": chunk, "at": at, "cache": cache, "crop": crop}
+    options = {"frames": frames, "windows": {WRENCH: window} if window else {}, "action_chunk": chunk, "at": at}
+    options |= {"cache": cache, "crop": crop}
     options["validated"] = False  # times repeat, which svfl-data validate calls an error
     if not expected:
         with pytest.raises(DatasetError, match="no steps"):
@@ -206,7 +207,7 @@ def test_what_cannot_be_sampled_is_named(dataset, tmp_path):
         Samples(dataset, crop=17)
     with pytest.raises(UsageError, match=r"frames.*\b0\b.*at least 1\b"):
         Samples(dataset, frames=0)
-    with pytest.raises(FieldError, match=r"episode_000000\.hdf5.*cameras/wrist/t_ns.*cameras/front/t_ns"):
+    with pytest.raises(FieldError, match=r"episode_000000\.hdf5.*camera 'wrist'.*front"):
         Samples(dataset, cameras=["wrist"])
     with pytest.raises(DatasetError, match=r"episode 2\b.*\b3 episodes.*\b0 to 4\b"):
         Samples(dataset, [2])

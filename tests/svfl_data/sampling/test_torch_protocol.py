@@ -19,7 +19,7 @@ def samples(tmp_path_factory):
     dataset = Dataset.create_or_resume(tmp_path_factory.mktemp("torch") / "d", "centering", 0, {})
     for index in range(3):
         write_episode(make_episode(index, steps=4), dataset.episode_path(index))
-    return Samples(dataset, crop=8, crop_at="random", wrench_window=5, labels=["labels/direction"])
+    return Samples(dataset, crop=8, crop_at="random", windows={"streams/wrench/wrench": 5}, labels=["labels/direction"])
 
 
 @pytest.fixture(params=["torch", "plain"])

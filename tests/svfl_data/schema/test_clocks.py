@@ -106,7 +106,7 @@ def test_a_window_from_before_a_break_is_padding_and_its_age_is_told(config, tmp
     arrays[WRENCH_T], arrays[WRENCH] = arrays[WRENCH_T][:350], arrays[WRENCH][:350]
     dataset = Dataset.create_or_resume(tmp_path / "d", "centering", 0, {})
     write_episode(Episode(Meta("centering", 0, 0, "robot", True, config), arrays), dataset.episode_path(0))
-    samples = Samples(dataset, wrench_window=16)
+    samples = Samples(dataset, windows={"streams/wrench/wrench": 16})
     batch = samples.batch(range(len(samples)))
     ages = (arrays["observations/t_ns"][:-1] - arrays[WRENCH_T][-1]) / 1e9
     late = ages > 10 * 0.002

@@ -101,7 +101,7 @@ def test_rotations_alone_do_not_make_a_mirror(samples, batch):
 
 def test_a_normalization_with_a_scale_of_its_own_for_x_and_y_is_caught(samples, batch):
     network = classifier(samples)
-    network.trunk.normalization.wrench_scale[0] *= 2
+    network.trunk.normalization.scale("wrench")[0] *= 2
     with pytest.raises(AssertionError, match="not equivariant"):
         assert_equivariant(network, batch)
 
@@ -115,10 +115,9 @@ def test_twins_have_comparable_parameter_counts(preset, encoder):
 
 def test_the_paper_preset_has_the_size_of_the_reference():
     network = CenteringClassifier("vf", "D4", "paper")
-    assert network.trunk.vision is not None
-    assert network.trunk.force is not None
-    assert parameter_count(network.trunk.vision) == 1_112_632  # measured on the reference implementation
-    assert parameter_count(network.trunk.force) == 1_081_760
+    vision, force = network.trunk.encoders
+    assert parameter_count(vision) == 1_112_632  # measured on the reference implementation
+    assert parameter_count(force) == 1_081_760
     assert parameter_count(network) == pytest.approx(2.29e6, rel=0.005)  # the paper's figure is 2.3e6
 
 

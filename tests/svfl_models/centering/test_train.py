@@ -63,7 +63,7 @@ def test_a_run_leaves_everything_that_it_promises(config, tmp_path, batch):
 
     module = load_classifier(tmp_path / "run" / "checkpoint.ckpt")
     assert module.hparams["training"] == config.plain()
-    assert module.classifier.trunk.normalization.wrench_scale[2] > 1  # fitted, not the identity
+    assert module.classifier.trunk.normalization.scale("wrench")[2] > 1  # fitted, not the identity
     assert_equivariant(module.classifier, {"wrench": batch["wrench"]})
 
 

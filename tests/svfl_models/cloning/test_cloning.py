@@ -21,7 +21,8 @@ from svfl_models.cloning.data import CloningData
 from svfl_models.cloning.loss import LOSSES as FUNCTIONS
 from svfl_models.cloning.loss import action_error
 from svfl_models.cloning.metrics import COLUMNS, MetricsFile
-from svfl_models.networks.squashed_gaussian import CENTRE, SCALE, SquashedGaussian, to_physical
+from svfl_models.networks.action_space import PLANAR
+from svfl_models.networks.squashed_gaussian import SquashedGaussian
 from svfl_models.training import run_folder
 from tests.helpers.demonstrations import demonstrations
 
@@ -47,7 +48,7 @@ def run(config, tmp_path_factory):
 def corners():
     """Actions on their bounds, all of them, and one in the middle."""
     signs = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0])] * 5)
-    return torch.tensor(CENTRE) + torch.tensor(SCALE) * torch.cat([signs, torch.zeros(1, 5)])
+    return torch.tensor(PLANAR.centre) + torch.tensor(PLANAR.scale) * torch.cat([signs, torch.zeros(1, 5)])
 
 
 @pytest.mark.parametrize("name", LOSSES)
@@ -64,7 +65,7 @@ def test_actions_on_their_bounds_can_be_learned(name):
         assert all(torch.isfinite(one.grad).all() for one in (mean, log_sigma) if one.grad is not None)
         adam.step()
     mode = SquashedGaussian(mean, log_sigma).mode.detach()
-    assert ((mode - action).abs() / torch.tensor(SCALE) < 0.03).all()
+    assert ((mode - action).abs() / torch.tensor(PLANAR.scale) < 0.03).all()
     assert mean.abs().max() < 6
 
 
@@ -72,12 +73,12 @@ def test_a_gripper_is_a_probability():
     """The opening that a policy says is what cross-entropy takes it for."""
     mean = torch.linspace(-4, 4, 9)[:, None] * torch.tensor([1.0, 0, 0, 0, 0])
     said = SquashedGaussian(mean, torch.zeros(9, 5))
-    opened = to_physical(torch.tensor([1.0, 0, 0, 0, 0]).expand(9, 5))
+    opened = PLANAR.to_physical(torch.tensor([1.0, 0, 0, 0, 0]).expand(9, 5))
     torch.testing.assert_close(action_error(said, opened), -said.mode[:, 0].log(), atol=1e-6, rtol=1e-5)
 
 
 def test_errors_count_in_units_of_the_bounds():
-    action = to_physical(torch.tensor([[0.0, 0.3, 0.4, 0.0, 0.0]]))
+    action = PLANAR.to_physical(torch.tensor([[0.0, 0.3, 0.4, 0.0, 0.0]]))
     still = SquashedGaussian(torch.zeros(1, 5), torch.zeros(1, 5))
     torch.testing.assert_close(action_error(still, action), torch.tensor([np.log(2) + 0.25], dtype=torch.float32))
 

@@ -9,6 +9,8 @@ import torch
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, TrainingError
 from svfl_data.sampling.windows import wrench_window
+from svfl_data.schema.action_fields import expert, planar_action
+from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Episode
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_models.cloning.acting import ActingPolicy
@@ -215,13 +217,13 @@ def test_uneven_control_periods_are_said_and_change_nothing(tmp_path, capsys):
     assert data[1].deployment.step_ms == pytest.approx(57.5)
 
 
-def test_the_bounds_of_actions_are_those_of_the_configuration(tmp_path):
+def test_the_bounds_of_actions_are_those_of_the_declaration(tmp_path):
     """An own robot that moves 100 mm a step: the network's bounds, the paper's, stand for its own."""
-    own = {"max_move": 0.1, "max_turn": 0.5}
+    own = planar_action(max_move=0.1, max_turn=0.5)
     factor = np.array([1, 4, 4, 4, 0.5 / (np.pi / 16)], np.float32)
     episodes = [demonstration(index) for index in range(6)]
     wide = [changed(one, action=one.action * factor, expert_action=one.action * factor) for one in episodes]
-    wide = [Episode(replace(one.meta, config=own), one.arrays) for one in wide]
+    wide = [replace(one, declarations=Declarations([own, expert(own)])) for one in wide]
     data = [data_of(write(tmp_path / name, some)) for name, some in (("paper", episodes), ("own", wide))]
     batches = [one.valid_set.batch(range(len(one.valid_set))) for one in data]
     torch.testing.assert_close(batches[0]["action"], batches[1]["action"])

@@ -15,7 +15,7 @@ from svfl_models.cloning.deployment_spec import deployment_of
 from svfl_models.cloning.module import CloningModule
 from svfl_models.deployment import predictions
 from svfl_models.deployment.policy_predictions import of_module
-from svfl_models.networks.squashed_gaussian import SCALE
+from svfl_models.networks.action_space import PLANAR
 from tests.helpers.builders import make_episode
 from tests.helpers.demonstrations import demonstration, write
 from tests.helpers.synthetic import centering_samples
@@ -26,6 +26,8 @@ pytestmark = pytest.mark.slow
 
 SIDE, SIZE = 19, 8
 """Of the pictures and of what the network sees, [px]; crops are 16 px."""
+
+SCALE = np.array(PLANAR.scale)
 
 
 @pytest.fixture(scope="module")

@@ -64,7 +64,7 @@ def test_imagination_is_the_prior_step_by_step():
 
 def test_pictures_are_in_physical_units_and_have_no_bounds():
     net = network("concat")
-    net.inputs.normalization.image_mean.copy_(torch.tensor([0.2, 0.4, 0.6, 0.8]))
+    net.inputs.normalization.mean("image").copy_(torch.tensor([0.2, 0.4, 0.6, 0.8]))
     state = torch.randn(2, 3, SIZES.z1 + SIZES.z2)
     shown, raw = net.picture(state), net.decoder(state.flatten(0, 1))
     assert shown.shape == (2, 3, 4, 64, 64)

@@ -65,7 +65,7 @@ def test_every_model_trains_and_opens_again(model, config, tmp_path):
     module = load_latent(tmp_path / "run" / "checkpoint.ckpt")
     assert module.hparams["training"] == config.plain()
     assert set(module.hparams["split"]) == {"train", "valid"}
-    assert module.network.inputs.normalization.wrench_scale[2] != 1  # fitted, not the identity
+    assert module.network.inputs.normalization.scale("wrench")[2] != 1  # fitted, not the identity
     encoding = module.network.encode(frames())
     assert encoding.feature.shape == (3, SIZES.feature)
 

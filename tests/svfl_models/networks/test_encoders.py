@@ -6,8 +6,8 @@ from svfl_data.symmetry import PROPRIO_PARTS, WRENCH_PARTS, element
 from svfl_models.networks.encoders import (
     ForceEncoder,
     Fusion,
-    ProprioEncoder,
     SelfAttention,
+    VectorEncoder,
     VisionEncoder,
     position_encoding,
 )
@@ -33,7 +33,7 @@ def force_encoder(group=D4, torque="axial", window=8):
 
 
 def proprio_encoder(group=D4):
-    return ProprioEncoder(layer_factory(group), widths=(2, 3, 4), latent=3)
+    return VectorEncoder(layer_factory(group), widths=(2, 3, 4), latent=3)
 
 
 def wrenches(window=8, count=4):
@@ -206,7 +206,7 @@ def test_a_turned_scene_is_not_a_turned_gripper(grippers):
 @twins
 def test_every_component_of_the_gripper_reaches_the_output(group, grippers):
     proprio = grippers["proprio"].clone().requires_grad_()
-    ProprioEncoder(layer_factory(group), (8, 8, 8), latent=8)(proprio).square().sum().backward()
+    VectorEncoder(layer_factory(group), (8, 8, 8), latent=8)(proprio).square().sum().backward()
     assert proprio.grad is not None
     assert (proprio.grad.abs().sum(dim=0) > 0).all()
     assert proprio.shape[-1] == sum(len(part.index) for part in PROPRIO_PARTS)

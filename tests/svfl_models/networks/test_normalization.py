@@ -11,12 +11,12 @@ from svfl_models.symmetry.groups import GROUPS
 
 def fitted(samples, grippers):
     normalization = Normalization()
-    normalization.fit(samples.image, samples.wrench, grippers["proprio"].numpy())
+    normalization.fit(image=samples.image, wrench=samples.wrench, proprio=grippers["proprio"].numpy())
     return normalization
 
 
 def scaled(normalization, batch):
-    return {name: getattr(normalization, name)(values) for name, values in batch.items()}
+    return {name: normalization.scaled(name, values) for name, values in batch.items()}
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def physical(batch, grippers):
 
 def test_scaling_a_turned_world_is_turning_a_scaled_one(samples, grippers, physical):
     normalization = fitted(samples, grippers)
-    assert not torch.equal(normalization.proprio(physical["proprio"]), physical["proprio"])
+    assert not torch.equal(normalization.scaled("proprio", physical["proprio"]), physical["proprio"])
     for g in GROUPS["D4"].elements:
         turned, expected = (
             scaled(normalization, act_on_batch(g, physical)),
@@ -51,7 +51,7 @@ def test_a_network_fitted_on_a_turned_world_is_the_same(samples, grippers):
 
 def test_the_yaw_is_left_alone(samples, grippers):
     normalization = fitted(samples, grippers)
-    assert torch.equal(normalization.proprio(grippers["proprio"])[:, 4], grippers["proprio"][:, 4])
+    assert torch.equal(normalization.scaled("proprio", grippers["proprio"])[:, 4], grippers["proprio"][:, 4])
 
 
 def test_vectors_share_a_scale_and_keep_their_zero():
@@ -73,9 +73,9 @@ def test_statistics_do_not_change_when_the_world_turns():
 
 def test_normalised_training_inputs_have_unit_scale(samples):
     normalization = Normalization()
-    normalization.fit(samples.image, samples.wrench)
-    image = normalization.image(torch.from_numpy(samples.image))
-    wrench = normalization.wrench(torch.from_numpy(samples.wrench))
+    normalization.fit(image=samples.image, wrench=samples.wrench)
+    image = normalization.scaled("image", torch.from_numpy(samples.image))
+    wrench = normalization.scaled("wrench", torch.from_numpy(samples.wrench))
     torch.testing.assert_close(image.mean(dim=(0, 2, 3)), torch.zeros(4), atol=1e-4, rtol=0)
     torch.testing.assert_close(image.std(dim=(0, 2, 3)), torch.ones(4), atol=1e-3, rtol=0)
     torch.testing.assert_close(wrench[..., :2].square().mean(), torch.tensor(1.0), atol=1e-4, rtol=0)
@@ -83,8 +83,8 @@ def test_normalised_training_inputs_have_unit_scale(samples):
 
 def test_a_constant_channel_is_not_blown_up(samples):
     normalization = Normalization()
-    normalization.fit(np.full((3, 4, 8, 8), 0.25, np.float32), samples.wrench)
-    assert normalization.image(torch.full((1, 4, 8, 8), 0.25)).abs().max() < 1e-6
+    normalization.fit(image=np.full((3, 4, 8, 8), 0.25, np.float32), wrench=samples.wrench)
+    assert normalization.scaled("image", torch.full((1, 4, 8, 8), 0.25)).abs().max() < 1e-6
 
 
 def test_statistics_travel_with_the_weights(samples, grippers, physical):

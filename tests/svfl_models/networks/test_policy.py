@@ -9,9 +9,9 @@ from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS
 from svfl_models.cloning.acting import ActingPolicy
 from svfl_models.cloning.config import ENCODERS, VIEWS
 from svfl_models.cloning.deployment_spec import DeploymentSpec
+from svfl_models.networks.action_space import PLANAR
 from svfl_models.networks.policy import Policy
 from svfl_models.networks.presets import PRESETS
-from svfl_models.networks.squashed_gaussian import to_unit
 from svfl_models.symmetry.actions import act_on_image, act_on_invariant, act_on_parts
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.symmetry.ordinary import plain
@@ -83,8 +83,8 @@ def errors(network, axes, dtype=torch.float32):
     wrench, proprio = (torch.randn(16, *shape, generator=generator).to(dtype) for shape in ((64, 6), (5,)))
     proprio = proprio + CENTRE.to(dtype)
     with torch.no_grad():
-        action = to_unit(network(image, wrench, proprio))
-        found = [to_unit(network(*turned(matrix, axes, image, wrench, proprio))) for matrix in D4.elements]
+        action = PLANAR.to_unit(network(image, wrench, proprio))
+        found = [PLANAR.to_unit(network(*turned(matrix, axes, image, wrench, proprio))) for matrix in D4.elements]
     size = float(action[:, 1:].norm())
     assert size > 0
     expected = [act_on_action(matrix, action) for matrix in D4.elements]

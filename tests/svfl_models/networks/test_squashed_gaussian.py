@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.distributions import AffineTransform, Independent, Normal, TanhTransform, TransformedDistribution
 
-from svfl_data.schema.action_bounds import MAX_MOVE_M, MAX_TURN_RAD
+from svfl_data.schema.action_fields import MAX_MOVE_M, MAX_TURN_RAD
 from svfl_data.symmetry import ACTION_PARTS
-from svfl_models.networks.squashed_gaussian import CENTRE, SCALE, SquashedGaussian, to_physical, to_unit
+from svfl_models.networks.action_space import PLANAR
+from svfl_models.networks.squashed_gaussian import SquashedGaussian
 from svfl_models.symmetry.actions import act_on_parts
 from svfl_models.symmetry.groups import GROUPS
 
@@ -27,16 +28,16 @@ def turned(matrix, of):
 
 def reference(of):
     """The same distribution as PyTorch composes it."""
-    steps = [TanhTransform(), AffineTransform(of.mean.new_tensor(CENTRE), of.mean.new_tensor(SCALE))]
+    steps = [TanhTransform(), AffineTransform(of.mean.new_tensor(PLANAR.centre), of.mean.new_tensor(PLANAR.scale))]
     return Independent(TransformedDistribution(Normal(of.mean, of.log_sigma.exp()), steps), 1)
 
 
 def test_the_bounds_are_those_that_episodes_are_checked_against():
-    low, high = to_physical(torch.tensor([[-1.0] * 5, [1.0] * 5]))
+    low, high = PLANAR.to_physical(torch.tensor([[-1.0] * 5, [1.0] * 5]))
     bounds = [MAX_MOVE_M] * 3 + [MAX_TURN_RAD]
     torch.testing.assert_close(high, torch.tensor([1.0, *bounds]))
     torch.testing.assert_close(low, torch.tensor([0.0] + [-bound for bound in bounds]))
-    torch.testing.assert_close(to_unit(torch.stack([low, high])), torch.tensor([[-1.0] * 5, [1.0] * 5]))
+    torch.testing.assert_close(PLANAR.to_unit(torch.stack([low, high])), torch.tensor([[-1.0] * 5, [1.0] * 5]))
 
 
 def test_density_is_that_of_the_composed_distribution():
@@ -53,9 +54,11 @@ def test_the_density_integrates_to_one():
     for component in range(5):
         unit = torch.zeros(4000, 5, dtype=torch.float64)
         unit[:, component] = steps
-        density = SquashedGaussian(of.mean.expand(4000, 5), of.log_sigma.expand(4000, 5)).log_prob(to_physical(unit))
-        total = total * (density.exp().sum() * SCALE[component] / 2000)
-    at_centre = of.log_prob(to_physical(torch.zeros(1, 5, dtype=torch.float64))).exp()[0]
+        density = SquashedGaussian(of.mean.expand(4000, 5), of.log_sigma.expand(4000, 5)).log_prob(
+            PLANAR.to_physical(unit)
+        )
+        total = total * (density.exp().sum() * PLANAR.scale[component] / 2000)
+    at_centre = of.log_prob(PLANAR.to_physical(torch.zeros(1, 5, dtype=torch.float64))).exp()[0]
     assert float(total / at_centre**4) == pytest.approx(1, rel=1e-3)
 
 
@@ -67,7 +70,7 @@ def test_the_density_of_a_draw_is_exact_however_far_out_or_narrow(mean, log_sigm
     assert torch.isfinite(action).all()
     assert torch.isfinite(log_prob).all()
     assert torch.isfinite(of.log_prob(action)).all()
-    assert (to_unit(action).abs() <= 1 + 1e-6).all()
+    assert (PLANAR.to_unit(action).abs() <= 1 + 1e-6).all()
     exact = SquashedGaussian(of.mean.double(), of.log_sigma.double())
     _, expected = exact.sample_with_log_prob(torch.full((1, 5), 0.5, dtype=torch.float64))
     torch.testing.assert_close(log_prob.double(), expected, rtol=1e-5, atol=1e-4)
@@ -77,7 +80,7 @@ def test_far_out_the_density_falls_off_as_it_should():
     """log(1 - tanh(u)^2) is -2 |u| + log 4 there; written down naively it is minus infinity from u = 10 on."""
     far = torch.full((1, 5), 20.0)
     of = SquashedGaussian(far, torch.zeros(1, 5))
-    expected = sum(-0.5 * math.log(2 * math.pi) + 40 - math.log(4) - math.log(scale) for scale in SCALE)
+    expected = sum(-0.5 * math.log(2 * math.pi) + 40 - math.log(4) - math.log(scale) for scale in PLANAR.scale)
     assert float(of.sample_with_log_prob(torch.zeros(1, 5))[1]) == pytest.approx(expected, rel=1e-5)
 
 
@@ -99,7 +102,7 @@ def test_draws_follow_mean_and_deviation_differentiably():
     assert (mean.grad > 0).all()
     assert (log_sigma.grad > 0).all()
     torch.testing.assert_close(of.sample(torch.zeros(1, 5)), of.mode)
-    drawn = to_unit(SquashedGaussian(torch.full((20000, 5), 0.3), torch.full((20000, 5), -1.0)).sample()).atanh()
+    drawn = PLANAR.to_unit(SquashedGaussian(torch.full((20000, 5), 0.3), torch.full((20000, 5), -1.0)).sample()).atanh()
     torch.testing.assert_close(drawn.mean(0), torch.full((5,), 0.3), atol=0.02, rtol=0)
     torch.testing.assert_close(drawn.std(0), torch.full((5,), math.exp(-1)), atol=0.01, rtol=0)
 

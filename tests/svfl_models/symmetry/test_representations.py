@@ -4,7 +4,7 @@ import torch
 
 from svfl_data.errors import TrainingError
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, Part, act, act_on_direction, element
-from svfl_models.networks.heads import POLICY_PARTS
+from svfl_models.networks.action_space import PLANAR
 from svfl_models.symmetry.actions import PARTS, act_on_hidden
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.symmetry.representations import (
@@ -21,7 +21,7 @@ from svfl_models.symmetry.representations import (
 )
 from tests.helpers.lifetime import TRIED, named
 
-ALL_PARTS = {**PARTS, "policy": POLICY_PARTS}
+ALL_PARTS = {**PARTS, "policy": PLANAR.policy_parts}
 every_group = pytest.mark.parametrize("group", TRIED, ids=named)
 
 
