@@ -57,9 +57,9 @@ class Declarations:
         for field in own:
             if field.path in found and found[field.path] != _whole(field):
                 raise FieldError(f"field {field.path} is declared twice, in different ways")
-            _check_place(field)
             if fault := field_fault(field):
                 raise FieldError(f"field {printable(field.path)} {fault}")
+            _check_place(field)
             standard = standard_field(field.path)
             whole = _whole(field)
             if standard is None:
@@ -204,11 +204,6 @@ def _check_place(field: Field) -> None:
         raise FieldError(f"field {path} cannot be declared there; fields of your own belong in {PLACES}")
     if field.path.endswith("/t_ns") and standard_field(field.path) is None:
         raise FieldError(f"field {path} need not be declared: every group has its clock")
-    rows = field.group in ("observations", "actions")
-    if rows and not field.grows:
-        raise FieldError(f"field {path} has the shape {field.shape_words}; its first size must stand for the steps")
-    if field.group == "labels" and field.grows:
-        raise FieldError(f"field {path} has rows, but an episode has each label once")
     try:
         dtype = np.dtype(field.dtype)
         plain = dtype.isnative and 0 < dtype.itemsize <= LARGEST_ITEM.get(dtype.kind, 0)
@@ -219,6 +214,17 @@ def _check_place(field: Field) -> None:
             f"field {path} has dtype {printable(field.dtype)}; possible are numbers, booleans and byte "
             "strings in the byte order of this machine"
         )
+    rows = field.group in ("observations", "actions")
+    if rows and not field.grows:
+        raise FieldError(f"field {path} has the shape {field.shape_words}; its first size must stand for the steps")
+    numbers = np.dtype(field.dtype).kind in "iuf"
+    if field.group == "actions" and not (numbers and len(field.shape) == 2 and isinstance(field.shape[1], int)):
+        raise FieldError(
+            f"field {path} has dtype {printable(field.dtype)} and shape {field.shape_words}; an action is a row of a "
+            "fixed number of numbers"
+        )
+    if field.group == "labels" and field.grows:
+        raise FieldError(f"field {path} has rows, but an episode has each label once")
 
 
 def _whole(field: Field) -> Field:

@@ -26,6 +26,8 @@ TEXT_LIMIT = 2**16
 DIMENSIONS, LARGEST_SIZE, NAME_LENGTH = 16, 2**48, 100
 """Largest number of dimensions of an array, largest size of each, and largest number of characters of the name of a
 component or of a symbol."""
+FAULT_LENGTH = 1000
+"""Largest number of characters of the words that say what is wrong with a declaration."""
 FARTHEST = 2.0**62
 """Largest magnitude of every declared bound, in the unit of the array, so that squares stay finite in float32."""
 MEANING = ("unit", "axes", "about", "doc", "declaration")
@@ -171,7 +173,8 @@ def parsed(path: str, dtype: str, texts: Sequence[str]) -> Field:
 
 def field_fault(field: Field) -> str | None:
     """Return what contradicts itself in a declaration, in words that follow its path; None if nothing does."""
-    return _shape_fault(field) or _axis_fault(field) or _text_fault(field)
+    fault = _shape_fault(field) or _axis_fault(field) or _text_fault(field)
+    return fault and printable(fault, FAULT_LENGTH)
 
 
 def _shape_fault(field: Field) -> str | None:

@@ -202,14 +202,12 @@ add(
 
 PLACES = {
     "top": "mine", "two_deep": "streams/a/b/c", "stream_itself": "streams/mine_alone", "actions_deep": "actions/a/b",
-    "groups": "groups/a/b", "splits": "splits/default", "camera_itself": "cameras/mine", "cameras_deep": "cameras/a/b/c",
+    "groups": "groups/a/b", "splits": "splits/default", "camera_itself": "cameras/mine", "cameras_deep": "cameras/a/b",
     "format": "format/version", "clock_of_labels": "labels/t_ns", "clock_of_actions": "actions/t_ns",
     "hidden": "streams/mine/" + HIDDEN.replace("\x00", ""), "placeholder": "cameras/{camera}/more",
 }  # fmt: skip
 for name, path in PLACES.items():
     add("declarations", f"place_{name}", "episode", own(np.zeros(3), {"shape": [3]}, path, clock=False))
-
-N = 40
 
 
 def steps(value):
@@ -244,8 +242,10 @@ ACTIONS = {
     "symbol": lambda n: (np.ones((n, 9), "f4"), {"shape": ["N", "K"]}, {}),
     "joints": lambda n: (np.ones((n, 3), "f4"), *_texts(joint_action([(-2, 2)] * 3, ["a", "b", "c"]))),
 }
+NO_ACTIONS = ("text", "complex", "bool", "flat", "deep", "image", "symbol")
 for name, value in ACTIONS.items():
-    add("declarations", f"lawful_action_of_{name}", "episode", steps(value), legal="each robot has its own action")
+    legal = "" if name in NO_ACTIONS else "each robot has its own action"
+    add("declarations", f"action_of_{name}", "episode", steps(value), legal)
 
 T2 = {"shape": ["T", 2]}
 OWNS = {  # value, declaration, legal
@@ -296,7 +296,7 @@ def _rows_of_nothing(path, declaration):
 
     def make(folder):
         with reopened(folder, libver="latest") as file:
-            file.create_dataset(path, shape=(2**47, 0), dtype="f4", maxshape=(None, 0), chunks=(1024, 1))
+            file.create_dataset(path, shape=(2**47, 0), dtype="f4")
             declare(file, path, declaration)
 
     return make
