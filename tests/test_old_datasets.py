@@ -15,7 +15,6 @@ LINES = (
     "svfl-train bc --data OLD --epochs 1 --episodes 2 --out NEW",
     "svfl-train latent --model poe --data OLD --split default --contact-n 0.5 --steps 1 --out NEW",
     "svfl-train centering-table --data OLD --seeds 1 --workers 1 --train-samples 1 --test-samples 1 --out NEW",
-    "svfl-train bc-table --data OLD --seeds 1 --workers 1 --episodes 2 --trials 1 --out NEW",
     "svfl-collect replay OLD",
     "svfl-collect replay OLD/episode_000000.hdf5",
     *(f"library {name} OLD" for name in LIBRARY if name not in ("load_buffer", "load_statistics", "words")),

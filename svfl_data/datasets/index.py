@@ -350,8 +350,9 @@ def _append(file: Path, fresh: list[Entry]) -> None:
     try:
         descriptor = open_regular(file, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
         try:
-            for entry in fresh:
-                os.write(descriptor, _line(entry))
+            for line in map(_line, fresh):
+                if len(line) <= LINE_LIMIT:  # a longer one would not be read again
+                    os.write(descriptor, line)
         finally:
             os.close(descriptor)
     except OSError as error:

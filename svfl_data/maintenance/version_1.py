@@ -6,7 +6,6 @@ configuration, or nowhere. The file is treated like one of the present version: 
 examiner lets HDF5 read it, and all limits of `svfl_data.storage.admission` hold.
 """
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,6 +14,7 @@ from svfl_data.errors import FieldError, FormatError, OldVersionError
 from svfl_data.schema.action_fields import ACTION, EXPERT_ACTION, expert, planar_action
 from svfl_data.schema.declarations import CHOSEN, Declarations, standard_field
 from svfl_data.schema.episode import Episode
+from svfl_data.schema.field import FARTHEST
 from svfl_data.schema.fields import CAMERA, EXTRA
 from svfl_data.storage.admission import Description
 from svfl_data.storage.chunks import Extent
@@ -133,4 +133,4 @@ def _declarations(config: Mapping[str, Any], paths: Iterable[str]) -> Declaratio
 
 
 def _positive(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value <= FARTHEST

@@ -294,7 +294,7 @@ def _values(reader: EpisodeReader, field: Field) -> Iterable[np.ndarray]:
         elif field.image:
             values = block / np.float32(CODED.get(str(block.dtype), 1.0))
             yield values if leaf == "color" else values.reshape(-1, 1)
-        elif (block.ndim > 2 and not field.components) or block.ndim == 1:
+        elif (block.ndim > 2 and not field.components and not field.parts) or block.ndim == 1:
             yield block.reshape(-1, 1).astype(np.float64)
         else:
             values = block.astype(np.float64)

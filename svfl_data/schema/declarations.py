@@ -11,13 +11,15 @@ import numpy as np
 from svfl_data.errors import FieldError
 from svfl_data.schema.action_fields import ACTION, EXPERT_ACTION
 from svfl_data.schema.field import MEANING, Field, attributes, field_fault, parsed
-from svfl_data.schema.fields import CAMERA, EXTRA, FIELDS, PLAIN_KINDS, TIME, harmless
+from svfl_data.schema.fields import CAMERA, EXTRA, FIELDS, TIME, harmless
 from svfl_data.system.printable import printable
 
 OWN = re.compile(r"(observations|actions|labels|streams/[^/]+|cameras/[^/]+)/[^/]+")
 PLACES = "observations/, actions/, labels/, streams/NAME/ or cameras/NAME/"
 CHOSEN = (ACTION, EXPERT_ACTION)
 """Standard paths whose declaration each robot chooses; see `svfl_data.schema.action_fields`."""
+LARGEST_ITEM = {"b": 1, "i": 8, "u": 8, "f": 8, "c": 16, "S": 2**15}
+"""Largest size of an element by NumPy's kind of its type, [bytes]."""
 CONTENT = ("dtype", "shape", "unit", "axes", "about", "components", "parts", "bounds", "delta", "image", "possible")
 _STANDARD = {field.path: field for field in FIELDS}
 _CLOCKS = {field.group: field.shape[0] for field in FIELDS if field.path.endswith("/t_ns")}
@@ -55,9 +57,9 @@ class Declarations:
         for field in own:
             if field.path in found and found[field.path] != _whole(field):
                 raise FieldError(f"field {field.path} is declared twice, in different ways")
-            _check_place(field)
             if fault := field_fault(field):
                 raise FieldError(f"field {printable(field.path)} {fault}")
+            _check_place(field)
             standard = standard_field(field.path)
             whole = _whole(field)
             if standard is None:
@@ -202,17 +204,27 @@ def _check_place(field: Field) -> None:
         raise FieldError(f"field {path} cannot be declared there; fields of your own belong in {PLACES}")
     if field.path.endswith("/t_ns") and standard_field(field.path) is None:
         raise FieldError(f"field {path} need not be declared: every group has its clock")
+    try:
+        dtype = np.dtype(field.dtype)
+        plain = dtype.isnative and 0 < dtype.itemsize <= LARGEST_ITEM.get(dtype.kind, 0)
+    except (TypeError, ValueError, SyntaxError):
+        plain = False
+    if not plain:
+        raise FieldError(
+            f"field {path} has dtype {printable(field.dtype)}; possible are numbers, booleans and byte "
+            "strings in the byte order of this machine"
+        )
     rows = field.group in ("observations", "actions")
     if rows and not field.grows:
         raise FieldError(f"field {path} has the shape {field.shape_words}; its first size must stand for the steps")
+    numbers = np.dtype(field.dtype).kind in "iuf"
+    if field.group == "actions" and not (numbers and len(field.shape) == 2 and isinstance(field.shape[1], int)):
+        raise FieldError(
+            f"field {path} has dtype {printable(field.dtype)} and shape {field.shape_words}; an action is a row of a "
+            "fixed number of numbers"
+        )
     if field.group == "labels" and field.grows:
         raise FieldError(f"field {path} has rows, but an episode has each label once")
-    try:
-        plain = np.dtype(field.dtype).kind in PLAIN_KINDS
-    except TypeError:
-        plain = False
-    if not plain:
-        raise FieldError(f"field {path} has dtype {printable(field.dtype)}; possible are numbers, booleans and bytes")
 
 
 def _whole(field: Field) -> Field:

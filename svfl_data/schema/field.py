@@ -1,11 +1,12 @@
 """The declaration of one array: what its numbers mean, how they turn, and how the declaration is stored in a file."""
 
 import functools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 import msgspec
-import numpy as np
 
 from svfl_data.errors import FieldError
 from svfl_data.symmetry import Kind, Part, parts_named
@@ -22,6 +23,13 @@ ASSUMABLE = ("unit", "axes", "about", "components", "parts", "bounds", "delta")
 """Attributes of a declaration that may be marked as assumed."""
 TEXT_LIMIT = 2**16
 """Largest length of each text of a stored declaration."""
+DIMENSIONS, LARGEST_SIZE, NAME_LENGTH = 16, 2**48, 100
+"""Largest number of dimensions of an array, largest size of each, and largest number of characters of the name of a
+component or of a symbol."""
+FAULT_LENGTH = 1000
+"""Largest number of characters of the words that say what is wrong with a declaration."""
+FARTHEST = 2.0**62
+"""Largest magnitude of every declared bound, in the unit of the array, so that squares stay finite in float32."""
 MEANING = ("unit", "axes", "about", "doc", "declaration")
 """Attributes of an HDF5 dataset that make up its declaration. The last one is JSON (`Stored`)."""
 
@@ -91,14 +99,14 @@ class Field:
     @property
     def large(self) -> bool:
         """Whether the array may be so large that tools read it row by row: images, and rows of many numbers."""
-        return self.image or int(np.prod([size for size in self.shape[1:] if isinstance(size, int)])) > LARGE_ROW
+        return self.image or math.prod(size for size in self.shape[1:] if isinstance(size, int)) > LARGE_ROW
 
     @property
     def rotates(self) -> str:
         """Transformation of the field under planar rotations and reflections, in words; ``-`` if there is none."""
         if self.image:
             return "pixels move"
-        names = self.components or tuple(map(str, range(1 + max((max(part.index) for part in self.parts), default=0))))
+        names = self.components or tuple(map(str, range(sum(len(part.index) for part in self.parts))))
         return parts_named(self.parts, names) if self.parts else "-"
 
     @property
@@ -165,22 +173,49 @@ def parsed(path: str, dtype: str, texts: Sequence[str]) -> Field:
 
 def field_fault(field: Field) -> str | None:
     """Return what contradicts itself in a declaration, in words that follow its path; None if nothing does."""
-    if not all((isinstance(size, int) and size >= 0) or (isinstance(size, str) and size) for size in field.shape):
-        return f"has the shape {field.shape}; sizes are numbers of at least 0, or symbols"
-    last = field.shape[-1] if field.shape else 1
+    fault = _shape_fault(field) or _axis_fault(field) or _text_fault(field)
+    return fault and printable(fault, FAULT_LENGTH)
+
+
+def _shape_fault(field: Field) -> str | None:
+    if len(field.shape) > DIMENSIONS:
+        return f"has {len(field.shape)} dimensions; at most {DIMENSIONS} are possible"
+    for size in field.shape:
+        whole = isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST_SIZE
+        if not whole and not (isinstance(size, str) and size.isprintable() and 0 < len(size) <= NAME_LENGTH):
+            return f"has the size {size!r} in its shape; sizes are symbols, or numbers from 1 to {LARGEST_SIZE}"
+    if not field.image:
+        return None
+    if not field.grows or len(field.shape) not in (3, 4):
+        return f"is an image of shape {field.shape_words}; images have the shape (rows, H, W) or (rows, H, W, channels)"
+    if field.parts or field.bounds or field.delta:
+        return "is an image with parts, bounds or delta; these are of components, not of pixels"
+    return None
+
+
+def _axis_fault(field: Field) -> str | None:
+    """Return what is wrong with what is declared of the components along the last axis."""
+    last = field.shape[-1] if field.shape else "none"
     for name, values in (("components", field.components), ("bounds", field.bounds), ("delta", field.delta)):
         if values and len(values) != last:
-            return f"declares {len(values)} {name}, but its last axis has {last}"
+            return f"declares {len(values)} {name}, but the size of its last axis is {last}"
     covered = sorted(index for part in field.parts for index in part.index)
-    if field.parts and covered != (list(range(last)) if isinstance(last, int) else None):
+    if field.parts and (len(covered) != last or any(index != place for place, index in enumerate(covered))):
         return f"has parts that cover the components {covered}, but its last axis has {last}: each must occur once"
     for part in field.parts:
-        if part.kind in ("vector", "axial") and len(part.index) != 2:
-            return f"has a part of kind {part.kind} with {len(part.index)} components; it has 2"
-    if not all(low < high for low, high in (*field.bounds, field.possible)):
-        return "has bounds that are not lower and upper"
-    if field.image and len(field.shape) not in (3, 4):
-        return f"is an image of shape {field.shape_words}; images have the shape (rows, H, W) or (rows, H, W, channels)"
+        if part.kind not in get_args(Kind):
+            return f"has a part of kind {part.kind!r}; possible are {', '.join(get_args(Kind))}"
+        if not part.index or (part.kind in ("vector", "axial") and len(part.index) != 2):
+            return f"has a part of kind {part.kind} with {len(part.index)} components; vector and axial have 2"
+    if not all(-FARTHEST <= low < high <= FARTHEST for low, high in (*field.bounds, field.possible)):
+        return f"has bounds that are not lower and upper, or beyond {FARTHEST:g}"
+    return None
+
+
+def _text_fault(field: Field) -> str | None:
+    for name in field.components:
+        if not name.isprintable() or not 0 < len(name) <= NAME_LENGTH:
+            return f"has a component {name!r}; names are printable, of 1 to {NAME_LENGTH} characters"
     if unknown := set(field.assumed) - set(ASSUMABLE):
         return f"marks {', '.join(sorted(unknown))} as assumed; possible are {', '.join(ASSUMABLE)}"
     return None

@@ -29,13 +29,12 @@ transpose."""
 SHORTEST_FOCAL_PX = 1.0
 NARROWEST_M = 1e-3
 """Smallest width of a workspace along each axis, [m]."""
-BLOCK_ROWS = 2**16
+BLOCK_ROWS, BLOCK_NUMBERS = 2**16, 2**21
+"""Largest number of rows, and of numbers, that are looked at at once."""
 OBSERVED = "observations/t_ns"
 POSES = ("T_base_camera", "T_base_camera_per_frame", "T_tcp_camera")
 """Arrays of a camera that give its pose, of which it has one at most."""
 CAMERA_PATH = re.compile(r"^cameras/[^/]+/")
-INNER = ("H", "W", "J")
-"""Symbols of sizes that are never zero, because an image has pixels and an arm has joints."""
 
 Sizes = dict[str, tuple[int, str]]
 """Size of each symbol that was found so far, and the path of the array that set it."""
@@ -192,10 +191,10 @@ def _shape_faults(field: Field, array: Readable, sizes: Sizes, path: str) -> Ite
     elif len(array.shape) != len(field.shape):
         yield f"has shape {array.shape}, expected {field.shape_words}"
     else:
-        for found, expected in zip(array.shape, field.shape, strict=True):
+        for axis, (found, expected) in enumerate(zip(array.shape, field.shape, strict=True)):
             if isinstance(expected, int) and found != expected:
                 yield f"has shape {array.shape}, expected {field.shape_words}"
-            elif expected in INNER and found == 0:
+            elif axis and found == 0:  # an image has pixels, an arm has joints
                 yield f"has shape {array.shape}: {expected} in {field.shape_words} must be at least 1"
             elif isinstance(expected, str):
                 known, owner = sizes.setdefault(expected, (found, path))
@@ -206,8 +205,8 @@ def _shape_faults(field: Field, array: Readable, sizes: Sizes, path: str) -> Ite
 
 def _value_faults(field: Field, array: Readable) -> Iterator[str]:
     """Yield at most one fault in the numbers of an array whose shape is right."""
-    if field.image or array.dtype.kind not in "iuf":
-        return
+    if array.dtype.kind not in "iufc" or (field.image and array.dtype.kind in "iu"):
+        return  # every pixel value is valid
     rule = RULES.get(CAMERA_PATH.sub(f"cameras/{CAMERA}/", field.path))
     for first, block in _blocks(array):
         wrong = _out_of_bounds(field, block, first) or (rule and rule(block, first))
@@ -220,12 +219,19 @@ def _blocks(array: Readable) -> Iterator[tuple[int, np.ndarray]]:
     """Yield an array in blocks of rows, each with the number of its first row."""
     if not array.shape:
         yield 0, np.asarray(array)
-    for first in range(0, array.shape[0] if array.shape else 0, BLOCK_ROWS):
-        yield first, np.asarray(array[first : first + BLOCK_ROWS])
+    elif row := math.prod(array.shape[1:]):
+        step = max(1, min(BLOCK_ROWS, BLOCK_NUMBERS // row))
+        for first in range(0, array.shape[0], step):
+            yield first, np.asarray(array[first : first + step])
 
 
 def _out_of_bounds(field: Field, values: np.ndarray, first: int) -> str | None:
     low, high = field.possible
+    with np.errstate(over="ignore"):
+        if values.dtype.kind == "c":
+            values = np.abs(values)
+        elif values.dtype.itemsize < np.dtype(np.float32).itemsize and values.dtype.kind == "f":
+            values = values.astype(np.float32)  # in which the bounds are finite
     inside = (values >= low) & (values <= high)  # false for NaN
     if inside.all():
         return None

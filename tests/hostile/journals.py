@@ -71,7 +71,7 @@ def _with(content):
     return make
 
 
-WRENCH, TIMES, TARE = "streams/wrench/wrench", "streams/wrench/t_ns", "streams/wrench/tare"
+WRENCH, TIMES, TARE, ACTION = "streams/wrench/wrench", "streams/wrench/t_ns", "streams/wrench/tare", "actions/action"
 LABELS = {
     "shape_huge": {WRENCH: {"shape": [10**15, 6]}},
     "shape_negative": {WRENCH: {"shape": [-1, 6]}},
@@ -129,6 +129,77 @@ METAS = {
     "history_text": {"history": "x"}, "history_numbers": {"history": [1]}, "annotations_object": {"annotations": {}},
     "source_surrogate": {"source": "\ud800"}, "more": {"more": 1}, "config_nan": {"config": {"a": float("nan")}},
 }  # fmt: skip
+
+
+MINE = "streams/mine/value"
+
+
+def _meant(declaration, dtype="<f4", **texts):
+    """What a journal says of an array that is not standard."""
+    whole = declaration if isinstance(declaration, str) else json.dumps(declaration)
+    return {"dtype": dtype, "unit": "-", "axes": "-", "about": "-", "doc": "", "declaration": whole} | texts
+
+
+def _rows_of(path, shape, dtype="<f4", content=None, **label):
+    """A record with rows of an array of one's own, and one with as many times."""
+    size = np.dtype(dtype).itemsize * int(np.prod(shape, dtype=object))
+    found = {"path": path, "dtype": dtype, "shape": shape, "start": 0} | label
+    return record(found, bytes(size) if content is None else content)
+
+
+def _times(rows):
+    return _rows_of("streams/mine/t_ns", [rows], "<i8", np.arange(rows).tobytes())
+
+
+T2, ENDLESS = {"shape": ["T", 2]}, {"shape": ["T", "K"]}
+DECLARED = {  # what is declared, and records that follow the journal
+    "list": ([], b""),
+    "number": (7, b""),
+    "null": (None, b""),
+    "numbers": ({MINE: 7}, b""),
+    "number_for_a_text": ({MINE: {"dtype": 7, "declaration": []}}, b""),
+    "no_texts": ({MINE: {}}, b""),
+    "no_dtype": ({MINE: {"unit": "-", "axes": "-", "about": "-", "doc": "", "declaration": "{}"}}, b""),
+    "no_json": ({MINE: _meant("{")}, b""),
+    "deep": ({MINE: _meant("[" * 60_000)}, b""),
+    "long": ({MINE: _meant(T2, doc="d" * 3_000_000)}, b""),
+    "many": ({f"labels/x{k}": _meant({"shape": []}) for k in range(20_000)}, b""),
+    "hidden_path": ({"streams/mine/" + HIDDEN: _meant(T2)}, b""),
+    "surrogate_path": ({"streams/mine/\ud800": _meant(T2)}, b""),
+    "outside": ({"../../outside/x": _meant(T2)}, b""),
+    "top": ({"x": _meant(T2)}, b""),
+    "extra": ({"extra/x": _meant("{")}, b""),
+    "standard": ({WRENCH: _meant({"shape": ["M", 7]})}, b""),
+    "standard_assumed": ({WRENCH: _meant({"shape": ["M", 7], "assumed": ["unit"]})}, b""),
+    "standard_dtype": ({ACTION: _meant({"shape": ["N", 5]}, "|S9")}, b""),
+    "action_of_ten": ({ACTION: _meant({"shape": ["N", 10]})}, b""),
+    "clock": ({MINE: _meant(T2), "streams/mine/t_ns": _meant({"shape": ["T"]}, "<f8")}, b""),
+    "parts": ({MINE: _meant(T2 | {"parts": [["vector", [-1, 5]]]})}, b""),
+    "bounds": ({MINE: _meant(T2 | {"bounds": [[1, 0], [1, 0]]})}, b""),
+    "dtype_object": ({MINE: _meant(T2, "|O")}, b""),
+    "dtype_unknown": ({MINE: _meant(T2, "no type")}, b""),
+    "dtype_commas": ({MINE: _meant(T2, "f4," * 1000 + "f4")}, b""),
+    "dtype_void": ({MINE: _meant(T2, "|V1000000000")}, b""),
+    "dtype_bracket": ({MINE: _meant(T2, "(2,3")}, b""),
+    "dtype_of_nothing": ({MINE: _meant(T2, "|S0")}, _rows_of(MINE, [2**47, 2], "|S0", b"") + _times(3)),
+    "dtype_another": ({MINE: _meant(T2)}, _rows_of(MINE, [3, 2], "<f8") + _times(3)),
+    "rows_of_nothing": ({MINE: _meant(ENDLESS)}, _rows_of(MINE, [2**47, 0], content=b"") + _times(3)),
+    "rows_of_nothing_declared": ({MINE: _meant({"shape": ["T", 0]})}, _rows_of(MINE, [2**47, 0], content=b"")),
+    "constant_of_nothing": ({"labels/x": _meant({"shape": ["K", 0]})},
+                            _rows_of("labels/x", [2**40, 0], content=b"", constant=True)),
+    "constant_as_rows": ({"labels/x": _meant({"shape": [3]})}, _rows_of("labels/x", [3])),
+    "rows_as_constant": ({MINE: _meant(T2)}, _rows_of(MINE, [3, 2], constant=True) + _times(3)),
+    "another_size": ({MINE: _meant(T2)}, _rows_of(MINE, [3, 5]) + _times(3)),
+    "without_clock": ({MINE: _meant(T2)}, _rows_of(MINE, [3, 2])),
+    "nan": ({MINE: _meant(T2)}, _rows_of(MINE, [3, 2], content=np.full(6, np.nan, "f4").tobytes()) + _times(3)),
+    "later": ({}, record({"declared": {MINE: _meant(T2)}}) + _rows_of(MINE, [3, 2]) + _times(3)),
+    "again": ({MINE: _meant(T2)}, record({"meta": meta(50), "declared": {MINE: _meant({"shape": ["T", 3]})}})),
+    "sound": ({MINE: _meant(T2)}, _rows_of(MINE, [3, 2]) + _times(3)),
+}  # fmt: skip
+
+
+def _declared(declared, more):
+    return lambda folder: journal(50, first=record({"meta": meta(50), "declared": declared}), tail=more)
 
 
 def _link(target):
@@ -222,6 +293,8 @@ for name, labels in LABELS.items():
     add("journals", f"label_{name}", "journal", _with(lambda folder, labels=labels: journal(50, labels)))
 for name, changes in METAS.items():
     add("journals", f"meta_{name}", "journal", _with(_first(**changes)))
+for name, declared in DECLARED.items():
+    add("journals", f"declared_{name}", "journal", _with(_declared(*declared)))
 for name, content in WHOLE.items():
     if name != "sparse":
         add("journals", f"whole_{name}", "journal", _with(content), slow=name.startswith("many"))

@@ -3,6 +3,7 @@
 from tests.hostile import (  # noqa: F401
     buffers,
     checkpoints,
+    declarations,
     folders,
     hdf5_elsewhere,
     hdf5_form,
