@@ -60,28 +60,30 @@ def component_units(field: Field, row: tuple[int, ...]) -> list[str]:
 
 
 def labels(field: Field, row: tuple[int, ...]) -> list[str]:
-    """Return name and unit of each number of a row, such as ``fx, N``.
+    """Return name and unit of each number of a row, such as ``fx, N``; the name alone if its unit is not known.
 
     Args:
         field: Declaration of the array.
         row: Shape of one row.
     """
     pairs = zip(component_names(field, row), component_units(field, row), strict=True)
-    return [f"{name}, {unit}" if unit else name for name, unit in pairs]
+    return [f"{name}, {unit}" if unit and ", " not in unit else name for name, unit in pairs]
 
 
-def by_unit(field: Field, row: tuple[int, ...]) -> list[tuple[str, list[int]]]:
-    """Group neighbouring numbers of a row that have the same unit, because they can share an axis of a plot.
+def by_unit(field: Field, row: tuple[int, ...]) -> dict[str, list[int]]:
+    """Group the numbers of a row by their unit, because numbers of one unit can share an axis of a plot.
 
     Args:
         field: Declaration of the array.
         row: Shape of one row.
 
     Returns:
-        Unit, and the indices of the numbers in the flattened row, for each group.
+        Indices of the numbers in the flattened row, by unit, in the order in which the units come.
     """
-    units = component_units(field, row)
-    return [(unit, list(columns)) for unit, columns in groupby(range(len(units)), key=lambda column: units[column])]
+    found: dict[str, list[int]] = {}
+    for column, unit in enumerate(component_units(field, row)):
+        found.setdefault(unit, []).append(column)
+    return found
 
 
 def title(field: Field) -> str:

@@ -6,17 +6,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from svfl_data.schema.action_fields import ACTION, planar_action
+from svfl_data.schema.declarations import STANDARD, Declarations
 from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.field_words import OBSERVED as TIMES
+from svfl_data.schema.field_words import camera_pose
 from svfl_data.schema.fields import FARTHEST_NS, camera_names
 from svfl_data.signals.contact import ContactRule, contact_force
 from svfl_data.signals.transforms import LowPass, from_record, processed_wrench
 from svfl_data.storage.reader import EpisodeReader, StoredArray
+from svfl_data.viewer.names import CAMERAS, PICTURES
 
 READINGS_AT_ONCE = 2**15
 """Number of wrench readings in one piece; about a minute at 500 Hz."""
-TIMES, PROPRIO, ACTION = "observations/t_ns", "observations/proprio", "actions/action"
+PROPRIO = "observations/proprio"
 WRENCH_TIMES, WRENCH, TARE = "streams/wrench/t_ns", "streams/wrench/wrench", "streams/wrench/tare"
-OF_EVERY_EPISODE = (TIMES, PROPRIO, ACTION, TARE, "workspace")
+TCP_TIMES, TCP_POSE = "streams/tcp/t_ns", "streams/tcp/pose"
+PLANAR = planar_action().components
+NEEDED = (TIMES, PROPRIO, TARE, "workspace")
+"""Arrays that transforms of the wrench may need besides its readings."""
 SETTLED = 16.0
 """Number of time constants after which the first reading has no effect on a low-pass in float32 (factor exp(-16))."""
 
@@ -47,11 +55,13 @@ class EpisodeSource:
         arrays: Arrays of the episode by field path, in memory or on disk. Both give rows when indexed.
         root: Prefix of the episode's entities in the viewer: empty, or a folder such as ``episode_3/`` if several
             episodes are shown.
+        declarations: Declarations of the arrays.
     """
 
     meta: Meta
     arrays: Mapping[str, np.ndarray | StoredArray]
     root: str = ""
+    declarations: Declarations = STANDARD
 
     @classmethod
     def of(cls, episode: Episode | EpisodeReader, root: str = "") -> "EpisodeSource":
@@ -62,23 +72,74 @@ class EpisodeSource:
             root: Prefix of the episode's entities in the viewer.
         """
         if isinstance(episode, Episode):
-            return cls(episode.meta, episode.arrays, root)
-        return cls(episode.meta, {path: episode[path] for path in episode.paths}, root)
+            return cls(episode.meta, episode.arrays, root, episode.declarations)
+        arrays = {path: episode[path] for path in episode.paths}
+        return cls(episode.meta, arrays, root, episode.declarations)
 
     def __getitem__(self, path: str) -> np.ndarray:
         """Return a whole array by its field path."""
         return np.asarray(self.arrays[path][()])
 
+    def get(self, path: str) -> np.ndarray | None:
+        """Return a whole array by its field path; None if it was not recorded."""
+        return self[path] if path in self.arrays else None
+
     def __contains__(self, path: object) -> bool:
         return path in self.arrays
 
     def __len__(self) -> int:
-        return len(self.arrays[ACTION])
+        return len(self.arrays[TIMES]) - 1
 
     @property
     def cameras(self) -> list[str]:
         """Names of the cameras."""
         return camera_names(self.arrays)
+
+    @property
+    def planar(self) -> bool:
+        """Whether ``actions/action`` is the planar action: gripper opening, dx, dy, dz, dtheta."""
+        field = self.declarations.at(ACTION)
+        return ACTION in self and field is not None and field.components == PLANAR
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """First and last time of all declared streams, [ns]."""
+        clocks = [self[path] for path in self.arrays if path.endswith("/t_ns") and self.declarations.at(path)]
+        return min(int(t[0]) for t in clocks if len(t)), max(int(t[-1]) for t in clocks if len(t))
+
+    def positions(self) -> tuple[int, np.ndarray] | None:
+        """Return where the TCP is at each observation, as far as it was recorded.
+
+        Returns:
+            First row of the observations at which the position is known, and the positions from there on, shape
+            (N+1-first, 3), [m], base axes: those of the proprioception or, without it, of the latest pose of the TCP at
+            or before the observation. None if there is neither.
+        """
+        if PROPRIO in self:
+            return 0, self[PROPRIO][:, 1:4]
+        if TCP_POSE not in self or not len(self.arrays[TCP_POSE]):
+            return None
+        rows = np.searchsorted(self[TCP_TIMES], self[TIMES], side="right") - 1
+        first = int((rows < 0).sum())
+        return first, self[TCP_POSE][rows[first:], :3]
+
+    def placed(self, camera: str) -> bool:
+        """Return whether pose and lens of a camera are known, so that it can be drawn in the 3-D scene.
+
+        Args:
+            camera: Name of the camera.
+        """
+        pose = camera_pose(camera, self.arrays)
+        known = pose in ("", "moves") or (pose == "on the gripper" and TCP_POSE in self)
+        return known and f"cameras/{camera}/intrinsics" in self
+
+    def camera_entity(self, camera: str) -> str:
+        """Return the entity of a camera: in the 3-D scene if the camera can be drawn there, otherwise outside of it.
+
+        Args:
+            camera: Name of the camera.
+        """
+        return f"{self.root}{CAMERAS if self.placed(camera) else PICTURES}/{camera}"
 
     def readings(self, rule: ContactRule, at_once: int = READINGS_AT_ONCE) -> Iterator[Readings]:
         """Read the wrench stream in pieces, with the same values as if it were processed as a whole.
@@ -91,18 +152,23 @@ class EpisodeSource:
             Consecutive pieces.
 
         Raises:
+            FieldError: If a recorded transform needs an array that was not recorded.
             FormatError: If a recorded transform is unknown.
         """
+        if WRENCH not in self:
+            return
         t_ns, stored = self[WRENCH_TIMES], self.arrays[WRENCH]
         settling_ns = self._settling_ns(rule)
-        needed = {path: self[path] for path in OF_EVERY_EPISODE}
+        action = next(path for path in self.arrays if path.startswith("actions/"))
+        needed = {path: self[path] for path in (*NEEDED, action) if path in self}
         for first in range(0, len(t_ns), at_once):
             after = min(first + at_once, len(t_ns))
             since = max(int(t_ns[first]) - settling_ns, -FARTHEST_NS)
             before = int(np.searchsorted(t_ns, since)) if settling_ns else first
             before = min(before, first)
             raw = np.asarray(stored[before:after])
-            piece = Episode(self.meta, needed | {WRENCH_TIMES: t_ns[before:after], WRENCH: raw}, name="episode")
+            arrays = needed | {WRENCH_TIMES: t_ns[before:after], WRENCH: raw}
+            piece = Episode(self.meta, arrays, "episode", self.declarations)
             new = slice(first - before, None)
             size = contact_force(piece, rule)[new].astype(np.float32)
             yield Readings(t_ns[first:after], raw[new], processed_wrench(piece)[new], size)

@@ -11,6 +11,10 @@ TIMELINE = "time"
 
 SCENE, CAMERAS = "scene", "scene/cameras"
 """Entities of the 3-D scene and of its cameras; everything below SCENE is in base axes, in metres."""
+PICTURES = "pictures"
+"""Entity of the cameras whose place is not known, outside of the 3-D scene."""
+FIELDS = "fields"
+"""Entity of everything that is drawn from its declaration alone; the dataset path of the array follows."""
 FORCE_PLOT, TORQUE_PLOT = "wrench/force", "wrench/torque"
 RAW_FORCE, RAW_TORQUE = "wrench/raw/force", "wrench/raw/torque"
 WINDOW_FORCE, WINDOW_TORQUE = "wrench/window/force", "wrench/window/torque"
@@ -24,6 +28,11 @@ AXES = ((213, 94, 0), (0, 158, 115), (86, 180, 233))
 PALE_AXES = ((250, 190, 150), (150, 225, 200), (195, 225, 245))
 FORCE, TORQUE, LABEL, BLOCK = (230, 159, 0), (204, 121, 167), (240, 228, 66), (0, 114, 178)
 GREY, WHITE = (150, 150, 150), (255, 255, 255)
+CURVES = (
+    *AXES, FORCE, TORQUE, LABEL, BLOCK, GREY, *PALE_AXES, (250, 215, 140), (230, 190, 215), (250, 245, 180),
+    (140, 185, 225), WHITE,
+)  # fmt: skip
+"""Colours of the curves of one plot, in the order of the components."""
 
 
 def send(recording: rr.RecordingStream, path: str, t_ns: np.ndarray, *columns: Iterable[rr.ComponentColumn]) -> None:

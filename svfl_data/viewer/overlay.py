@@ -6,7 +6,7 @@ import rerun as rr
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer import names
 from svfl_data.viewer.episode_source import TIMES, EpisodeSource
-from svfl_data.viewer.images import camera_entity, send_color
+from svfl_data.viewer.images import send_color
 from svfl_data.viewer.names import FORCE, LABEL, TORQUE, send
 from svfl_data.viewer.plots import send_curve
 from svfl_data.viewer.predictions import Prediction
@@ -28,7 +28,7 @@ def log_prediction(recording: rr.RecordingStream, shown: EpisodeSource, predicti
     if prediction.seen is not None:
         send_color(recording, f"{root}{names.PREDICTION}/seen", t_ns, prediction.seen, small=False)
     if prediction.crop is not None:
-        _log_crop(recording, f"{camera_entity(root, prediction.camera)}/seen", t_ns, prediction.crop)
+        _log_crop(recording, f"{shown.camera_entity(prediction.camera)}/seen", t_ns, prediction.crop)
     if prediction.probabilities is not None:
         lines = rr.SeriesLines(names=[f"p({name})" for name in DIRECTIONS], colors=COLORS, widths=2.0)
         recording.log(f"{root}{names.PREDICTION}/probability", lines, static=True)
@@ -59,7 +59,7 @@ def _log_arrows(recording: rr.RecordingStream, shown: EpisodeSource, prediction:
     assert prediction.probabilities is not None
     best = prediction.probabilities.argmax(axis=1)
     sure = prediction.probabilities.max(axis=1)
-    entity, middle = camera_entity(shown.root, camera), np.array([width / 2, height / 2])
+    entity, middle = shown.camera_entity(camera), np.array([width / 2, height / 2])
     look = rr.Arrows2D.from_fields(colors=[FORCE], radii=[0.7], show_labels=True)
     recording.log(f"{entity}/predicted", look, static=True)
     words = [f"network: {DIRECTIONS[one]} {share:.0%}" for one, share in zip(best, sure, strict=True)]

@@ -1,6 +1,6 @@
 """Curves over time: wrench at its native rate, annotations, proprioception, commanded and achieved action, reward."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from itertools import cycle
 from typing import Any
 
@@ -20,12 +20,17 @@ MOST_NAMES = 100
 OTHERS = "other annotations"
 
 
-def log_styles(recording: rr.RecordingStream, root: str) -> None:
+PARTS = ("wrench", "motion", "proprio", "reward")
+"""Parts of an episode whose curves have fixed names."""
+
+
+def log_styles(recording: rr.RecordingStream, root: str, parts: Container[str] = PARTS) -> None:
     """Log the names, colours and widths of all curves.
 
     Args:
         recording: Recording to log to.
         root: Prefix of the episode's entities.
+        parts: The parts of `PARTS` that the episode has.
     """
     held = {"interpolation_mode": "StepAfter"}
     styles: dict[str, tuple[Sequence[str], Sequence[tuple[int, int, int]], float, Mapping[str, Any]]] = {
@@ -47,7 +52,8 @@ def log_styles(recording: rr.RecordingStream, root: str) -> None:
         names.REWARD: (["reward", "success"], (FORCE, AXES[1]), 2.5, held),
     }
     for path, (labels, colors, width, rest) in styles.items():
-        recording.log(root + path, rr.SeriesLines(names=labels, colors=colors, widths=width, **rest), static=True)
+        if path.partition("/")[0] in parts:
+            recording.log(root + path, rr.SeriesLines(names=labels, colors=colors, widths=width, **rest), static=True)
 
 
 def send_curve(recording: rr.RecordingStream, path: str, t_ns: np.ndarray, values: np.ndarray) -> None:
@@ -97,25 +103,31 @@ def send_proprio(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, pro
 
 
 def send_actions(
-    recording: rr.RecordingStream, root: str, t_ns: np.ndarray, action: np.ndarray, proprio: np.ndarray
+    recording: rr.RecordingStream, root: str, t_ns: np.ndarray, action: np.ndarray, proprio: np.ndarray | None
 ) -> None:
-    """Log the commanded actions, and the movement and gripper opening achieved at the next observation.
+    """Log the commanded planar actions, and the movement and gripper opening achieved at the next observation.
 
     Args:
         recording: Recording to log to.
         root: Prefix of the episode's entities.
         t_ns: Timestamps of the observation before each action, shape (N,), [ns].
         action: Commanded actions, shape (N, 5).
-        proprio: Proprioception at these observations and at the observation after the last action, shape (N+1, 5).
+        proprio: Proprioception at these observations and at the observation after the last action, shape (N+1, 5). None
+            if it was not recorded.
     """
+    for path, values in (
+        (names.COMMANDED, action[:, 1:4]),
+        (names.COMMANDED + "_turn", action[:, 4:]),
+        (names.COMMANDED + "_opening", action[:, :1]),
+    ):
+        send_curve(recording, root + path, t_ns, values)
+    if proprio is None:
+        return
     moved = np.diff(proprio, axis=0)
     turned = np.angle(np.exp(1j * moved[:, 4:]))  # into -pi..pi, because the yaw may jump by a full turn
     for path, values in (
-        (names.COMMANDED, action[:, 1:4]),
         (names.ACHIEVED, moved[:, 1:4]),
-        (names.COMMANDED + "_turn", action[:, 4:]),
         (names.ACHIEVED + "_turn", turned),
-        (names.COMMANDED + "_opening", action[:, :1]),
         (names.ACHIEVED + "_opening", proprio[1:, :1]),
     ):
         send_curve(recording, root + path, t_ns, values)

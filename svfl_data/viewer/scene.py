@@ -20,34 +20,54 @@ PATH_COLORS = np.array([(70, 80, 110), FORCE, (255, 255, 210)], dtype=np.float64
 """Colours (red, green, blue) of the TCP's path, from zero force to the largest force."""
 
 
-def log_environment(recording: rr.RecordingStream, root: str, workspace: np.ndarray) -> None:
+def log_environment(recording: rr.RecordingStream, root: str, workspace: np.ndarray | None) -> None:
     """Log the workspace box, the table and the base axes, and the colours and sizes of everything that moves.
 
     Args:
         recording: Recording to log to.
         root: Prefix of the episode's entities.
-        workspace: Lower and upper bounds of the TCP's x, y, z in base, shape (3, 2), [m].
+        workspace: Lower and upper bounds of the TCP's x, y, z in base, shape (3, 2), [m]. None if it was not recorded:
+            then neither box nor table is drawn, and the base axes are drawn at their origin.
     """
     scene = root + SCENE
-    lower, upper = workspace.T
-    extent = np.array([*(upper - lower)[:2] / 2 + 0.05, 0.005])
-    centre = [*(lower + upper)[:2] / 2, -extent[2]]
+    if workspace is not None:
+        _log_workspace(recording, scene, *workspace.T)
+    corner = np.zeros(3) if workspace is None else np.append(workspace[:2, 0], 0.0)
     for path, shape in {
         "": rr.ViewCoordinates.RIGHT_HAND_Z_UP,
-        "/workspace": rr.Boxes3D(
-            mins=[lower], sizes=[upper - lower], colors=GREY, radii=0.001, fill_mode="majorwireframe"
-        ),
-        "/table": rr.Boxes3D(centers=[centre], half_sizes=[extent], colors=(90, 90, 90), fill_mode="solid"),
         "/base_axes": rr.Arrows3D(
-            origins=[[*lower[:2], 0.0]] * 3, vectors=0.06 * np.eye(3), colors=AXES, radii=0.003,
-            labels=["x", "y", "z"], show_labels=True,
+            origins=[corner] * 3, vectors=0.06 * np.eye(3), colors=AXES, radii=0.003, labels=["x", "y", "z"],
+            show_labels=True,
         ),
         "/tcp": rr.Arrows3D.from_fields(vectors=0.03 * np.eye(3), colors=AXES, radii=[0.0012]),
         "/gripper": rr.Boxes3D.from_fields(colors=[(200, 200, 200)], fill_mode="solid"),
         "/object": rr.Boxes3D.from_fields(colors=[BLOCK], fill_mode="solid"),
-        "/wrist/force": rr.Arrows3D.from_fields(colors=[FORCE], radii=[0.004], show_labels=True),
-        "/wrist/torque": rr.Arrows3D.from_fields(colors=[TORQUE], radii=[0.004]),
     }.items():  # fmt: skip
+        recording.log(scene + path, shape, static=True)
+    log_arrow_style(recording, f"{scene}/wrist")
+
+
+def log_arrow_style(recording: rr.RecordingStream, entity: str) -> None:
+    """Log how the arrows of a wrench look.
+
+    Args:
+        recording: Recording to log to.
+        entity: Entity of the arrows.
+    """
+    force = rr.Arrows3D.from_fields(colors=[FORCE], radii=[0.004], show_labels=True)
+    recording.log(f"{entity}/force", force, static=True)
+    recording.log(f"{entity}/torque", rr.Arrows3D.from_fields(colors=[TORQUE], radii=[0.004]), static=True)
+
+
+def _log_workspace(recording: rr.RecordingStream, scene: str, lower: np.ndarray, upper: np.ndarray) -> None:
+    extent = np.array([*(upper - lower)[:2] / 2 + 0.05, 0.005])
+    centre = [*(lower + upper)[:2] / 2, -extent[2]]
+    for path, shape in {
+        "/workspace": rr.Boxes3D(
+            mins=[lower], sizes=[upper - lower], colors=GREY, radii=0.001, fill_mode="majorwireframe"
+        ),
+        "/table": rr.Boxes3D(centers=[centre], half_sizes=[extent], colors=(90, 90, 90), fill_mode="solid"),
+    }.items():
         recording.log(scene + path, shape, static=True)
 
 
@@ -99,6 +119,20 @@ def send_gripper(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, pro
         send_boxes(recording, f"{root}{SCENE}/gripper", t_ns, position, quat_xyzw, *gripper_boxes(proprio[:, 0]))
 
 
+def send_tcp(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, pose: np.ndarray) -> None:
+    """Log the measured poses of the TCP; the wrench is then drawn at the TCP, because nobody said where its sensor is.
+
+    Args:
+        recording: Recording to log to.
+        root: Prefix of the episode's entities.
+        t_ns: Timestamps of the poses, shape (K,), [ns].
+        pose: Position [m] and quat_xyzw of the TCP in base, shape (K, 7).
+    """
+    send(recording, f"{root}{SCENE}/wrist", t_ns, rr.Transform3D.columns(translation=pose[:, :3]))
+    frame = rr.Transform3D.columns(translation=pose[:, :3], quaternion=pose[:, 3:])
+    send(recording, f"{root}{SCENE}/tcp", t_ns, frame)
+
+
 def send_boxes(
     recording: rr.RecordingStream,
     path: str,
@@ -142,7 +176,9 @@ def send_object(
     send_boxes(recording, f"{root}{SCENE}/object", t_ns, pose[:, :3], pose[:, 3:], boxes)
 
 
-def send_arrows(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, wrench: np.ndarray) -> None:
+def send_arrows(
+    recording: rr.RecordingStream, root: str, t_ns: np.ndarray, wrench: np.ndarray, place: str = "wrist"
+) -> None:
     """Log force and torque as arrows at the wrist.
 
     Args:
@@ -150,13 +186,14 @@ def send_arrows(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, wren
         root: Prefix of the episode's entities.
         t_ns: Timestamps of the readings, shape (M,), [ns].
         wrench: Wrenches, shape (M, 6), [N] and [N m], base axes.
+        place: Entity of the arrows in the scene; those below ``wrist`` move with it.
     """
     force, torque = np.split(wrench, 2, axis=1)
     newtons = [f"{size:.1f} N" for size in np.linalg.norm(force, axis=1)]
     arrow = rr.Arrows3D.columns(vectors=force * METRES_PER_NEWTON, labels=newtons)
-    send(recording, f"{root}{SCENE}/wrist/force", t_ns, arrow)
+    send(recording, f"{root}{SCENE}/{place}/force", t_ns, arrow)
     arrow = rr.Arrows3D.columns(vectors=torque * METRES_PER_NEWTON_METRE)
-    send(recording, f"{root}{SCENE}/wrist/torque", t_ns, arrow)
+    send(recording, f"{root}{SCENE}/{place}/torque", t_ns, arrow)
 
 
 def log_path(recording: rr.RecordingStream, root: str, position: np.ndarray, force: np.ndarray, top: float) -> None:

@@ -4,12 +4,18 @@ import numpy as np
 
 from svfl_data.sampling.windows import WINDOW
 from svfl_data.schema.clocks import mean_hz
+from svfl_data.schema.field_words import assumed_words, camera_pose, own, title
 from svfl_data.schema.rates import declared_hz
 from svfl_data.symmetry import DIRECTIONS
-from svfl_data.system.printable import markdown
-from svfl_data.viewer.episode_source import TARE, TIMES, WRENCH_TIMES, EpisodeSource
+from svfl_data.system.printable import markdown, printable
+from svfl_data.viewer.episode_source import PROPRIO, TARE, TIMES, WRENCH, WRENCH_TIMES, EpisodeSource
+from svfl_data.viewer.fields import left_out
 from svfl_data.viewer.predictions import Prediction
 from svfl_data.viewer.scene import METRES_PER_NEWTON, METRES_PER_NEWTON_METRE
+
+SAID = ("instruction", "robot", "operator")
+MOST_NUMBERS, MOST_LINES = 16, 30
+"""Largest number of numbers of one array, and of lines of one kind, that the text gives."""
 
 
 def summary_text(shown: EpisodeSource, peak: float, prediction: Prediction | None = None) -> str:
@@ -20,10 +26,12 @@ def summary_text(shown: EpisodeSource, peak: float, prediction: Prediction | Non
         peak: Largest norm of the filtered force, [N], which has the brightest colour of the TCP's path.
         prediction: Prediction of a network on the episode. None if no network is shown.
     """
-    meta, t_ns, tare = shown.meta, shown[TIMES], shown[TARE]
+    meta, t_ns = shown.meta, shown[TIMES]
     seconds = (t_ns[-1] - t_ns[0]) / 1e9
-    versions = ", ".join(markdown(f"{name} {version}") for name, version in meta.software.items())
     lines = [f"{len(shown)} steps, {seconds:.2f} s; source {markdown(meta.source)}, seed {meta.seed}."]
+    said = [f"**{name.capitalize()}:** {markdown(text)}" for name in SAID if (text := getattr(meta, name))]
+    if said:
+        lines.append("; ".join(said) + ".")
     if "labels/offset" in shown and "labels/direction" in shown:
         dx, dy = shown["labels/offset"] * 1e3
         direction = DIRECTIONS[int(shown["labels/direction"])]
@@ -33,19 +41,16 @@ def summary_text(shown: EpisodeSource, peak: float, prediction: Prediction | Non
         )
     if prediction:
         lines.append(f"**Network** (orange on the picture): {_prediction_words(shown, prediction)}")
-    lines += [
-        f"**Arrows at the wrist:** force orange, {METRES_PER_NEWTON * 1e3:.0f} mm per N; torque pink, "
-        f"{METRES_PER_NEWTON_METRE * 1e3:.0f} mm per N m. Path of the TCP: dark without force, bright at {peak:.1f} N.",
-        f"**Wrench:** load of the environment on the gripper, base axes, torque about the sensor origin; "
-        f"{_rate(shown)} "
-        f"Thick: the last {WINDOW} before the cursor, what a network gets when it is at an observation.",
-        f"**Tare:** {_vector(tare[:3])} N, {_vector(tare[3:])} N m. "
-        f"**Recorded with** {versions or 'unknown software'}.",
-    ]
+    lines += _wrench_lines(shown, peak)
     if "streams/object/pose" in shown and "streams/object/half_extents" not in shown:
         lines.append("**Object** (blue): size not recorded, drawn as a 5 cm cube.")
-    title = f"**{markdown(meta.task)}, episode {meta.index}: {'success' if meta.success else 'no success'}**; "
-    return title + lines.pop(0) + "\n\n" + "\n".join(f"- {line}" for line in lines)
+    lines += [*_camera_lines(shown), *_constants(shown), *_assumed(shown)]
+    if number := left_out(shown):
+        lines.append(f"{number} further field{'s are' if number > 1 else ' is'} not drawn.")
+    versions = ", ".join(markdown(f"{name} {version}") for name, version in meta.software.items())
+    lines.append(f"**Recorded with** {versions or 'unknown software'}.")
+    head = f"**{markdown(meta.task)}, episode {meta.index}: {'success' if meta.success else 'no success'}**; "
+    return head + lines.pop(0) + "\n\n" + "\n".join(f"- {line}" for line in lines)
 
 
 def _prediction_words(shown: EpisodeSource, prediction: Prediction) -> str:
@@ -57,6 +62,66 @@ def _prediction_words(shown: EpisodeSource, prediction: Prediction) -> str:
     if "labels/direction" in shown:
         words += f" The true direction has {last[int(shown['labels/direction'])]:.1%}."
     return words
+
+
+def _wrench_lines(shown: EpisodeSource, peak: float) -> list[str]:
+    """Return what the arrows, the curves of the wrench and its tare mean; nothing if there is no wrench."""
+    if WRENCH not in shown:
+        return []
+    where = "wrist" if PROPRIO in shown else "TCP"
+    lines = [
+        f"**Arrows at the {where}:** force orange, {METRES_PER_NEWTON * 1e3:.0f} mm per N; torque pink, "
+        f"{METRES_PER_NEWTON_METRE * 1e3:.0f} mm per N m. Path of the TCP: dark without force, bright at {peak:.1f} N."
+    ]
+    lines = lines if shown.positions() else []
+    lines.append(
+        f"**Wrench:** load of the environment on the gripper, base axes, torque about the sensor origin; "
+        f"{_rate(shown)} "
+        f"Thick: the last {WINDOW} before the cursor, what a network gets when it is at an observation."
+    )
+    tare = shown.get(TARE)
+    words = "not recorded, so the readings are shown as they are"
+    lines.append(f"**Tare:** {words if tare is None else f'{_vector(tare[:3])} N, {_vector(tare[3:])} N m'}.")
+    return lines
+
+
+def _camera_lines(shown: EpisodeSource) -> list[str]:
+    """Return a line for each camera that does not stand still at a known place."""
+    lines = []
+    for camera in shown.cameras:
+        pose = camera_pose(camera, shown.arrays)
+        if not shown.placed(camera):
+            lacks = "its pose" if pose == "no pose" else "the pose of the TCP" if pose else "its intrinsics"
+            if f"cameras/{camera}/intrinsics" not in shown and pose != "no pose":
+                lacks = "its intrinsics"
+            lines.append(f"**Camera {markdown(camera)}** is shown as a picture only: {lacks} was not recorded.")
+        elif pose:
+            lines.append(f"**Camera {markdown(camera)}** {'moves' if pose == 'moves' else 'is on the gripper'}.")
+    return [line.replace("intrinsics was", "intrinsics were") for line in lines]
+
+
+def _constants(shown: EpisodeSource) -> list[str]:
+    """Return a line for each field of the user's own that the episode has once, such as a label."""
+    lines = []
+    for field in own(shown.arrays, shown.declarations):
+        if field.grows or field.image:
+            continue
+        values = np.asarray(shown[field.path]).reshape(-1)
+        if values.dtype.kind == "S":
+            words = ", ".join(markdown(printable(one.decode(errors="replace"), 200)) for one in values[:MOST_NUMBERS])
+        else:
+            words = ", ".join(f"{value:.6g}" for value in values[:MOST_NUMBERS].tolist())
+        more = f" and {len(values) - MOST_NUMBERS} more" if len(values) > MOST_NUMBERS else ""
+        lines.append(f"**{markdown(title(field))}:** {words}{more}")
+    return lines[:MOST_LINES]
+
+
+def _assumed(shown: EpisodeSource) -> list[str]:
+    """Return a line for each array of which something is assumed, such as ``wrench: axes are assumed``."""
+    fields = [field for path in shown.arrays if (field := shown.declarations.at(path)) and field.assumed]
+    lines = [f"{markdown(field.path)}: {markdown(', '.join(assumed_words(field)))}." for field in fields]
+    more = [f"{len(lines) - MOST_LINES} more arrays of which something is assumed."] if len(lines) > MOST_LINES else []
+    return [*lines[:MOST_LINES], *more]
 
 
 def _rate(shown: EpisodeSource) -> str:

@@ -84,7 +84,8 @@ def open_arrays(seed: int = 0, steps: int = 20) -> dict[str, np.ndarray]:
         "streams/notes/words": np.array([b"reaching", b"contact"], "S40"),
         "cameras/front/t_ns": frames,
         "cameras/front/color": front,
-        "cameras/front/depth": rng.integers(4000, 12000, (len(frames), 48, 64), dtype=np.uint16),
+        "cameras/front/depth": (9000 - 60 * np.arange(48)[:, None] + rng.integers(0, 50, (len(frames), 48, 64)))
+        .astype(np.uint16),
         "cameras/front/depth_scale": np.array(1e-4),
         "cameras/front/intrinsics": np.array([[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]),
         "cameras/front/T_base_camera": fixed,

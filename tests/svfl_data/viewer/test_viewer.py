@@ -14,10 +14,10 @@ from rerun.chunk import RrdReader
 from svfl_data.sampling.windows import WINDOW
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.signals.transforms import LowPass, Tare, as_record, processed_wrench
-from svfl_data.viewer import plots, recording, scene, show
-from svfl_data.viewer.blueprint import axis_range
+from svfl_data.viewer import cameras, plots, recording, scene, show
 from svfl_data.viewer.episode_source import EpisodeSource
 from svfl_data.viewer.summary_text import summary_text
+from svfl_data.viewer.views import axis_range
 from tests.helpers.builders import episode_arrays, make_episode
 from tests.helpers.rerun_files import encoded, entities, logged
 
@@ -158,7 +158,7 @@ def test_path_is_brightest_where_the_force_is_largest(saved):
 
 
 def test_long_pictures_are_small_and_their_depth_exact(episode, tmp_path, monkeypatch):
-    monkeypatch.setattr(recording, "EXACT_BYTES", 0)
+    monkeypatch.setattr(cameras, "EXACT_BYTES", 0)
     save(episode, tmp_path / "small.rrd")
     blobs = encoded(tmp_path / "small.rrd", "scene/cameras/front/depth", "EncodedDepthImage:blob")
     for blob, depth in zip(blobs, episode.cameras["front"].depth, strict=True):
