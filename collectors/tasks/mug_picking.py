@@ -8,7 +8,6 @@ import numpy as np
 import pybullet_data
 from numpy.typing import ArrayLike, NDArray
 
-from collectors.simulation.arms.panda import LEFT_FINGER, RIGHT_FINGER
 from collectors.simulation.bodies import quat_from_yaw
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.linear import length, product
@@ -90,7 +89,7 @@ class MugPicking(Task):
 
     def by_handle(self) -> bool:
         """Return whether both fingers press on the mug, and only on its handle."""
-        for finger in (LEFT_FINGER, RIGHT_FINGER):
+        for finger in self.world.finger_links:
             points = self._pressed(finger)
             inside = (points >= HANDLE[:, 0] - TOLERANCE) & (points <= HANDLE[:, 1] + TOLERANCE)
             if not (points.size and inside.all()):
