@@ -84,8 +84,7 @@ class World(OwnProcess):
         self.config = config or WorldConfig()
         self._dt = self.config.physics_dt_ns * 1e-9
         self._bounds = np.array(self.config.workspace)
-        tick = self._dt * self.config.physics_steps
-        self._stopping = (self.config.max_move / tick) ** 2 / (2.0 * self.config.max_acceleration)
+        self._stopping = (self.config.max_move / self.step_s) ** 2 / (2.0 * self.config.max_acceleration)
         self._connect()
 
     def _connect(self) -> None:
@@ -244,6 +243,11 @@ class World(OwnProcess):
         self._wrenches.append(self._noise(np.array(wrenches)).astype(np.float32))
 
     @property
+    def step_s(self) -> float:
+        """Time of an action, [s]."""
+        return self._dt * self.config.physics_steps
+
+    @property
     def action_bound(self) -> NDArray[np.float64]:
         """Largest absolute values of an action's dx, dy, dz [m] and dtheta [rad], (4,)."""
         c = self.config
@@ -377,6 +381,16 @@ class World(OwnProcess):
         return self._arm.body
 
     @property
+    def sensor_joint(self) -> int:
+        """Index of the robot's joint where the wrist sensor is, which is also that of the gripper's link."""
+        return self._arm.sensor_joint
+
+    @property
+    def gripper_mass(self) -> float:
+        """Mass of the gripper, whose weight the wrist sensor reads, [kg]."""
+        return self._arm.gripper_mass
+
+    @property
     def finger_links(self) -> tuple[int, int]:
         """Link indices of the robot's left and right finger."""
         return self._arm.finger_links
@@ -384,7 +398,7 @@ class World(OwnProcess):
     @property
     def fingers(self) -> Fingers:
         """Shape and travel of the robot's fingers."""
-        return self._arm.gripper.fingers
+        return self.config.robot.fingers
 
     @property
     def target(self) -> NDArray[np.float64]:

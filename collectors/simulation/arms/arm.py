@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collectors.simulation.bounds import Vector3
-from collectors.simulation.grippers.gripper import Gripper
+from collectors.simulation.grippers.gripper import Fingers, Gripper
 
 
 class Arm(Protocol):
@@ -75,6 +75,11 @@ class RobotConfig(ABC):
     """
 
     name: str
+
+    @property
+    @abstractmethod
+    def fingers(self) -> Fingers:
+        """Shape and travel of the robot's fingers."""
 
     @abstractmethod
     def place(self, client: int, dt: float, home: NDArray[np.float64]) -> Arm:

@@ -12,6 +12,7 @@ import pybullet_data
 from numpy.typing import NDArray
 
 from collectors.simulation.arms.torque_arm import Model, TorqueArm, TorqueArmConfig
+from collectors.simulation.grippers.gripper import Fingers
 from collectors.simulation.grippers.panda_hand import FINGER_BOXES, panda_fingers
 from collectors.simulation.grippers.parallel import GripperConfig, ParallelGripper
 
@@ -34,6 +35,11 @@ class PandaConfig(TorqueArmConfig):
     gripper: GripperConfig = field(default_factory=GripperConfig)
     full_meshes: bool = False
 
+    @property
+    def fingers(self) -> Fingers:
+        """Shape and travel of the hand's fingers."""
+        return panda_fingers(self.gripper)
+
     def place(self, client: int, dt: float, home: NDArray[np.float64]) -> TorqueArm:
         """Load the Panda and place it at home, with the gripper open and pointing down with yaw 0.
 
@@ -52,8 +58,7 @@ class PandaConfig(TorqueArmConfig):
             tcp="panda_grasptarget",
             tcp_depth=0.105,
         )
-        gripper = ParallelGripper(self.gripper, panda_fingers(self.gripper), dt)
-        return TorqueArm(self, model, gripper, client, dt, home)
+        return TorqueArm(self, model, ParallelGripper(self.gripper, dt), client, dt, home)
 
 
 def urdf_text(full_meshes: bool) -> str:

@@ -102,9 +102,8 @@ class TorqueArm:
         self.gripper = gripper
         self.body = self._load(config, model)
         self._measure_gripper(model)
-        posture = np.array(model.posture)
-        self._place(home, posture)
-        self._servo = Servo(config.servo, dt, np.array(self.joints[: self._arm]), posture)
+        self._place(home, [*model.posture, config.fingers.stroke, config.fingers.stroke])
+        self._servo = Servo(config.servo, dt, np.array(self.joints[: self._arm]), np.array(model.posture))
 
     def _load(self, config: TorqueArmConfig, model: Model) -> int:
         client = self._client
@@ -158,9 +157,9 @@ class TorqueArm:
         self.gripper_mass: float = sum(masses)
         self._com_above_tcp = model.tcp_depth - float(sum_of_products(masses, depths)) / self.gripper_mass
 
-    def _place(self, position: NDArray[np.float64], posture: NDArray[np.float64]) -> None:
-        open_fingers = (self.gripper.fingers.stroke,) * 2
-        joints = np.array([*posture, *open_fingers])
+    def _place(self, position: NDArray[np.float64], start: list[float]) -> None:
+        """Move the joints from their start to where the TCP is at a position, with the gripper pointing down."""
+        joints = np.array(start)
         x, y, z = position.tolist()
         for _ in range(50):  # Newton's method, which converges to rounding after about 10 iterations
             for joint, value in zip(self._moving, joints, strict=True):

@@ -39,10 +39,6 @@ class Gripper(Protocol):
     A gripper keeps the state of its drive between two physics steps, and can be copied by `copy.deepcopy`.
     """
 
-    @property
-    def fingers(self) -> Fingers:
-        """Shape and travel of the fingers."""
-
     def opening(self, left: float, right: float) -> float:
         """Return the opening, 0 closed to 1 open, of fingers at these distances from the middle, [m]."""
 

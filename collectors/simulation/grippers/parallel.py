@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from collectors.simulation.bounds import NotNegative, Positive
-from collectors.simulation.grippers.gripper import Fingers
 
 
 @dataclass(frozen=True)
@@ -27,21 +26,15 @@ class GripperConfig:
 
 
 class ParallelGripper:
-    """Force law of a gripper whose two fingers share one motor of limited force and a stiff, symmetric linkage.
+    """Force law of a gripper whose two fingers share one motor of limited force and a stiff, symmetric linkage."""
 
-    Attributes:
-        fingers: Shape and travel of the fingers.
-    """
-
-    def __init__(self, config: GripperConfig, fingers: Fingers, dt: float) -> None:
+    def __init__(self, config: GripperConfig, dt: float) -> None:
         """Start with the gripper open.
 
         Args:
             config: Configuration of the gripper's drive.
-            fingers: Shape and travel of the fingers.
             dt: Control period, [s].
         """
-        self.fingers = fingers
         self._config = config
         self._reach = config.speed * dt
         self._target = config.stroke
