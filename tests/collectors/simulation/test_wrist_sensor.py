@@ -5,7 +5,6 @@ import pybullet
 import pytest
 
 from collectors.simulation import World
-
 from tests.helpers.worlds import hold, move
 
 pytestmark = pytest.mark.slow
