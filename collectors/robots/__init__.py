@@ -24,6 +24,7 @@ GROUP = "svfl.robots"
 DEFAULT = "panda_sim"
 OWN = {
     "panda_sim": "collectors.simulation.arms.panda:PandaConfig",
+    "ur5e_sim": "collectors.simulation.arms.ur5e:UR5eConfig",
 }
 """Robots of this package, which are known where the package is not installed as well."""
 
