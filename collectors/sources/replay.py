@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from typing import Annotated, Any, TypeVar
 
 import msgspec
@@ -82,11 +82,12 @@ class Replayed:
         return self.scene and not any(self.differences.values())
 
 
-def replay(episode: Episode) -> Replayed:
+def replay(episode: Episode, robot: RobotConfig | None = None) -> Replayed:
     """Simulate an episode again and compare it with the record.
 
     Args:
         episode: Episode that was recorded in this simulation.
+        robot: Robot that carries out the recorded actions. None means the robot of the episode.
 
     Raises:
         DatasetError: If the episode does not come from this simulation.
@@ -99,6 +100,8 @@ def replay(episode: Episode) -> Replayed:
         )
     config = from_json(WorldConfig, _with_robot(meta.config["world"]), f"{episode.name}: config.world")
     _refuse_more_than_recorded(episode, config)
+    if robot:
+        config = replace(config, robot=robot)
     actions = iter(episode.action)
     with World(config) as world:
         state, drawn = _begin(meta, world, episode.name)

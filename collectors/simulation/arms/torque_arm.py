@@ -45,11 +45,12 @@ class Model:
     tcp_depth: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TorqueArmConfig(RobotConfig):
     """Configuration of a robot's surface and control, which are the same numbers for every robot.
 
     Attributes:
+        name: Name of the robot, which every subclass has as its default.
         friction: Coulomb friction of the robot's surface, fingers included; PyBullet multiplies it by the object's.
         pad_stiffness: Stiffness of one contact point of the robot's surface, [N/m]. The default is that of rubber, not
             steel.
@@ -57,6 +58,7 @@ class TorqueArmConfig(RobotConfig):
         servo: Gains of the arm's inner control loop.
     """
 
+    name: str
     friction: NotNegative = 1.0
     pad_stiffness: Positive = 10_000.0
     pad_damping: NotNegative = 50.0
