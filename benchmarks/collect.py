@@ -28,7 +28,7 @@ import numpy as np
 
 from collectors.simulation import world as world_module
 from collectors.simulation.admittance import Admittance
-from collectors.simulation.arms.panda import MOVING, SENSED, Panda
+from collectors.simulation.arms.torque_arm import TorqueArm
 from collectors.simulation.camera import Camera
 from collectors.simulation.noise import SensorNoise
 from collectors.simulation.world import World
@@ -39,10 +39,12 @@ from svfl_data.storage import store
 from svfl_data.storage.store import write_episode
 
 PYBULLET = world_module.pybullet
+MOVING = (*range(7), 9, 10)  # joints of panda.urdf: the arm, then the fingers
+SENSED = (*MOVING, 8)
 PARTS = (
     ("physics", PYBULLET, "stepSimulation"),
-    ("control", Panda, "drive"),
-    ("control", Panda, "read"),
+    ("control", TorqueArm, "drive"),
+    ("control", TorqueArm, "read"),
     ("control", Admittance, "step"),
     ("sensor", world_module, "wrench_from_reaction"),
     ("sensor", SensorNoise, "__call__"),

@@ -20,7 +20,7 @@ def cost(full_meshes: bool, size: int, images: int) -> list[float]:
         images: Number of images.
     """
     config = WorldConfig(
-        cameras={"front": CameraConfig(height=size, width=size)}, panda=PandaConfig(full_meshes=full_meshes)
+        cameras={"front": CameraConfig(height=size, width=size)}, robot=PandaConfig(full_meshes=full_meshes)
     )
     with World(config) as world:
         world.reset(seed=0)

@@ -10,6 +10,7 @@
 ``gymnasium.make("collectors.environment:svfl/block_picking-v0")`` does the import by itself.
 """
 
+from dataclasses import replace
 from typing import Any, Literal
 
 import gymnasium
@@ -17,6 +18,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from collectors.robots import make as make_robot
 from collectors.simulation.camera import CAMERAS
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
@@ -73,6 +75,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         eye: float = EYE_M,
         render_mode: str | None = None,
         camera: str | None = None,
+        robot: str | None = None,
     ) -> None:
         """Open the simulated world of a task.
 
@@ -86,15 +89,20 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
                 under the palm of a gripper that is low over an object.
             render_mode: With "rgb_array", `render` returns the colour image of `camera`. With None it returns None.
             camera: Name of the camera whose image is observed. May be None if the world has one camera.
+            robot: Name of the simulated robot (`collectors.robots`), in place of that of `world`. None means the robot
+                of `world`, which is the Panda by default.
 
         Raises:
-            UsageError: If no task, view or camera has that name, or the world has several cameras and none is named.
+            UsageError: If no task, view, camera or robot has that name, or the world has several cameras and none is
+                named.
         """
         if view not in ("camera", "top"):
             raise UsageError(f"no view {view!r}; there are camera, top")
         self._task_class = task_class(task)
         if world is None and camera in CAMERAS:
             world = WorldConfig(cameras={camera: CAMERAS[camera]})
+        if robot:
+            world = replace(world or WorldConfig(), robot=make_robot(robot))
         self.camera = _chosen(camera, world or WorldConfig())
         self.world = World(world)
         self.view, self.eye, self.render_mode = view, eye, render_mode
@@ -242,10 +250,10 @@ def make(task: str, world: WorldConfig | None = None, **options: Any) -> Environ
         task: Name of the task, one of `collectors.TASKS`.
         world: Configuration of the world: physics, arm, sensors and cameras. None means ``WorldConfig()``, whose
             numbers are the paper's where the paper gives them.
-        options: Further arguments of `Environment`: `view`, `eye` and `render_mode`.
+        options: Further arguments of `Environment`: `view`, `eye`, `render_mode`, `camera` and `robot`.
 
     Raises:
-        UsageError: If no task or view has that name.
+        UsageError: If no task, view, camera or robot has that name, or no camera is named where there are several.
 
     Example:
         >>> with contextlib.closing(make("block_picking")) as env:

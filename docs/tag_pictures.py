@@ -39,7 +39,7 @@ def cube() -> np.ndarray:
 
     The pictures are those of tag cameras, side by side, one for each of `SCENES`.
     """
-    with World(WorldConfig(cameras={}, panda=PandaConfig(full_meshes=True))) as world:
+    with World(WorldConfig(cameras={}, robot=PandaConfig(full_meshes=True))) as world:
         task = BlockPicking.begin(world, np.random.SeedSequence([2]))
         watch, moves, seen = watched(task), task.expert(Gripper(world, np.random.default_rng(2))), []
         for step in range(max(SCENES) + 1):

@@ -24,7 +24,7 @@ def strip(name: str, size: int, seed: int) -> np.ndarray:
         seed: Seed of the episode.
     """
     camera = CameraConfig(height=size, width=size, fov_deg=36.0)
-    with World(WorldConfig(cameras={"front": camera}, panda=PandaConfig(full_meshes=True))) as world:
+    with World(WorldConfig(cameras={"front": camera}, robot=PandaConfig(full_meshes=True))) as world:
         task = task_class(name).begin(world, np.random.SeedSequence([seed]))
         pictures, forces = [world.observe().frames["front"].color], [0.0]
         for _, action in zip(range(MAX_STEPS), task.expert(Gripper(world, np.random.default_rng(seed))), strict=False):

@@ -162,7 +162,7 @@ def test_a_full_disk_before_anything_begins_is_one_line(trainings, disk, monkeyp
 
 ELSEWHERE = {
     "collectors/teleop/devices/script.py": "a log that is written while a session goes on",
-    "collectors/simulation/arms/panda.py": "a file in a temporary folder, gone a moment later",
+    "collectors/simulation/arms/torque_arm.py": "a file in a temporary folder, gone a moment later",
     "collectors/sources/tagged_block.py": "likewise",
     "collectors/tasks/household_objects.py": "the table of this package itself, made by its authors",
     "svfl_models/training/progress.py": "a row is appended",

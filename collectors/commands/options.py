@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from collectors.robots import DEFAULT, make
 from svfl_data.errors import UsageError
 from svfl_data.system.command_line import Parser, natural, positive
 
@@ -70,7 +71,11 @@ def executor(arguments: argparse.Namespace) -> Executor:
 
 
 def add_world(parser: Parser) -> None:
-    """Add the options of the simulated world: sensor noise, image size and cameras."""
+    """Add the options of the simulated world: robot, sensor noise, image size and cameras."""
+    parser.add_argument(
+        "--robot", default=DEFAULT, metavar="NAME",
+        help="simulated robot: panda_sim, ur5e_sim, or one that another package adds (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument(
         "--sensor-noise", choices=["realistic", "none"], default="realistic",
         help="noise of the simulated wrist force sensor: as of a real sensor, or none (default: %(default)s)",
@@ -92,7 +97,7 @@ def world(arguments: argparse.Namespace) -> WorldConfig:
         arguments: Parsed options of `add_world`.
 
     Raises:
-        UsageError: If no camera has one of the names.
+        UsageError: If no robot or camera has one of the names.
     """
     from dataclasses import replace
 
@@ -105,6 +110,7 @@ def world(arguments: argparse.Namespace) -> WorldConfig:
             raise UsageError(f"--cameras: no camera {name!r}; the cameras are {', '.join(CAMERAS)}")
     size = arguments.image_size
     return WorldConfig(
+        robot=make(arguments.robot),
         noise=NoiseConfig() if arguments.sensor_noise == "realistic" else NoiseConfig.none(),
         cameras={name: replace(CAMERAS[name], height=size, width=size) for name in arguments.cameras},
     )

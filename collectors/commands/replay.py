@@ -22,6 +22,10 @@ def add(commands: Commands) -> None:
         "--episode", type=natural, metavar="K",
         help="number of the episode, if DATASET is a folder; at least 0 (default: the first one)",
     )  # fmt: skip
+    parser.add_argument(
+        "--robot", metavar="NAME",
+        help="simulated robot that carries out the recorded actions (default: the robot of the episode)",
+    )  # fmt: skip
     parser.set_defaults(command=run)
 
 
@@ -33,13 +37,16 @@ def run(arguments: argparse.Namespace) -> None:
 
     Raises:
         DatasetError: If there are any differences.
+        UsageError: If no robot has the name.
     """
+    from collectors.robots import make
     from collectors.sources.replay import replay
     from svfl_data.commands.source import read
     from svfl_data.errors import DatasetError
 
+    robot = make(arguments.robot) if arguments.robot else None
     episode = read(arguments.path, arguments.episode)
-    found = replay(episode)
+    found = replay(episode, robot)
     for path, difference in found.differences.items():
         field = episode.declarations.at(path)
         say(f"  {difference:<10.3g} {path}" + (f" [{field.unit}]" if field else ""))

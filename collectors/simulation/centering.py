@@ -15,9 +15,6 @@ from collectors.simulation.linear import product
 from collectors.simulation.world import World
 from svfl_data.symmetry import OFFSET_PARTS, act, border_distance, element, nearest_direction
 
-# Shape of pybullet_data's franka_panda finger (meshes/collision/finger.obj, fully open), relative to the TCP.
-FINGER_SPAN = (0.040, 0.054)  # [m] from the TCP to the inner and the outer face of a finger, along the finger axis
-FINGERTIP = 0.0072  # [m] from the TCP down to the fingertip
 OVERLAP = 0.005  # [m] by which one finger at least reaches over the block, and the other at least stays clear of it
 
 
@@ -84,7 +81,8 @@ def draw_scene(rng: np.random.Generator, direction: int, config: CenteringConfig
         rng: Source of all random numbers.
         direction: Class of the direction, 0..3 (`svfl_data.symmetry.DIRECTIONS`).
         config: Bounds of all numbers that are drawn.
-        world: World whose workspace and image axes of the first camera are used. Nothing is put into the world.
+        world: World whose workspace, fingers and image axes of the first camera are used. Nothing is put into the
+            world.
 
     Returns:
         The scene.
@@ -98,7 +96,7 @@ def draw_scene(rng: np.random.Generator, direction: int, config: CenteringConfig
 
     half, turn = rng.uniform(*config.block_half), rng.uniform(-1, 1) * np.deg2rad(config.block_turn_deg)
     extent = half * (math.cos(turn) + math.sin(abs(turn)))  # half the width of the turned square along the finger axis
-    inner, outer = FINGER_SPAN
+    inner, outer = world.fingers.stroke, world.fingers.outer
     nearest = max(abs(extent - inner) + OVERLAP, config.lateral[0])  # one finger lands, the other passes
     farthest = min(outer + extent - OVERLAP, config.lateral[1])
     block_xy = rng.uniform(world.workspace[:2, 0] + config.margin, world.workspace[:2, 1] - config.margin)

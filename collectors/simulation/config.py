@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 from collectors.simulation.admittance import AdmittanceConfig
+from collectors.simulation.arms.arm import RobotConfig
 from collectors.simulation.arms.panda import PandaConfig
 from collectors.simulation.bounds import Color, Count, Nanoseconds, NotNegative, Point, Positive, Range
 from collectors.simulation.camera import CameraConfig
@@ -37,7 +38,7 @@ class WorldConfig:
         table_friction: Coulomb friction of the table; PyBullet multiplies it by the object's.
         table_color: RGB of the table, 0 to 1.
         solver_iterations: Iterations of the contact solver in a physics step.
-        panda: Configuration of the arm.
+        robot: Configuration of the arm and its gripper.
         admittance: Compliance of the gripper.
         noise: Noise of the wrist sensor.
         cameras: Configuration of each camera, by name.
@@ -57,7 +58,7 @@ class WorldConfig:
     table_friction: NotNegative = 0.5
     table_color: Color = (0.62, 0.55, 0.47)
     solver_iterations: Count = 50
-    panda: PandaConfig = field(default_factory=PandaConfig)
+    robot: RobotConfig = field(default_factory=PandaConfig)
     admittance: AdmittanceConfig = field(default_factory=AdmittanceConfig)
     noise: NoiseConfig = field(default_factory=NoiseConfig)
     cameras: dict[str, CameraConfig] = field(default_factory=lambda: {"front": CameraConfig()})

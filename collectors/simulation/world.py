@@ -1,4 +1,4 @@
-"""The simulated world: table, Panda, wrist sensor and camera behind one 20 Hz step."""
+"""The simulated world: table, robot, wrist sensor and camera behind one 20 Hz step."""
 
 import copy
 import math
@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from collectors.simulation.admittance import Admittance
-from collectors.simulation.arms.panda import LEFT_FINGER, RIGHT_FINGER, Panda
+from collectors.simulation.arms.arm import Arm
 from collectors.simulation.bodies import RED, Bodies, Box, Vector3
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.camera import Camera
 from collectors.simulation.config import WorldConfig
+from collectors.simulation.grippers.gripper import Fingers
 from collectors.simulation.noise import SensorNoise
 from collectors.simulation.reference import Reference
 from collectors.simulation.wrist_sensor import FEEDBACK_MODE, wrench_from_reaction
@@ -46,7 +47,7 @@ class _Home:
 
     state: int
     bodies: int
-    panda: Panda
+    arm: Arm
     reference: Reference
     admittance: Admittance
     wrenches: NDArray[np.float64]
@@ -83,8 +84,7 @@ class World(OwnProcess):
         self.config = config or WorldConfig()
         self._dt = self.config.physics_dt_ns * 1e-9
         self._bounds = np.array(self.config.workspace)
-        tick = self._dt * self.config.physics_steps
-        self._stopping = (self.config.max_move / tick) ** 2 / (2.0 * self.config.max_acceleration)
+        self._stopping = (self.config.max_move / self.step_s) ** 2 / (2.0 * self.config.max_acceleration)
         self._connect()
 
     def _connect(self) -> None:
@@ -151,7 +151,7 @@ class World(OwnProcess):
             body = pybullet.getBodyUniqueId(index, physicsClientId=self.client)
             pybullet.removeBody(body, physicsClientId=self.client)
         pybullet.restoreState(stateId=home.state, physicsClientId=self.client)
-        self._panda, self._reference, self._admittance = copy.deepcopy((home.panda, home.reference, home.admittance))
+        self._arm, self._reference, self._admittance = copy.deepcopy((home.arm, home.reference, home.admittance))
         self._target = np.array([*self.config.home, 0.0])
         self._noise = SensorNoise(self.config.noise, self._dt, np.random.default_rng(np.random.SeedSequence(seed)))
         self._wrenches = [self._noise(home.wrenches).astype(np.float32)]
@@ -169,7 +169,7 @@ class World(OwnProcess):
             physicsClientId=self.client,
         )
         self.add_box((0.75, 0.75, 0.05), (0.5, 0.0, -0.05), 0.0, 0.0, c.table_friction, c.table_color)
-        self._panda = Panda(c.panda, self.client, self._dt, np.array(c.home))
+        self._arm = c.robot.place(self.client, self._dt, np.array(c.home))
         acceleration = c.max_acceleration * self._dt**2 / c.max_move
         self._reference = Reference([*c.home, 0.0], self.action_bound.tolist(), acceleration, c.smoothing_steps)
         self._admittance = Admittance(c.admittance, self._dt)
@@ -178,7 +178,7 @@ class World(OwnProcess):
         return _Home(
             state=pybullet.saveState(physicsClientId=self.client),
             bodies=pybullet.getNumBodies(physicsClientId=self.client),
-            panda=self._panda,
+            arm=self._arm,
             reference=self._reference,
             admittance=self._admittance,
             wrenches=np.array(wrenches),
@@ -243,6 +243,11 @@ class World(OwnProcess):
         self._wrenches.append(self._noise(np.array(wrenches)).astype(np.float32))
 
     @property
+    def step_s(self) -> float:
+        """Time of an action, [s]."""
+        return self._dt * self.config.physics_steps
+
+    @property
     def action_bound(self) -> NDArray[np.float64]:
         """Largest absolute values of an action's dx, dy, dz [m] and dtheta [rad], (4,)."""
         c = self.config
@@ -275,7 +280,7 @@ class World(OwnProcess):
         def way(left: float) -> float:
             return left * stretch if left > 0.0 else left
 
-        places = zip(self._reference.tracker, self._reference.pose, self._panda.position, strict=False)
+        places = zip(self._reference.tracker, self._reference.pose, self._arm.position, strict=False)
         return [(track - way(reach + at - gripper), track + way(reach - at + gripper)) for track, at, gripper in places]
 
     def _advance(self, commanded: Sequence[float], opening: float) -> tuple[float, ...]:
@@ -288,21 +293,21 @@ class World(OwnProcess):
         Returns:
             The physical wrench on the gripper, six numbers, [N] and [N m], base axes, about the sensor origin.
         """
-        panda, admittance, dt = self._panda, self._admittance, self._dt
-        if not math.isfinite(sum(panda.joints)):
+        arm, admittance, dt = self._arm, self._admittance, self._dt
+        if not math.isfinite(sum(arm.joints)):
             raise CollectError("the simulated arm is unstable: its gains do not fit the time step or the masses")
         reference, move = self._reference.pose, self._reference.step(self._aim(commanded))
         pose = [r + e for r, e in zip(reference, (*admittance.deviation, 0.0), strict=True)]
         motion = [m + rate * dt for m, rate in zip(move, (*admittance.rate, 0.0), strict=True)]
-        before = panda.gripper_velocity
-        panda.drive(pose, motion, opening)
+        before = arm.gripper_velocity
+        arm.drive(pose, motion, opening)
         pybullet.stepSimulation(physicsClientId=self.client)
-        panda.read()
-        wrench = wrench_from_reaction(panda.reaction)
+        arm.read()
+        wrench = wrench_from_reaction(arm.reaction)
         # External force, without the weight and the inertia of the gripper: F - m (g - a).
         fx, fy, fz = (
-            felt - panda.gripper_mass * (g - (now - last) / dt)
-            for felt, g, now, last in zip(wrench[:3], GRAVITY, panda.gripper_velocity, before, strict=True)
+            felt - arm.gripper_mass * (g - (now - last) / dt)
+            for felt, g, now, last in zip(wrench[:3], GRAVITY, arm.gripper_velocity, before, strict=True)
         )
         admittance.step((fx, fy, fz))
         return wrench
@@ -318,13 +323,13 @@ class World(OwnProcess):
             The observation, whose wrench window is tared.
         """
         self.check_process()
-        panda = self._panda
+        arm = self._arm
         return Observation(
             t_ns=int(self.wrench_t_ns[-1]),
             frames={name: camera.render() for name, camera in self._cameras.items()} if render else {},
             wrench=self._window(),
-            proprio=np.array([panda.opening, *panda.position, panda.theta], np.float32),
-            joints=np.array(panda.joints, np.float32),
+            proprio=np.array([arm.opening, *arm.position, arm.theta], np.float32),
+            joints=np.array(arm.joints, np.float32),
         )
 
     def _window(self) -> NDArray[np.float32]:
@@ -372,8 +377,28 @@ class World(OwnProcess):
 
     @property
     def robot(self) -> int:
-        """Body id of the Panda, for tasks that call PyBullet with `client`."""
-        return self._panda.body
+        """Body id of the robot, for tasks that call PyBullet with `client`."""
+        return self._arm.body
+
+    @property
+    def sensor_joint(self) -> int:
+        """Index of the robot's joint where the wrist sensor is, which is also that of the gripper's link."""
+        return self._arm.sensor_joint
+
+    @property
+    def gripper_mass(self) -> float:
+        """Mass of the gripper, whose weight the wrist sensor reads, [kg]."""
+        return self._arm.gripper_mass
+
+    @property
+    def finger_links(self) -> tuple[int, int]:
+        """Link indices of the robot's left and right finger."""
+        return self._arm.finger_links
+
+    @property
+    def fingers(self) -> Fingers:
+        """Shape and travel of the robot's fingers."""
+        return self.config.robot.fingers
 
     @property
     def target(self) -> NDArray[np.float64]:
@@ -388,7 +413,7 @@ class World(OwnProcess):
     @property
     def tcp(self) -> NDArray[np.float64]:
         """True TCP pose in base: position [m] and quat_xyzw, (7,)."""
-        return np.array([*self._panda.position, *self._panda.quat])
+        return np.array([*self._arm.position, *self._arm.quat])
 
     def pose(self, body: int) -> NDArray[np.float64]:
         """Return the true pose of a body in base: position of its centre of mass [m] and quat_xyzw, (7,)."""
@@ -406,11 +431,11 @@ class World(OwnProcess):
 
     def finger_contacts(self, body: int) -> tuple[bool, bool]:
         """Return whether the left finger, and whether the right finger, presses on a body now."""
-        left, right = (self._presses(finger, body) for finger in (LEFT_FINGER, RIGHT_FINGER))
+        left, right = (self._presses(finger, body) for finger in self._arm.finger_links)
         return left, right
 
     def _presses(self, link: int, body: int) -> bool:
         contacts: Sequence[tuple] = pybullet.getContactPoints(
-            self._panda.body, body, linkIndexA=link, physicsClientId=self.client
+            self._arm.body, body, linkIndexA=link, physicsClientId=self.client
         )
         return any(contact[9] > 0.0 for contact in contacts)  # field 9 is the normal force

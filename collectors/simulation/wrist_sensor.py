@@ -21,6 +21,6 @@ def wrench_from_reaction(reaction: Sequence[float]) -> tuple[float, ...]:
             sensor origin.
 
     Returns:
-        Load on the gripper, six numbers, [N] and [N m], base axes, about the sensor origin (`panda_hand_joint`).
+        Load on the gripper, six numbers, [N] and [N m], base axes, about the sensor origin.
     """
     return tuple([-part for part in reaction])

@@ -10,7 +10,7 @@ import numpy as np
 from collectors.recording.collection import software_versions
 from collectors.recording.loop import OBJECT, Watcher, record, unwatched
 from collectors.recording.worker import forget
-from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, draw_scene, true_label
+from collectors.simulation.centering import CenteringConfig, Scene, draw_scene, true_label
 from collectors.simulation.centering_expert import CollisionExpert
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
@@ -75,7 +75,7 @@ class CenteringCollector(Simulated):
         """Make one attempt, and return its episode or the reason why the attempt is rejected."""
         world = self.opened
         scene, block = begin(world, self.scene, self.seed, index, attempt)
-        expert = CollisionExpert(scene, touchdown=2 * scene.block_half + FINGERTIP)
+        expert = CollisionExpert(scene, touchdown=2 * scene.block_half + world.fingers.tip)
         arrays = record(world, expert, MAX_STEPS, state=lambda: {OBJECT: world.pose(block)}, watch=watch)
 
         label = true_label(world, block)

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from typing import Annotated, Any, TypeVar
 
 import msgspec
@@ -10,6 +10,8 @@ import numpy as np
 
 from collectors.recording.collection import software_versions
 from collectors.recording.loop import OBJECT, record
+from collectors.robots import recorded_class
+from collectors.simulation.arms.arm import RobotConfig
 from collectors.simulation.centering import CenteringConfig
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
@@ -80,11 +82,12 @@ class Replayed:
         return self.scene and not any(self.differences.values())
 
 
-def replay(episode: Episode) -> Replayed:
+def replay(episode: Episode, robot: RobotConfig | None = None) -> Replayed:
     """Simulate an episode again and compare it with the record.
 
     Args:
         episode: Episode that was recorded in this simulation.
+        robot: Robot that carries out the recorded actions. None means the robot of the episode.
 
     Raises:
         DatasetError: If the episode does not come from this simulation.
@@ -95,8 +98,10 @@ def replay(episode: Episode) -> Replayed:
         raise DatasetError(
             f"{episode.name}: not recorded in this simulation (source {meta.source!r}); nothing to replay"
         )
-    config = from_json(WorldConfig, meta.config["world"], f"{episode.name}: config.world")
+    config = from_json(WorldConfig, _with_robot(meta.config["world"]), f"{episode.name}: config.world")
     _refuse_more_than_recorded(episode, config)
+    if robot:
+        config = replace(config, robot=robot)
     actions = iter(episode.action)
     with World(config) as world:
         state, drawn = _begin(meta, world, episode.name)
@@ -111,6 +116,14 @@ def replay(episode: Episode) -> Replayed:
             if meta.software.get(name) != version
         },
     )
+
+
+def _with_robot(world: Any) -> Any:  # noqa: ANN401 - any JSON value
+    """Name the robot in a world's configuration that was recorded when the Panda was the only robot."""
+    if not (isinstance(world, dict) and isinstance(world.get("panda"), dict) and "robot" not in world):
+        return world
+    others = {name: value for name, value in world.items() if name != "panda"}
+    return others | {"robot": {"name": "panda_sim", **world["panda"]}}
 
 
 def _begin(meta: Meta, world: World, where: str) -> tuple[State, dict[str, Any]]:
@@ -174,11 +187,18 @@ def from_json(kind: type[Config], values: Any, where: str) -> Config:  # noqa: A
         FormatError: If the values are no configuration of that class, or are out of bounds.
     """
     try:
-        read = msgspec.convert(values, kind)
+        read = msgspec.convert(values, kind, dec_hook=_robot)
     except (msgspec.ValidationError, UsageError) as error:
         raise FormatError(f"{where}: {printable(error)}") from None
     if is_dataclass(read):
         _refuse_unknown(read, values, where)
+    return read
+
+
+def _robot(kind: type, values: Any) -> RobotConfig:  # noqa: ANN401
+    """Return a robot's configuration from its JSON values, which name the robot."""
+    assert kind is RobotConfig, kind
+    read: RobotConfig = msgspec.convert(values, recorded_class(values))
     return read
 
 

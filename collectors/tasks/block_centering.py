@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, draw_scene
+from collectors.simulation.centering import CenteringConfig, Scene, draw_scene
 from collectors.simulation.linear import length
 from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
@@ -45,7 +45,7 @@ class BlockCentering(Task):
         block's top.
         """
         block, tcp = self.world.pose(self.body), self.world.tcp
-        depth = block[2] + self.scene.block_half - (tcp[2] - FINGERTIP)
+        depth = block[2] + self.scene.block_half - (tcp[2] - self.world.fingers.tip)
         return bool(length(block[:2] - tcp[:2]) < CENTRED and depth > AROUND)
 
     def expert(self, gripper: Gripper) -> Moves:
@@ -55,7 +55,7 @@ class BlockCentering(Task):
             gripper: Gripper of the task's world, which makes the actions.
         """
         scene = replace(self.scene, gripper_xy=tuple(gripper.vary(self.scene.gripper_xy, SPREAD)))
-        touchdown = 2 * scene.block_half + FINGERTIP
+        touchdown = 2 * scene.block_half + self.world.fingers.tip
         yield from gripper.go(*scene.gripper_xy, touchdown + 0.03, scene.gripper_yaw)
         yield from gripper.go(z=touchdown - scene.push, speed=0.5, exact=True)
         while True:

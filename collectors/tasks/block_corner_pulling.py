@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 
 from collectors.simulation.bodies import Box
-from collectors.simulation.centering import FINGERTIP
 from collectors.simulation.linear import length, product
 from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
@@ -120,10 +119,10 @@ class BlockCornerPulling(Task):
         Args:
             gripper: Gripper of the task's world, which makes the actions.
         """
-        yield from gripper.grip(0.0, steps=0)
+        yield from gripper.grip(0.0, travels=0)
         while True:
             *middle, z = self.world.pose(self.body)[:3]
-            touch = z + self.scene.half + FINGERTIP
+            touch = z + self.scene.half + self.world.fingers.tip
             theta = nearest_turn(self.world.yaw(self.body), np.pi / 2)
             yield from gripper.go(z=max(self.world.target[2], touch + OVER))
             x, y = gripper.vary(middle, 0.0015)

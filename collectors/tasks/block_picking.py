@@ -83,9 +83,9 @@ class BlockPicking(Task):
             yield from gripper.go(x, y, top + 0.015, theta)
             yield from gripper.go(z=max(z - 0.005, 0.012), exact=True, until=partial(self._astray, pose))
             if not self._astray(pose):
-                yield from gripper.grip(0.0, steps=5, until=self._held)
+                yield from gripper.grip(0.0, travels=1.25, until=self._held)
                 yield from gripper.go(z=z + LIFTED + 0.03, until=lambda: not self._held())
-            yield from gripper.grip(1.0, steps=2)
+            yield from gripper.grip(1.0, travels=0.5)
 
     def _held(self) -> bool:
         return self.world.holds(self.body)

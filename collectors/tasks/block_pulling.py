@@ -9,7 +9,6 @@ import numpy as np
 
 from collectors.simulation.bodies import RED
 from collectors.simulation.bullet import pybullet
-from collectors.simulation.centering import FINGERTIP
 from collectors.simulation.linear import length
 from collectors.simulation.world import World
 from collectors.tasks.gripper import Gripper, Moves, nearest_turn
@@ -111,12 +110,12 @@ class BlockPulling(Task):
         Args:
             gripper: Gripper of the task's world, which makes the actions.
         """
-        touch = HEIGHT + FINGERTIP
+        touch = HEIGHT + self.world.fingers.tip
         while True:
             block, other = self.world.pose(self.body)[:2], self.world.pose(self.other)[:2]
             way = other - block
             theta = nearest_turn(math.atan2(way[1], way[0]), np.pi)
-            yield from gripper.grip(OPENING, steps=0)
+            yield from gripper.grip(OPENING, travels=0)
             yield from gripper.go(z=max(self.world.target[2], touch + OVER))
             x, y = gripper.vary(block, 0.005)
             yield from gripper.go(x, y, touch + OVER, theta)

@@ -104,7 +104,7 @@ class BlockPushing(Task):
             theta = nearest_turn(math.atan2(way[1], way[0]), np.pi)
             start = block - BEHIND * way
             top = 2 * self.scene.half
-            yield from gripper.grip(OPENING, steps=0)
+            yield from gripper.grip(OPENING, travels=0)
             yield from gripper.go(z=max(self.world.target[2], top + CLEAR))
             x, y = gripper.vary(start, 0.004)
             yield from gripper.go(x, y, top + CLEAR, theta)

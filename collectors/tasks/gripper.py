@@ -49,6 +49,11 @@ def nearest_turn(theta: float, period: float, near: float = 0.0) -> float:
     return turned if abs(turned) <= math.pi / 2 else turned - math.copysign(period, turned)
 
 
+def travel_steps(world: World, travels: float) -> int:
+    """Return the number of steps in which the fingers travel from open to closed `travels` times, rounded up."""
+    return math.ceil(travels * world.fingers.travel_s / world.step_s - 1e-6)
+
+
 class Gripper:
     """Movements of the commanded pose of a world's gripper, with a soft start and stop.
 
@@ -140,12 +145,12 @@ class Gripper:
         values = np.asarray(values, np.float64)
         return values + self.noise * deviation * np.clip(self.rng.standard_normal(values.shape), -2, 2)
 
-    def grip(self, opening: float, steps: int = 4, until: Callable[[], bool] = never) -> Moves:
+    def grip(self, opening: float, travels: float = 1.0, until: Callable[[], bool] = never) -> Moves:
         """Open or close the gripper and wait until the fingers have moved.
 
         Args:
             opening: Gripper opening from now on, 0 closed to 1 open.
-            steps: Number of steps for which the gripper rests while the fingers move. Full travel takes 4 steps.
+            travels: Time for which the gripper rests while the fingers move, in units of the time of their full travel.
             until: Condition that ends the wait early when it holds after two steps in a row. One step is not enough,
                 because fingers may touch an object and part again.
 
@@ -153,7 +158,7 @@ class Gripper:
             Actions that open or close the gripper without moving it.
         """
         self.opening = opening
-        yield from self.rest(steps, Lasting(until))
+        yield from self.rest(travel_steps(self.world, travels), Lasting(until))
 
     def rest(self, steps: int, until: Callable[[], bool] = never) -> Moves:
         """Keep the commanded pose for some steps.

@@ -8,8 +8,9 @@ orientation of its file, and lies in the orientation in which it comes to rest. 
 - it comes to rest within 3 s, without rolling further than 5 cm,
 - it is 25 to 85 mm high and reaches at most 90 mm from its centre, horizontally, so that it fits the bin and the
   gripper, and
-- it has a grasp: a place where it is at most 68 mm wide between the fingers, which open to 80 mm, where both fingers
-  meet it at less than 26 degrees from its surface normal, and which is at most 2 cm from its centre, horizontally.
+- it has a grasp for the Panda's hand: a place where it is at most 68 mm wide between the fingers, which open to 80 mm,
+  where both fingers meet it at less than 26 degrees from its surface normal, and which is at most 2 cm from its centre,
+  horizontally.
 
 The table household_objects.csv holds the graspable objects and how they lie, so that a process need not try all 1000.
 """
@@ -25,6 +26,9 @@ import pybullet_data
 from numpy.typing import NDArray
 
 from collectors.simulation.bullet import pybullet
+from collectors.simulation.grippers.gripper import Fingers
+from collectors.simulation.grippers.panda_hand import panda_fingers
+from collectors.simulation.grippers.parallel import GripperConfig
 from collectors.simulation.linear import length, product, sum_of_products
 
 FOLDER = Path(pybullet_data.getDataPath()) / "random_urdfs"
@@ -34,13 +38,13 @@ COUNT = 1000
 SCALE = 0.015  # [m] per unit of the OBJ files, the same in all URDFs
 HEIGHT = (0.025, 0.085)  # [m] bounds of an object's height
 REACH = 0.09  # [m] largest horizontal distance of a point of an object from its centre
-WIDEST = 0.068  # [m] largest width of an object between the fingers
 STEEPEST = np.deg2rad(26.0)  # [rad] largest angle between finger and surface normal
 OFF = 0.02  # [m] largest distance between grasp and centre, horizontally
 
-TIP = 0.0085  # [m] from the TCP down to the fingertips, plus a margin
-FINGER = 0.010  # [m] half the breadth of a finger, plus a margin
-PALM = 0.040  # [m] from the TCP up to the palm, less a margin
+HAND = panda_fingers(GripperConfig())  # fingers of the table
+BESIDE = 0.012  # [m] by which the fingers open wider than the widest object between them
+BELOW = 0.0013  # [m] margin below the fingertips
+BROADER = 0.00125  # [m] margin on each side of a finger's breadth
 LOWEST = 0.013  # [m] smallest height of the TCP above the floor
 TURNS = np.arange(-12, 12) * np.pi / 24  # [rad] yaws that are tried
 SHIFTS = np.arange(-4, 5) * 0.005  # [m] shifts along the fingers' breadth that are tried
@@ -140,7 +144,9 @@ def rotation(quat_xyzw: NDArray[np.float64] | tuple[float, ...]) -> NDArray[np.f
     return np.array(pybullet.getMatrixFromQuaternion(quat_xyzw)).reshape(3, 3)
 
 
-def grasps(name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float64], floor: float) -> list[Grasp]:
+def grasps(
+    name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float64], floor: float, fingers: Fingers = HAND
+) -> list[Grasp]:
     """Find the grasps by which an object can be grasped from above.
 
     Args:
@@ -148,6 +154,7 @@ def grasps(name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float
         position: Centre of the object in base, (3,), [m].
         quat_xyzw: Orientation of the object in base.
         floor: Height of the floor on which the object lies, base z, [m].
+        fingers: Fingers that grasp the object.
 
     Returns:
         Grasps in base, sorted by `Grasp.cost`, the best first. The list is empty if the object has none.
@@ -155,8 +162,8 @@ def grasps(name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float
     points, normals = (product(part, rotation(quat_xyzw).T) for part in surface(name))
     points = points + position
     top = float(points[:, 2].max())
-    z = max(floor + LOWEST, top - PALM)
-    between = points[:, 2] > z - TIP  # points that the fingers can touch
+    z = max(floor + LOWEST, top - fingers.palm)
+    between = points[:, 2] > z - (fingers.tip + BELOW)  # points that the fingers can touch
     points, normals = points[between] - position, normals[between]
     found = []
     for theta in TURNS:
@@ -164,7 +171,7 @@ def grasps(name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float
         u, v = product(points[:, :2], along), product(points[:, :2], across)
         slope = product(normals[:, :2], across)
         for shift in SHIFTS:
-            inside = np.abs(u - shift) < FINGER
+            inside = np.abs(u - shift) < 0.5 * fingers.breadth + BROADER
             if not inside.any():
                 continue
             ends, facing = v[inside], slope[inside]
@@ -173,7 +180,7 @@ def grasps(name: str, position: NDArray[np.float64], quat_xyzw: NDArray[np.float
             # Normals of the faces that face the finger and are within 2 mm of the point that it first touches.
             right = facing[(ends > high - 0.002) & (facing > 0.0)]
             left = -facing[(ends < low + 0.002) & (facing < 0.0)]
-            if width > WIDEST or not len(right) or not len(left):
+            if width > 2.0 * fingers.stroke - BESIDE or not len(right) or not len(left):
                 continue
             angle = math.acos(min(1.0, right.mean(), left.mean()))
             middle = 0.5 * (low + high)

@@ -102,7 +102,7 @@ class HouseholdPicking(Task):
         failures = 0
         while True:
             pose = self.world.pose(self.body)
-            found = grasps(self.scene.name, pose[:3], pose[3:], FLOOR)
+            found = grasps(self.scene.name, pose[:3], pose[3:], FLOOR, self.world.fingers)
             if not found:  # the object has tumbled and is too wide in its present orientation
                 return
             grasp = found[7 * failures % len(found)]  # 7 apart, because grasps next to each other are nearly the same
@@ -113,9 +113,9 @@ class HouseholdPicking(Task):
             yield from gripper.go(*grasp.xyz[:2], over - 0.005, theta)
             yield from gripper.go(z=grasp.xyz[2], exact=True, until=partial(self._astray, pose))
             if not self._astray(pose):
-                yield from gripper.grip(0.0, steps=6, until=self._held)
+                yield from gripper.grip(0.0, travels=1.5, until=self._held)
                 yield from gripper.go(z=grasp.xyz[2] + LIFTED + 0.04, until=lambda: not self._held())
-            yield from gripper.grip(1.0, steps=1)
+            yield from gripper.grip(1.0, travels=0.25)
             failures += 1
 
     def _held(self) -> bool:

@@ -8,7 +8,6 @@ import numpy as np
 import pybullet_data
 from numpy.typing import ArrayLike, NDArray
 
-from collectors.simulation.arms.panda import LEFT_FINGER, RIGHT_FINGER
 from collectors.simulation.bodies import quat_from_yaw
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.linear import length, product
@@ -30,7 +29,7 @@ HANDLE = np.array(
 )  # [m] box round the part of the handle that is off the cup: low and high bound of x, y and z
 RIM = 0.1  # [m] height of the rim
 GRASP = np.array([0.0, 0.060, 0.072])  # [m] TCP of a grasp: fingers left and right of the upper bar, 1 cm off the cup
-PALM = 0.03  # [m] from the rim down to the TCP, at most, so that the palm, 39 mm above the TCP, does not touch the rim
+CLEARANCE = 0.01  # [m] from the rim up to the palm, at least
 MASS_CENTRE = np.array([0.0, 0.003, 0.044])  # [m] that of the visual mesh as a solid; in the file it is at the bottom
 
 
@@ -90,7 +89,7 @@ class MugPicking(Task):
 
     def by_handle(self) -> bool:
         """Return whether both fingers press on the mug, and only on its handle."""
-        for finger in (LEFT_FINGER, RIGHT_FINGER):
+        for finger in self.world.finger_links:
             points = self._pressed(finger)
             inside = (points >= HANDLE[:, 0] - TOLERANCE) & (points <= HANDLE[:, 1] + TOLERANCE)
             if not (points.size and inside.all()):
@@ -113,11 +112,13 @@ class MugPicking(Task):
             yield from gripper.go(z=max(self.world.target[2], rim + CLEAR))
             yield from gripper.go(x, y, rim + 0.04, theta, loose=True)
             yield from gripper.go(x, y, rim + 0.01, theta)
-            yield from gripper.go(z=max(z, rim - PALM), exact=True, until=partial(self._astray, pose))
+            yield from gripper.go(
+                z=max(z, rim - (self.world.fingers.palm - CLEARANCE)), exact=True, until=partial(self._astray, pose)
+            )
             if not self._astray(pose):
-                yield from gripper.grip(0.0, steps=5, until=self.by_handle)
+                yield from gripper.grip(0.0, travels=1.25, until=self.by_handle)
                 yield from gripper.go(z=z + LIFTED + 0.06, until=lambda: not self.by_handle())
-            yield from gripper.grip(1.0, steps=2)
+            yield from gripper.grip(1.0, travels=0.5)
 
     def in_base(self, point: ArrayLike) -> NDArray[np.float64]:
         """Return the present position in base, (3,), [m], of a point of the mug.

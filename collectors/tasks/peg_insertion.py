@@ -8,7 +8,7 @@ import numpy as np
 from collectors.simulation.bodies import MAX_PARTS, Box, Cylinder, Vector3
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.world import World
-from collectors.tasks.gripper import Gripper, Moves
+from collectors.tasks.gripper import Gripper, Moves, travel_steps
 from collectors.tasks.task import Task
 
 RADIUS = 0.018  # [m] radius of the peg
@@ -71,12 +71,12 @@ class PegInsertion(Task):
         holder = pybullet.createConstraint(
             self.body, -1, -1, -1, pybullet.JOINT_FIXED, (0, 0, 0), (0, 0, 0), place, physicsClientId=world.client
         )
-        self._rest(2)
+        self._rest(0.5)
         pybullet.removeConstraint(holder, physicsClientId=world.client)
-        self._rest(4)
+        self._rest(1.0)
 
-    def _rest(self, steps: int) -> None:
-        for _ in range(steps):
+    def _rest(self, travels: float) -> None:
+        for _ in range(travel_steps(self.world, travels)):
             self.world.step(np.zeros(5))
 
     def tip(self) -> tuple[np.ndarray, float]:

@@ -1,8 +1,10 @@
 """The arm's inner control loop, compiled to machine code because it runs 500 times a second.
 
-The loop computes with a few dozen numbers. NumPy needs 20 us for it, mostly to make arrays of seven numbers; the
+The loop computes with a few dozen numbers. NumPy needs 20 us for it, mostly to make arrays of a few numbers; the
 compiled code takes 3 us. Numba compiles the loop at its first use on a machine, which takes some seconds, and keeps the
 result (`collectors.simulation.compiled`).
+
+Below, an arm has A joints, and its fingers have two more, which come last.
 """
 
 import numpy as np
@@ -10,8 +12,9 @@ from numpy.typing import NDArray
 
 from collectors.simulation.compiled import compiled
 
-Seven = tuple[float, ...]
-Nine = tuple[float, ...]
+FINGERS = 2
+Joints = tuple[float, ...]
+"""A number for each of the A joints of the arm, then for the left and the right finger."""
 
 
 @compiled
@@ -26,13 +29,13 @@ def joint_motion(
     Source: Siciliano, Sciavicco, Villani, Oriolo (2009), "Robotics: Modelling, Planning and Control", section 3.5.
 
     Args:
-        jacobian: Geometric Jacobian of the TCP, (6, 7), linear rows first, base axes.
+        jacobian: Geometric Jacobian of the TCP, (6, A), linear rows first, base axes.
         motion: Small motion of the TCP, (6,), [m] and [rad], base axes.
-        posture: Joint motion that is carried out as far as it does not move the gripper, (7,), [rad].
+        posture: Joint motion that is carried out as far as it does not move the gripper, (A,), [rad].
         damping: Damping that keeps the joint motion finite near singular postures, [m] and [rad].
 
     Returns:
-        Joint motion, (7,), [rad].
+        Joint motion, (A,), [rad].
     """
     rows, columns = jacobian.shape
     lower = np.empty((rows, rows))
@@ -64,22 +67,25 @@ def joint_motion(
 
 
 @compiled
-def jacobian_array(linear: tuple[Nine, Nine, Nine], angular: tuple[Nine, Nine, Nine]) -> NDArray[np.float64]:
-    """Return the arm's seven columns of PyBullet's Jacobian of nine joints, (6, 7), linear rows first."""
-    out = np.empty((6, 7))
+def jacobian_array(
+    linear: tuple[Joints, Joints, Joints], angular: tuple[Joints, Joints, Joints]
+) -> NDArray[np.float64]:
+    """Return the arm's columns of PyBullet's Jacobian of all moving joints, (6, A), linear rows first."""
+    arm = len(linear[0]) - FINGERS
+    out = np.empty((6, arm))
     for i in range(3):
-        for k in range(7):
+        for k in range(arm):
             out[i, k], out[3 + i, k] = linear[i][k], angular[i][k]
     return out
 
 
 @compiled
-def gripper_velocity(jacobian: NDArray[np.float64], rates: Nine, above: float) -> tuple[float, float, float]:
+def gripper_velocity(jacobian: NDArray[np.float64], rates: Joints, above: float) -> tuple[float, float, float]:
     """Return the velocity of a point above the TCP of a gripper that points down.
 
     Args:
-        jacobian: Geometric Jacobian of the TCP, (6, 7), linear rows first, base axes.
-        rates: Joint rates, [rad/s], of which the first seven are the arm's.
+        jacobian: Geometric Jacobian of the TCP, (6, A), linear rows first, base axes.
+        rates: Joint rates, [rad/s], of which the first A are the arm's.
         above: Height of the point above the TCP, [m].
 
     Returns:
@@ -87,7 +93,7 @@ def gripper_velocity(jacobian: NDArray[np.float64], rates: Nine, above: float) -
     """
     v = np.zeros(6)
     for i in range(6):
-        for k in range(7):
+        for k in range(jacobian.shape[1]):
             v[i] += jacobian[i, k] * rates[k]
     return v[0] + v[4] * above, v[1] - v[3] * above, v[2]
 
@@ -97,41 +103,44 @@ def servo_acceleration(
     jacobian: NDArray[np.float64],
     motion: tuple[float, float, float, float, float, float],
     error: tuple[float, float, float, float, float, float],
-    joints: Nine,
-    rates: Nine,
+    joints: Joints,
+    rates: Joints,
     commanded: NDArray[np.float64],
     commanded_rates: NDArray[np.float64],
     gains: tuple[float, float, float, float, float],
+    posture: NDArray[np.float64],
     dt: float,
-) -> Seven:
+) -> NDArray[np.float64]:
     """Move joint commands on so that they follow the TCP command, and return accelerations that follow the commands.
 
     `servo.Servo` explains the control law.
 
     Args:
-        jacobian: Geometric Jacobian of the TCP, (6, 7), linear rows first, base axes.
+        jacobian: Geometric Jacobian of the TCP, (6, A), linear rows first, base axes.
         motion: Commanded motion of the TCP in this step, six numbers, [m] and [rad], base axes.
         error: Commanded minus present pose of the TCP, six numbers, [m] and [rad], base axes.
-        joints: Present joint angles, [rad], of which the first seven are the arm's.
-        rates: Present joint rates, [rad/s], of which the first seven are the arm's.
-        commanded: Commanded joint angles, (7,), [rad]. The function moves them on in place.
-        commanded_rates: Commanded joint rates of the last step, (7,), [rad/s]. The function replaces them in place.
+        joints: Present joint angles, [rad], of which the first A are the arm's.
+        rates: Present joint rates, [rad/s], of which the first A are the arm's.
+        commanded: Commanded joint angles, (A,), [rad]. The function moves them on in place.
+        commanded_rates: Commanded joint rates of the last step, (A,), [rad/s]. The function replaces them in place.
         gains: Bandwidth [rad/s], damping ratio, correction, damping of the inverse kinematics, and posture rate [1/s],
             as in `servo.ServoConfig`.
+        posture: Joint angles to which the joints return as far as this does not move the gripper, (A,), [rad].
         dt: Control period, [s].
 
     Returns:
-        Joint accelerations, seven numbers, [rad/s^2].
+        Joint accelerations, (A,), [rad/s^2].
     """
     bandwidth, damping_ratio, correction, ik_damping, posture_rate = gains
-    wanted, posture = np.empty(6), np.empty(7)
+    arm = jacobian.shape[1]
+    wanted, back = np.empty(6), np.empty(arm)
     for i in range(6):
         wanted[i] = motion[i] + correction * error[i]
-    for k in range(7):
-        posture[k] = posture_rate * dt * (POSTURE[k] - joints[k])
-    step = joint_motion(jacobian, wanted, posture, ik_damping)
-    out = np.empty(7)
-    for k in range(7):
+    for k in range(arm):
+        back[k] = posture_rate * dt * (posture[k] - joints[k])
+    step = joint_motion(jacobian, wanted, back, ik_damping)
+    out = np.empty(arm)
+    for k in range(arm):
         commanded[k] += step[k]
         rate, before = step[k] / dt, commanded_rates[k]
         commanded_rates[k] = rate
@@ -140,8 +149,4 @@ def servo_acceleration(
             + 2.0 * damping_ratio * bandwidth * (rate - rates[k])
             + bandwidth * bandwidth * (commanded[k] - joints[k])
         )
-    return (out[0], out[1], out[2], out[3], out[4], out[5], out[6])
-
-
-# Elbow-up posture in which Franka's own examples start, [rad]. It decides which way the elbow points.
-POSTURE = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
+    return out

@@ -20,7 +20,8 @@ class ServoConfig:
         correction: Fraction of the TCP's pose error that is added to the joint command in each physics step. It removes
             the deflection of the joints under load and the drift of the differential kinematics.
         ik_damping: Damping of the differential inverse kinematics, [m] and [rad].
-        posture_rate: Rate at which the elbow returns to its posture without moving the gripper, [1/s].
+        posture_rate: Rate at which the elbow of an arm with more than six joints returns to its posture without moving
+            the gripper, [1/s].
     """
 
     bandwidth: Positive = 60.0
@@ -55,19 +56,23 @@ class Servo:
     friction.
     """
 
-    def __init__(self, config: ServoConfig, dt: float, joints: NDArray[np.float64]) -> None:
+    def __init__(
+        self, config: ServoConfig, dt: float, joints: NDArray[np.float64], posture: NDArray[np.float64]
+    ) -> None:
         """Start at rest.
 
         Args:
             config: Gains of the control loop.
             dt: Control period, [s].
-            joints: Present joint angles, (7,), [rad].
+            joints: Present angles of the arm's A joints, (A,), [rad].
+            posture: Angles to which the joints return as far as this does not move the gripper, (A,), [rad].
         """
         c = config
         self._gains = (c.bandwidth, c.damping_ratio, c.correction, c.ik_damping, c.posture_rate)
         self._dt = dt
         self._joints = joints.copy()
-        self._rates = np.zeros(7)
+        self._posture = posture
+        self._rates = np.zeros(len(joints))
 
     def acceleration(
         self,
@@ -76,20 +81,20 @@ class Servo:
         error: tuple[float, float, float, float, float, float],
         joints: tuple[float, ...],
         rates: tuple[float, ...],
-    ) -> tuple[float, ...]:
+    ) -> list[float]:
         """Return the joint accelerations for the next physics step.
 
         Args:
-            jacobian: Geometric Jacobian of the TCP, (6, 7), linear rows first, base axes.
+            jacobian: Geometric Jacobian of the TCP, (6, A), linear rows first, base axes.
             motion: Commanded motion of the TCP in this step, six numbers, [m] and [rad], base axes.
             error: Commanded minus present pose of the TCP, six numbers, [m] and [rad], base axes.
-            joints: Present joint angles, [rad], of which the first seven are the arm's.
-            rates: Present joint rates, [rad/s], of which the first seven are the arm's.
+            joints: Present joint angles, [rad], of which the first A are the arm's.
+            rates: Present joint rates, [rad/s], of which the first A are the arm's.
 
         Returns:
-            Accelerations of the arm's joints, seven numbers, [rad/s^2].
+            Accelerations of the arm's joints, A numbers, [rad/s^2].
         """
-        found: tuple[float, ...] = servo_acceleration(
-            jacobian, motion, error, joints, rates, self._joints, self._rates, self._gains, self._dt
-        )
+        found: list[float] = servo_acceleration(
+            jacobian, motion, error, joints, rates, self._joints, self._rates, self._gains, self._posture, self._dt
+        ).tolist()
         return found

@@ -1,63 +1,18 @@
-"""The force law of the two-finger gripper."""
+"""The hand of the Franka Emika Panda: the shape of its fingers."""
 
-from dataclasses import dataclass
+from collectors.simulation.grippers.gripper import Fingers
+from collectors.simulation.grippers.parallel import GripperConfig
 
-from collectors.simulation.bounds import NotNegative, Positive
+# Edges (x, y, z) and centre (y, z) of the boxes of a finger, [m], in its link's axes: tip, then base. Measured on
+# meshes/collision/finger.obj of pybullet_data's franka_panda; y points outward, the tip's inner face is at y = 0.
+FINGER_BOXES = (((0.0175, 0.0142, 0.0348), (0.0071, 0.0364)), ((0.0208, 0.0238, 0.0190), (0.0144, 0.0095)))
 
 
-@dataclass(frozen=True)
-class GripperConfig:
-    """Configuration of the gripper's drive.
+def panda_fingers(config: GripperConfig) -> Fingers:
+    """Return the shape of the fingers, measured as `FINGER_BOXES`, relative to the TCP.
 
-    Attributes:
-        stroke: Travel of a finger from closed to open, [m] (panda.urdf).
-        speed: Speed of a finger, [m/s] (limit in panda.urdf).
-        force: Largest force of the motor on a finger, [N] (effort limit in panda.urdf; Franka's datasheet says up to
-            70 N).
-        stiffness: Force on a finger per position error, [N/m].
-        damping: Force on a finger per speed, [N s/m].
+    Args:
+        config: Configuration of the drive, whose stroke and speed the fingers have.
     """
-
-    stroke: Positive = 0.04
-    speed: Positive = 0.2
-    force: Positive = 20.0
-    stiffness: Positive = 5000.0
-    damping: NotNegative = 30.0
-
-
-class Gripper:
-    """Force law of a gripper whose two fingers share one motor of limited force and a stiff, symmetric linkage."""
-
-    def __init__(self, config: GripperConfig, dt: float) -> None:
-        """Start with the gripper open.
-
-        Args:
-            config: Configuration of the gripper's drive.
-            dt: Control period, [s].
-        """
-        self._config = config
-        self._reach = config.speed * dt
-        self._target = config.stroke
-
-    def force(
-        self, opening: float, left: float, right: float, left_rate: float, right_rate: float
-    ) -> tuple[float, float]:
-        """Return the forces on the fingers for the next physics step.
-
-        Args:
-            opening: Wanted opening, 0 closed to 1 open. The fingers move to it at `GripperConfig.speed`.
-            left: Distance of the left finger from the middle, [m].
-            right: Distance of the right finger from the middle, [m].
-            left_rate: Speed of the left finger, [m/s].
-            right_rate: Speed of the right finger, [m/s].
-
-        Returns:
-            Force on the left and on the right finger, [N]. A positive force opens the gripper.
-        """
-        c = self._config
-        wanted = opening * c.stroke - self._target
-        self._target += min(max(wanted, -self._reach), self._reach)
-        motor = c.stiffness * (self._target - 0.5 * (left + right)) - 0.5 * c.damping * (left_rate + right_rate)
-        motor = min(max(motor, -c.force), c.force)
-        linkage = 0.5 * (c.stiffness * (right - left) + c.damping * (right_rate - left_rate))
-        return motor + linkage, motor - linkage
+    travel = config.stroke / config.speed
+    return Fingers(config.stroke, thickness=0.014, breadth=0.0175, tip=0.0072, palm=0.040, travel_s=travel)

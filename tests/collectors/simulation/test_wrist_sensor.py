@@ -5,7 +5,6 @@ import pybullet
 import pytest
 
 from collectors.simulation import World
-from collectors.simulation.arms.panda import SENSOR_JOINT
 from tests.helpers.worlds import hold, move
 
 pytestmark = pytest.mark.slow
@@ -14,7 +13,7 @@ PLACES = [(0.55, 0.0, 0.2, 0.0), (0.4, 0.15, 0.1, 0.7), (0.7, -0.18, 0.15, -1.3)
 
 
 def sensor_origin(world: World) -> np.ndarray:
-    state = pybullet.getLinkState(world.robot, SENSOR_JOINT, physicsClientId=world.client)
+    state = pybullet.getLinkState(world.robot, world.sensor_joint, physicsClientId=world.client)
     return np.array(state[4])  # origin of the gripper's frame = origin of its joint
 
 
@@ -37,11 +36,11 @@ def test_a_hanging_mass_reads_its_weight(world: World, place, mass, arm):
         position = sensor_origin(world) + arm
         ball = pybullet.createMultiBody(mass, basePosition=position.tolist(), physicsClientId=world.client)
         pybullet.changeDynamics(ball, -1, linearDamping=0.0, angularDamping=0.0, physicsClientId=world.client)
-        gripper = pybullet.getLinkState(world.robot, SENSOR_JOINT, physicsClientId=world.client)
+        gripper = pybullet.getLinkState(world.robot, world.sensor_joint, physicsClientId=world.client)
         inverse = pybullet.invertTransform(gripper[0], gripper[1])  # centre-of-mass frame of the gripper
         anchor, _ = pybullet.multiplyTransforms(*inverse, position.tolist(), (0.0, 0.0, 0.0, 1.0))
         pybullet.createConstraint(
-            world.robot, SENSOR_JOINT, ball, -1, pybullet.JOINT_POINT2POINT, (0, 0, 0), anchor, (0, 0, 0),
+            world.robot, world.sensor_joint, ball, -1, pybullet.JOINT_POINT2POINT, (0, 0, 0), anchor, (0, 0, 0),
             physicsClientId=world.client,
         )  # fmt: skip
         world.ball = ball
@@ -69,7 +68,7 @@ def test_a_push_reads_its_force_and_its_moment_about_the_sensor(world: World, mo
     def push_and_simulate(physicsClientId: int) -> None:
         point = sensor_origin(world) + arm
         pybullet.applyExternalForce(
-            world.robot, SENSOR_JOINT, force, point.tolist(), pybullet.WORLD_FRAME, physicsClientId=world.client
+            world.robot, world.sensor_joint, force, point.tolist(), pybullet.WORLD_FRAME, physicsClientId=world.client
         )
         simulate(physicsClientId=physicsClientId)
 

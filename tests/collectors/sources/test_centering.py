@@ -7,7 +7,7 @@ import pytest
 
 from collectors.recording.loop import record
 from collectors.simulation import NoiseConfig
-from collectors.simulation.centering import FINGERTIP, CenteringConfig, Scene, draw_scene
+from collectors.simulation.centering import CenteringConfig, Scene, draw_scene
 from collectors.simulation.centering_expert import CollisionExpert
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
@@ -130,7 +130,7 @@ def collide(world: World, scene: Scene) -> np.ndarray:
     world.reset(seed=0)
     add_block(world, scene)
     world.tare()
-    record(world, CollisionExpert(scene, touchdown=2 * scene.block_half + FINGERTIP), MAX_STEPS)
+    record(world, CollisionExpert(scene, touchdown=2 * scene.block_half + world.fingers.tip), MAX_STEPS)
     return world.wrench[-5:].mean(axis=0) - world.tare_offset
 
 

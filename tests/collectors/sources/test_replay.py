@@ -164,6 +164,10 @@ def centered() -> Episode:
             r"config\.world: .*\bblend_steps\b",
         ),
         ({"world": {"admittance": {"mass": -1.0}}}, r"admittance\.mass"),
+        ({"world": {"robot": {"name": "abacus"}}}, r"config\.world: no robot 'abacus'; .*panda_sim"),
+        ({"world": {"robot": {"friction": 1.0}}}, r"config\.world: .*robot.*name"),
+        ({"world": {"robot": {"name": "panda_sim", "friction": -1.0}}}, r"config\.world: .*>= 0"),
+        ({"world": {"robot": {"name": "panda_sim", "wheels": 2}}}, r"config\.world\.robot: .*wheels"),
         ({"world": {"home": [0.55, 0.0]}}, "length 3"),
         ({"world": {"workspace": [[0.55, 0.35], [-0.2, 0.2], [-0.01, 0.25]]}}, r"workspace .*0\.55, 0\.35"),
         ({"attempt": -1}, r"config: .*`int` >= 0 .*attempt"),
@@ -181,6 +185,14 @@ def test_a_strange_configuration_is_named(picked, change, facts):
         replay(Episode(replace(episode.meta, config=config), episode.arrays))
 
 
+def test_a_configuration_from_before_robots_had_names_is_read(picked):
+    episode = Dataset.open(picked).read(0)
+    world = dict(episode.meta.config["world"])
+    world["panda"] = {key: value for key, value in world.pop("robot").items() if key != "name"}
+    meta = replace(episode.meta, config=episode.meta.config | {"world": world})
+    assert replay(Episode(meta, episode.arrays)).exact
+
+
 @pytest.mark.parametrize("task", ["block_pushing", "block_pulling"])
 def test_a_scene_without_room_is_refused(picked, task):
     """A workspace in which nothing is far enough apart: an end, not a search for ever."""
@@ -193,7 +205,7 @@ def test_a_scene_without_room_is_refused(picked, task):
 
 def test_an_unstable_arm_is_one_line(picked):
     episode = Dataset.open(picked).read(0)
-    servo = {"panda": {"servo": {"bandwidth": 1e9, "damping_ratio": 0.0}}}
+    servo = {"robot": {"name": "panda_sim", "servo": {"bandwidth": 1e9, "damping_ratio": 0.0}}}
     meta = replace(episode.meta, config=episode.meta.config | {"world": episode.meta.config["world"] | servo})
     with pytest.raises(CollectError, match="unstable"):
         replay(Episode(meta, episode.arrays))

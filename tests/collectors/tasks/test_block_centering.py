@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from collectors.simulation.centering import FINGERTIP
 from collectors.tasks.block_centering import AROUND, CENTRED, BlockCentering
 from collectors.tasks.gripper import Gripper
 from tests.helpers.worlds import begin, hold, move, perform, place
@@ -16,7 +15,7 @@ def test_success_from_both_sides_of_both_thresholds(world, beside, deep, achieve
     """The block is put where the open gripper is or is not centred, around it or still above."""
     task = begin(BlockCentering, world, 3)
     place(world, task.body, (0.7, 0.15, task.scene.block_half))
-    height = 2 * task.scene.block_half + FINGERTIP - AROUND - deep
+    height = 2 * task.scene.block_half + task.world.fingers.tip - AROUND - deep
     move(world, (0.5, 0.0, height, 0.0))
     hold(world, 4)
     x, y, z = world.tcp[:3]

@@ -53,7 +53,7 @@ def test_setting_the_gripper_in_motion_takes_its_momentum(task, direction):
     for _ in range(2):
         world.step([opening, *(0.02 * np.array(direction)), 0.0])
     impulse = (world.wrench[count:, :3] - world.tare_offset[:3]).sum(axis=0, dtype=np.float64) * 0.002
-    momentum = mass * np.array(world._panda.gripper_velocity)
+    momentum = mass * np.array(world._arm.gripper_velocity)
     assert np.linalg.norm(momentum) > 0.2
     np.testing.assert_allclose(impulse, -momentum, atol=0.05 * np.linalg.norm(momentum))
 

@@ -70,6 +70,6 @@ def test_a_grip_does_not_trust_one_touch(world):
     """Fingers that touch at one step and part at the next have not gripped: the gripper goes on closing."""
     world.reset(seed=0)
     touches = iter([False, True, False, True, True])
-    moves = list(Gripper(world, np.random.default_rng(0), 0.0).grip(0.0, steps=9, until=lambda: next(touches)))
+    moves = list(Gripper(world, np.random.default_rng(0), 0.0).grip(0.0, travels=2.25, until=lambda: next(touches)))
     assert len(moves) == 4
     assert next(touches, None) is None
