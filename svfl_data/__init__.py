@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from svfl_data.recording.writer import EpisodeWriter as EpisodeWriter
     from svfl_data.replay.buffer import ReplayBuffer as ReplayBuffer
     from svfl_data.replay.config import ReplayConfig as ReplayConfig
+    from svfl_data.sampling.cut import cut_steps as cut_steps
     from svfl_data.sampling.samples import Samples as Samples
     from svfl_data.sampling.split import Split as Split
     from svfl_data.sampling.split import load_split as load_split
@@ -80,7 +81,7 @@ HOMES = {
     "ReplayConfig": "replay.config", "Robot": "schema.robot", "Samples": "sampling.samples", "Split": "sampling.split",
     "SvflError": "errors", "Tare": "signals.transforms", "TorchSamples": "sampling.torch_samples", "act": "symmetry",
     "check_dataset": "checks", "check_episode": "checks", "check_file": "checks",
-    "compute_statistics": "sampling.statistics", "contact_intervals": "signals.contact",
+    "compute_statistics": "sampling.statistics", "contact_intervals": "signals.contact", "cut_steps": "sampling.cut",
     "InputSpec": "schema.input_spec", "Window": "schema.input_spec",
     "image_axes": "schema.robot", "joint_action": "schema.action_fields", "load_split": "sampling.split",
     "merge": "maintenance.merge", "open_dataset": "datasets.dataset",

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from svfl_data.schema.clocks import Clock
+from svfl_data.sampling.cut import cut_steps
 from svfl_data.schema.episode import Episode
 from svfl_data.schema.input_spec import WINDOW as WINDOW  # imported for users of this module
+from svfl_data.schema.input_spec import WRENCH, InputSpec, Window
 
 
 def latest(t_ns: np.ndarray, now_ns: int) -> int:
@@ -36,11 +37,5 @@ def wrench_window(episode: Episode, step: int = -1, length: int = WINDOW) -> tup
         >>> window.shape, bool(padding.any())
         ((64, 6), False)
     """
-    now = episode.t_ns[step]
-    end = latest(episode.wrench_t_ns, now) + 1
-    (fresh,) = Clock.of(episode.meta, "streams/wrench").first_fresh(episode.wrench_t_ns, np.array([now]))
-    readings = episode.tared_wrench[max(0, end - length) : end]
-    missing = length - len(readings)
-    filler = readings[:1] if len(readings) else np.zeros((1, 6), dtype=np.float32)
-    window = np.concatenate([np.repeat(filler, missing, axis=0), readings])
-    return window, np.arange(end - length, end) < fresh
+    seen = cut_steps(episode, InputSpec(windows={WRENCH: Window(length)}), [step])
+    return seen[WRENCH][0], seen["streams/wrench/padding"][0]

@@ -7,8 +7,10 @@ import torch
 from torch import Tensor
 
 from svfl_data.errors import DatasetError
+from svfl_data.sampling.cut import cut_steps
 from svfl_data.sampling.windows import latest, wrench_window
 from svfl_data.schema.episode import Camera, Episode
+from svfl_data.schema.input_spec import WINDOW, WRENCH, InputSpec, Window
 from svfl_data.schema.robot import Frame, Observation
 from svfl_data.viewer.predictions import Network, Prediction
 from svfl_models.cloning.acting import ActingPolicy, refuse_own
@@ -20,6 +22,7 @@ from svfl_models.programs.exported_policy import ExportedPolicy, only_camera
 AT_ONCE = 256
 """Number of observations whose images are converted to float and held in memory at a time."""
 NO_JOINTS = np.zeros(0, np.float32)
+WRENCH_WINDOW = InputSpec(windows={WRENCH: Window(WINDOW)})
 """Empty joint positions, because no policy uses joints."""
 
 
@@ -121,7 +124,7 @@ def _observations(episode: Episode, camera: Camera, at_once: int) -> Iterator[tu
         image = np.empty((len(depth), 4, *depth.shape[1:]), np.float32)
         image[:, :3] = color.transpose(0, 3, 1, 2) / np.float32(255)
         image[:, 3] = depth * np.float32(camera.depth_scale)
-        wrench = np.stack([wrench_window(episode, step)[0] for step in range(len(rows))[some]])
+        wrench = cut_steps(episode, WRENCH_WINDOW, range(len(rows))[some])[WRENCH]
         yield torch.from_numpy(image), torch.from_numpy(wrench), torch.tensor(episode.proprio[some])
 
 

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from svfl_data.errors import DatasetError
-from svfl_data.sampling.windows import latest, wrench_window
+from svfl_data.sampling.cut import cut_steps
+from svfl_data.sampling.windows import latest
 from svfl_data.schema.episode import Camera, Episode
+from svfl_data.schema.input_spec import WRENCH, InputSpec, Window
 from svfl_data.signals.topdown import topdown
 from svfl_data.symmetry import PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.viewer.predictions import Network, Prediction
@@ -82,7 +84,7 @@ def _batch(episode: Episode, camera: Camera, view: str, size: int, window: int) 
     """
     steps, axes = range(len(episode.t_ns)), camera.image_axes
     images = torch.from_numpy(np.stack([_image(episode, camera, view, step) for step in steps]))
-    wrench = np.stack([wrench_window(episode, step, window)[0] for step in steps])
+    wrench = cut_steps(episode, InputSpec(windows={WRENCH: Window(window)}))[WRENCH]
     proprio = episode.proprio.copy()
     proprio[:, 1:3] -= episode.centre
     cropped: Tensor = scaled(centre_crop(images, crop_side(images.shape[-1], size)), size)

@@ -9,11 +9,14 @@ from hypothesis import strategies as st
 
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, UsageError
+from svfl_data.sampling.cut import cut_steps
 from svfl_data.sampling.samples import WRENCH, Samples
 from svfl_data.sampling.windows import wrench_window
 from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.input_spec import InputSpec, Window
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import episode_arrays, make_episode
+from tests.helpers.own_robot import own_dataset
 
 MS = 1_000_000
 
@@ -290,3 +293,55 @@ def test_workers_and_lightning_change_neither_samples_nor_order(dataset):
     ).fit(net, datamodule=Data())  # fmt: skip
     for batch, other in zip(alone, net.seen, strict=True):
         assert torch.equal(batch["cameras/front/color"], other["cameras/front/color"])
+
+
+OWN = {
+    "streams/wrench/wrench": Window(7, rate_hz=500),
+    "streams/tactile/pressure": Window(3, rate_hz=50, resample=True),
+    "streams/left_finger/wrench": Window(2),
+}
+
+
+def test_one_observation_is_cut_as_a_batch_of_many(tmp_path):
+    """Of a robot whose fields nobody knows; what is cut from an episode is what samples give, at every step."""
+    dataset = own_dataset(tmp_path / "d", 3)
+    samples = Samples(dataset, windows=OWN, frames=2)
+    whole = samples.batch(range(len(samples)))
+    for index in dataset.indices:
+        chosen = np.flatnonzero(whole["episode"] == index)
+        seen = cut_steps(dataset.read(index), samples.inputs, whole["step"][chosen])
+        assert {"streams/tactile/pressure", "observations/tcp_velocity", "cameras/wrist/color"} <= seen.keys()
+        for path, values in seen.items():
+            np.testing.assert_array_equal(values, whole[path][chosen], err_msg=path)
+
+
+def test_a_resampled_window_has_the_latest_reading_at_every_moment(tmp_path):
+    dataset = own_dataset(tmp_path / "d", 1)
+    episode = dataset.read(0)
+    batch = Samples(dataset, windows=OWN).batch(range(len(episode)))
+    t_ns = episode["streams/tactile/t_ns"]
+    for step in range(len(episode)):
+        moments = episode.t_ns[step] - np.array([40_000_000, 20_000_000, 0])
+        rows = np.searchsorted(t_ns, moments, side="right") - 1
+        expected = episode["streams/tactile/pressure"][rows]
+        np.testing.assert_array_equal(batch["streams/tactile/pressure"][step], expected)
+
+
+@pytest.mark.parametrize(("changes", "error", "facts"), [
+    ({"windows": {"streams/wrench/wrench": Window(4, rate_hz=100)}}, DatasetError, "500 Hz.*4 readings at 100 Hz"),
+    ({"windows": {"streams/nothing/x": 4}}, FieldError, "streams/nothing/x"),
+    ({"windows": {"streams/wrench/wrench": 0}}, UsageError, "0 readings"),
+    ({"vectors": ["observations/proprio"]}, FieldError, "observations/proprio"),
+    ({"actions": ["actions/left"]}, FieldError, "actions/left"),
+])  # fmt: skip
+def test_windows_that_the_recording_does_not_have_are_refused(tmp_path, changes, error, facts):
+    dataset = own_dataset(tmp_path / "d", 1)
+    with pytest.raises(error, match=facts):
+        Samples(dataset, **changes)
+
+
+def test_two_arrays_of_one_clock_have_one_window():
+    with pytest.raises(UsageError, match=r"streams/joints/velocity.*streams/joints"):
+        InputSpec(windows={"streams/joints/position": Window(2), "streams/joints/velocity": Window(3)})
+    with pytest.raises(UsageError, match="resampled needs a rate"):
+        Window(3, resample=True)

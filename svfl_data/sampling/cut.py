@@ -1,0 +1,114 @@
+"""The cut of observations out of one episode: images, windows and vectors at its steps.
+
+The arrays may be those of a recorded episode, or what a robot has measured so far. `svfl_data.sampling.samples.Samples`
+cuts batches of many episodes with the same functions (`svfl_data.sampling.ragged`), so a program that acts, a viewer
+and a training see the same numbers.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from svfl_data.errors import FieldError
+from svfl_data.sampling.ragged import rows_of
+from svfl_data.schema.clocks import Clock
+from svfl_data.schema.declarations import STANDARD, Declarations
+from svfl_data.schema.episode import Episode
+from svfl_data.schema.input_spec import InputSpec, Window
+from svfl_data.schema.validity import Readable
+
+
+def cut_steps(episode: Episode, inputs: InputSpec, steps: Sequence[int] | None = None) -> dict[str, np.ndarray]:
+    """Cut the observations at some steps out of an episode.
+
+    Args:
+        episode: The episode.
+        inputs: What is taken.
+        steps: Rows of the observations, S of them; -1 is the final one. All by default.
+
+    Returns:
+        Values by the keys of `svfl_data.sampling.samples.Samples`, each of shape (S, ...).
+
+    Raises:
+        FieldError: If the episode was recorded without one of the arrays.
+        DatasetError: If a stream has another rate than its window.
+
+    Example:
+        >>> inputs = InputSpec(windows={"streams/wrench/wrench": Window(64)}, vectors=("observations/proprio",))
+        >>> seen = cut_steps(dataset[0], inputs, steps=[-1])
+        >>> seen["streams/wrench/wrench"].shape, seen["observations/proprio"].shape
+        ((1, 64, 6), (1, 5))
+    """
+    rows = np.arange(len(episode.t_ns))[slice(None) if steps is None else list(steps)]
+    return cut(
+        episode.arrays, inputs, episode.t_ns[rows], rows, lambda group: Clock.of(episode.meta, group),
+        episode.declarations, episode.name,
+    )  # fmt: skip
+
+
+def cut(
+    arrays: Mapping[str, Readable],
+    inputs: InputSpec,
+    now_ns: np.ndarray,
+    rows: np.ndarray,
+    clock_of: Callable[[str], Clock] = lambda group: Clock(),
+    declarations: Declarations = STANDARD,
+    name: str = "episode",
+) -> dict[str, np.ndarray]:
+    """Cut observations out of arrays.
+
+    Args:
+        arrays: Arrays by dataset path: those of an episode, or what a robot has measured so far.
+        inputs: What is taken.
+        now_ns: Times of the observations, shape (S,), [ns]. Nothing later is taken.
+        rows: Rows of the observations in the arrays below ``observations/``, shape (S,).
+        clock_of: Function that returns what was declared about the clock of a group; by default nothing.
+        declarations: Declarations of the arrays.
+        name: Name of the source in messages.
+
+    Returns:
+        Values by the keys of `svfl_data.sampling.samples.Samples`, each of shape (S, ...).
+
+    Raises:
+        FieldError: If an array is missing.
+        DatasetError: If a stream has another rate than its window.
+    """
+    out = {path: _taken(_array(arrays, path, name), rows + 1) for path in inputs.vectors}
+    groups = {f"cameras/{camera}": Window(inputs.frames) for camera in inputs.cameras} | inputs.groups
+    for group, window in groups.items():
+        t_ns = np.asarray(_array(arrays, f"{group}/t_ns", name)[0 : 2**62])
+        seen = rows_of([t_ns], [now_ns], [clock_of(group)], window, group, [name])
+        taken, out[f"{group}/padding"] = seen.last(np.arange(len(now_ns)), window.length)
+        out[f"{group}/age"] = seen.age
+        if group.startswith("cameras/"):
+            paths = declarations.image_paths(group.removeprefix("cameras/"), arrays)
+            out |= {path: _taken(arrays[path], taken) for path in paths}
+            continue
+        for path in (path for path in inputs.windows if path.rpartition("/")[0] == group):
+            values = _taken(_array(arrays, path, name), taken)
+            tare = np.asarray(arrays.get(f"{group}/tare", 0.0))
+            if tare.shape == values.shape[2:]:
+                values[taken > 0] = (values[taken > 0] - tare).astype(values.dtype)
+            out[path] = values
+    return out
+
+
+def _array(arrays: Mapping[str, Readable], path: str, name: str) -> Readable:
+    if path not in arrays:
+        raise FieldError(f"{name}: has no {path}; it has {', '.join(arrays)}")
+    return arrays[path]
+
+
+def _taken(array: Readable, rows: np.ndarray) -> np.ndarray:
+    """Return rows that are numbered from 1; row 0 is one of zeros, for a time before the first reading.
+
+    Args:
+        array: Array, shape (M, ...).
+        rows: Numbers of rows, any shape.
+    """
+    out = np.zeros((*rows.shape, *array.shape[1:]), array.dtype)
+    there = rows > 0
+    if there.any():
+        first, last = int(rows[there].min()), int(rows.max())
+        out[there] = np.asarray(array[first - 1 : last])[rows[there] - first]
+    return out
