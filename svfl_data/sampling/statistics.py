@@ -38,6 +38,8 @@ CONSTANT = 1e-6
 """Scale, in SI units, at or below which a quantity counts as constant and gets the scale 1."""
 
 ROWS_AT_ONCE, LARGE_ROWS_AT_ONCE = 2**16, 64
+MEANT = ("shape", "unit", "axes", "about", "components", "parts")
+"""Attributes of a declaration that all episodes must share."""
 CODED = {"uint8": 255.0}
 """Number of the brightest grey level of the images that are stored in this type; they are divided by it."""
 
@@ -188,10 +190,13 @@ def compute_statistics(dataset: Dataset, episodes: Sequence[int]) -> dict[str, F
     for index in progress(episodes, "statistics"):
         reader = dataset.episode(index)
         for path, field in _summarised(reader).items():
-            declared.setdefault(path, field)
+            _check_same(declared.setdefault(path, field), field, reader)
             seen[path] = seen.get(path, 0) + 1
             for values in _values(reader, field):
-                moments[path] = moments.get(path, Moments.none(values.shape[-1])).and_also(values)
+                before = moments.get(path, Moments.none(values.shape[-1]))
+                if len(before.mean) != values.shape[-1]:
+                    raise DatasetError(f"{reader.extent}: {path} has other sizes than in the episodes before")
+                moments[path] = before.and_also(values)
     common = {path: found for path, found in moments.items() if seen[path] == len(episodes)}
     return {path: _field_statistics(declared[path], found) for path, found in common.items()}
 
@@ -276,6 +281,16 @@ def _summarised(reader: EpisodeReader) -> dict[str, Field]:
         if field and counted and (field.grows or (field.group == "labels" and field.parts)):
             found[path] = field
     return found
+
+
+def _check_same(there: Field, here: Field, reader: EpisodeReader) -> None:
+    """Check that the numbers of a field mean the same in an episode as in the episodes before."""
+    for name in MEANT:
+        if getattr(here, name) != getattr(there, name):
+            raise DatasetError(
+                f"{reader.extent}: {here.path} is declared with other {name} than in the episodes before, so that "
+                "there are no statistics of both; svfl-data validate names the differences"
+            )
 
 
 def _values(reader: EpisodeReader, field: Field) -> Iterable[np.ndarray]:

@@ -217,7 +217,9 @@ def _check_place(field: Field) -> None:
     rows = field.group in ("observations", "actions")
     if rows and not field.grows:
         raise FieldError(f"field {path} has the shape {field.shape_words}; its first size must stand for the steps")
-    numbers = np.dtype(field.dtype).kind in "iuf"
+    if field.image and dtype.kind not in "biuf":
+        raise FieldError(f"field {path} has dtype {dtype}; the pixels of an image are real numbers")
+    numbers = dtype.kind in "iuf"
     if field.group == "actions" and not (numbers and len(field.shape) == 2 and isinstance(field.shape[1], int)):
         raise FieldError(
             f"field {path} has dtype {printable(field.dtype)} and shape {field.shape_words}; an action is a row of a "

@@ -353,7 +353,7 @@ CAMERA = {
     "thermal": (lambda f: np.ones((f, 76, 76), "f4"), {"shape": ["F", "H", "W"], "image": True}, FIELD),
     "seven_channels": (lambda f: np.ones((f, 8, 8, 7), "u1"), {"shape": ["F", 8, 8, 7], "image": True}, FIELD),
     "a_first_image": (lambda f: np.ones((f, 8, 9), "u1"), {"shape": ["F", 8, 9], "image": True}, FIELD),
-    "image_of_bytes": (lambda f: np.full((f, 8, 8), b"x"), {"shape": ["F", 8, 8], "image": True}, FIELD),
+    "image_of_bytes": (lambda f: np.full((f, 8, 8), b"x"), {"shape": ["F", 8, 8], "image": True}, ""),
     "distortion": (lambda f: np.ones(5), {"shape": [5]}, FIELD),
     "another_size": (lambda f: np.ones((f, 8, 8), "u1"), {"shape": ["F", "H", "W"], "image": True}, ""),
     "another_count": (lambda f: np.ones((f + 1, 2), "u1"), {"shape": ["F", 2]}, ""),
