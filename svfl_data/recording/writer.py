@@ -24,7 +24,7 @@ from svfl_data.recording.recording_log import RecordingLog
 from svfl_data.recording.write_behind import WhenFull, WriteBehind
 from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Meta, canonical_json
-from svfl_data.schema.field import Field, attributes
+from svfl_data.schema.field import Field
 from svfl_data.schema.fields import EXTRA
 from svfl_data.storage.metadata import checked_meta
 from svfl_data.storage.store import Rows
@@ -135,7 +135,7 @@ class EpisodeWriter(OwnProcess):
         self._ended = self._closed = False
         try:
             self._agreement = Agreement(self._dataset, journal, self.meta, self._constants, self.declarations)
-            declared = {one.path: {"dtype": one.dtype, **attributes(one)} for one in self.declarations.own}
+            declared = {one.path: {"dtype": one.dtype, **one.attributes} for one in self.declarations.own}
             self._behind.record({"meta": asdict(self.meta), "declared": declared})
             self._append_constants(self._constants)
         except BaseException:

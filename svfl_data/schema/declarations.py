@@ -10,7 +10,7 @@ import numpy as np
 
 from svfl_data.errors import FieldError
 from svfl_data.schema.action_fields import ACTION, EXPERT_ACTION
-from svfl_data.schema.field import MEANING, Field, attributes, field_fault, parsed
+from svfl_data.schema.field import MEANING, Field, field_fault, parsed
 from svfl_data.schema.fields import CAMERA, EXTRA, FIELDS, TIME, harmless
 from svfl_data.system.printable import printable
 
@@ -154,10 +154,10 @@ def stored_declarations(arrays: Mapping[str, tuple[str, Mapping[str, Any]]]) -> 
             continue
         texts = tuple(found.get(name) for name in MEANING)
         standard = standard_field(path)
-        if standard and _same_text(texts, _attributes(standard)):
+        if standard and _same_text(texts, standard.texts):
             continue
         if standard and path not in CHOSEN and "assumed" not in str(texts[-1]):
-            _refuse_texts(path, texts, _attributes(standard))
+            _refuse_texts(path, texts, standard.texts)
         missing = [name for name, text in zip(MEANING, texts, strict=True) if not isinstance(text, str)]
         if missing:
             raise FieldError(
@@ -178,12 +178,6 @@ def _declarations(own: tuple[tuple[str, ...], ...]) -> Declarations:
             raise FieldError(f"field {clock.path} is a clock of no declared array")
         _check_same(clock, expected)
     return made
-
-
-def _attributes(field: Field) -> tuple[str, ...]:
-    """Return the texts of a field's declaration, in the order of `MEANING`."""
-    texts = attributes(field)
-    return tuple(texts[name] for name in MEANING)
 
 
 def _same_text(found: tuple[Any, ...], standard: tuple[str, ...]) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import get_args
 
 import msgspec
+import numpy as np
 
 from svfl_data.errors import FieldError
 from svfl_data.symmetry import Kind, Part, parts_named
@@ -86,17 +87,17 @@ class Field:
     assumed: tuple[str, ...] = ()
     name: str = ""
 
-    @property
+    @functools.cached_property
     def group(self) -> str:
         """Path of the group of the array, whose arrays share a clock, such as ``streams/wrench``."""
         return self.path.rpartition("/")[0]
 
-    @property
+    @functools.cached_property
     def grows(self) -> bool:
         """Whether the array has a row per reading, rather than one value per episode."""
         return bool(self.shape) and isinstance(self.shape[0], str)
 
-    @property
+    @functools.cached_property
     def large(self) -> bool:
         """Whether the array may be so large that tools read it row by row: images, and rows of many numbers."""
         return self.image or math.prod(size for size in self.shape[1:] if isinstance(size, int)) > LARGE_ROW
@@ -108,6 +109,28 @@ class Field:
             return "pixels move"
         names = self.components or tuple(map(str, range(sum(len(part.index) for part in self.parts))))
         return parts_named(self.parts, names) if self.parts else "-"
+
+    @functools.cached_property
+    def numpy_dtype(self) -> np.dtype:
+        """NumPy dtype of the array."""
+        return np.dtype(self.dtype)
+
+    @functools.cached_property
+    def attributes(self) -> dict[str, str]:
+        """Attributes of an HDF5 dataset that keep the declaration of its array, by name (`MEANING`)."""
+        stored = Stored(
+            list(self.shape), self.components, tuple((part.kind, part.index) for part in self.parts), self.bounds,
+            self.delta, self.image, None if self.possible == (-LARGEST, LARGEST) else self.possible, self.assumed,
+        )  # fmt: skip
+        return {
+            "unit": self.unit, "axes": self.axes, "about": self.about, "doc": self.doc,
+            "declaration": msgspec.json.encode(stored).decode(),
+        }  # fmt: skip
+
+    @functools.cached_property
+    def texts(self) -> tuple[str, ...]:
+        """Values of the attributes that keep the declaration, in the order of `MEANING`."""
+        return tuple(self.attributes[name] for name in MEANING)
 
     @property
     def shape_words(self) -> str:
@@ -126,23 +149,6 @@ class Stored(msgspec.Struct, omit_defaults=True):
     image: bool = False
     possible: tuple[int | float, int | float] | None = None
     assumed: tuple[str, ...] = ()
-
-
-@functools.lru_cache(maxsize=1024)
-def attributes(field: Field) -> dict[str, str]:
-    """Return the attributes of an HDF5 dataset that keep the declaration of its array, by name (`MEANING`).
-
-    Args:
-        field: Declaration of the array.
-    """
-    stored = Stored(
-        list(field.shape), field.components, tuple((part.kind, part.index) for part in field.parts), field.bounds,
-        field.delta, field.image, None if field.possible == (-LARGEST, LARGEST) else field.possible, field.assumed,
-    )  # fmt: skip
-    return {
-        "unit": field.unit, "axes": field.axes, "about": field.about, "doc": field.doc,
-        "declaration": msgspec.json.encode(stored).decode(),
-    }  # fmt: skip
 
 
 def parsed(path: str, dtype: str, texts: Sequence[str]) -> Field:

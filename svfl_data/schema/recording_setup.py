@@ -15,7 +15,7 @@ import numpy as np
 from svfl_data.errors import DatasetError
 from svfl_data.schema.declarations import CHOSEN, STANDARD, Declarations, standard_field
 from svfl_data.schema.episode import Meta
-from svfl_data.schema.field import MEANING, Field, attributes
+from svfl_data.schema.field import MEANING, Field
 
 TOLERANCE = 1e-9
 """Largest difference between two numbers of a setup that count as equal, in their unit; for numbers above 1 it is
@@ -114,8 +114,7 @@ def _numbers(arrays: Mapping[str, Array], declarations: Declarations) -> dict[st
 
 
 def _texts(field: Field) -> tuple[str, ...]:
-    texts = attributes(field)
-    return tuple(texts[name] for name in COMPARED)
+    return tuple(field.attributes[name] for name in COMPARED)
 
 
 def _rows(arrays: Mapping[str, Array], declarations: Declarations) -> dict[str, tuple[str, list[int]]]:

@@ -9,6 +9,7 @@ on.
 Arrays may lie in memory or on disk. Images are judged by their shapes only, because every pixel value is valid.
 """
 
+import functools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -186,7 +187,7 @@ def _group_faults(
 
 
 def _shape_faults(field: Field, array: Readable, sizes: Sizes, path: str) -> Iterator[str]:
-    if array.dtype != np.dtype(field.dtype):
+    if array.dtype != field.numpy_dtype:
         yield f"has dtype {array.dtype}, expected {field.dtype}"
     elif len(array.shape) != len(field.shape):
         yield f"has shape {array.shape}, expected {field.shape_words}"
@@ -207,12 +208,17 @@ def _value_faults(field: Field, array: Readable) -> Iterator[str]:
     """Yield at most one fault in the numbers of an array whose shape is right."""
     if array.dtype.kind not in "iufc" or (field.image and array.dtype.kind in "iu"):
         return  # every pixel value is valid
-    rule = RULES.get(CAMERA_PATH.sub(f"cameras/{CAMERA}/", field.path))
+    rule = _rule(field.path)
     for first, block in _blocks(array):
         wrong = _out_of_bounds(field, block, first) or (rule and rule(block, first))
         if wrong:
             yield wrong
             return
+
+
+@functools.lru_cache(maxsize=1024)
+def _rule(path: str) -> Callable[[np.ndarray, int], str | None] | None:
+    return RULES.get(CAMERA_PATH.sub(f"cameras/{CAMERA}/", path))
 
 
 def _blocks(array: Readable) -> Iterator[tuple[int, np.ndarray]]:
@@ -227,11 +233,11 @@ def _blocks(array: Readable) -> Iterator[tuple[int, np.ndarray]]:
 
 def _out_of_bounds(field: Field, values: np.ndarray, first: int) -> str | None:
     low, high = field.possible
-    with np.errstate(over="ignore"):
-        if values.dtype.kind == "c":
+    if values.dtype.kind == "c":
+        with np.errstate(over="ignore"):
             values = np.abs(values)
-        elif values.dtype.itemsize < np.dtype(np.float32).itemsize and values.dtype.kind == "f":
-            values = values.astype(np.float32)  # in which the bounds are finite
+    elif values.dtype == np.float16:
+        values = values.astype(np.float32)  # in which the bounds are finite
     inside = (values >= low) & (values <= high)  # false for NaN
     if inside.all():
         return None

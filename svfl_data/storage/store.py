@@ -25,7 +25,7 @@ import numpy as np
 
 from svfl_data.schema.declarations import STANDARD, Declarations
 from svfl_data.schema.episode import Episode, Meta, canonical_json
-from svfl_data.schema.field import Field, attributes
+from svfl_data.schema.field import Field
 from svfl_data.storage.chunk_encoding import LEVEL, Encoding
 from svfl_data.storage.header import FORMAT, FORMAT_VERSION
 from svfl_data.storage.metadata import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, checked_meta
@@ -149,7 +149,7 @@ def _write_array(
                 raise target.error
     else:
         dataset = file.create_dataset(path, data=array[:] if array.shape else np.asarray(array))
-    for name, text in attributes(field).items() if field else ():
+    for name, text in field.attributes.items() if field else ():
         _write_text(dataset, name, text)
 
 

@@ -161,18 +161,24 @@ def check_bounds(value: Any, where: object, kind: type[SvflError]) -> None:  # n
 
 
 def _check_leaf(key: str, value: Any, where: object, kind: type[SvflError]) -> None:  # noqa: ANN401 - any JSON value
-    named = printable(key.removeprefix("."), 80) or "it"
+    if fault := _leaf_fault(value):
+        raise kind(f"{where}: {printable(key.removeprefix('.'), 80) or 'it'}{fault}")
+
+
+def _leaf_fault(value: Any) -> str | None:  # noqa: ANN401 - any JSON value
+    """Return what is wrong with a single value, in words that follow its name; None if nothing is."""
     if type(value) is str:
         if not value.isascii() and any("\ud800" <= character <= "\udfff" for character in value):
-            raise kind(f"{where}: {named}: {printable(value, 80)!r} is not Unicode text (a lone surrogate)")
+            return f": {printable(value, 80)!r} is not Unicode text (a lone surrogate)"
     elif type(value) is int:
         if value.bit_length() > BITS_LIMIT:
-            raise kind(f"{where}: {named}: an integer of {value.bit_length()} bits; at most {BITS_LIMIT} are possible")
+            return f": an integer of {value.bit_length()} bits; at most {BITS_LIMIT} are possible"
     elif type(value) is float:
         if not math.isfinite(value):
-            raise kind(f"{where}: {named} is {value}; only finite numbers can be stored as JSON")
+            return f" is {value}; only finite numbers can be stored as JSON"
     elif value is not None and type(value) is not bool:
-        raise kind(f"{where}: {named} has type {type(value).__name__}, which JSON cannot represent")
+        return f" has type {type(value).__name__}, which JSON cannot represent"
+    return None
 
 
 def plain(value: Any, where: object) -> Any:  # noqa: ANN401 - any value

@@ -6,7 +6,6 @@ import h5py
 import numpy as np
 
 from svfl_data.schema.action_fields import joint_action
-from svfl_data.schema.field import attributes
 from tests.hostile.json_attributes import HIDDEN
 from tests.hostile.kind import add
 from tests.hostile.making_episodes import reopened, replace, rows
@@ -224,7 +223,7 @@ def steps(value):
 
 
 def _texts(field):
-    found = attributes(field)
+    found = dict(field.attributes)
     return found.pop("declaration"), found
 
 

@@ -22,7 +22,7 @@ from rerun.experimental import Hdf5Reader
 from svfl_data.errors import FieldError, FormatError, StorageError
 from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Episode, Meta
-from svfl_data.schema.field import Field, attributes
+from svfl_data.schema.field import Field
 from svfl_data.schema.fields import CAMERA, FIELDS
 from svfl_data.storage.seal import seal
 from svfl_data.storage.store import episode_bytes, read_episode, write_episode
@@ -224,7 +224,7 @@ def test_later_versions_are_read_if_minor_and_refused_if_major(tmp_path):
         for name in ("celsius", "t_ns"):
             field = Declarations([TEMPERATURE]).at(f"streams/temperature/{name}")
             file[field.path] = np.arange(3, dtype=field.dtype)
-            file[field.path].attrs.update(attributes(field))
+            file[field.path].attrs.update(field.attributes)
     reseal(path)
     read = read_episode(path)
     assert read["streams/temperature/celsius"].tolist() == [0, 1, 2]
