@@ -86,7 +86,7 @@ def add_world(parser: Parser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--cameras", type=lambda text: text.split(","), default=["front"], metavar="NAME,...",
-        help="cameras to simulate, with commas between them: front, top, side_left, side_right (default: front)",
+        help="cameras to simulate, with commas between them: front, top, side_left, side_right, wrist (default: front)",
     )  # fmt: skip
 
 

@@ -5,7 +5,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from svfl_data.schema.robot import Calibration, Observation, Policy, Robot
+from collectors.recording.observed import constants, rows
+from svfl_data.schema.robot import Observation, Policy, Robot
 
 State = Mapping[str, np.ndarray]
 """True values that only a simulation knows, by name."""
@@ -61,38 +62,18 @@ def record(
         watch(robot, observations[-1], actions[-1])
         if done():
             break
-    t_ns = np.array([observation.t_ns for observation in observations], dtype=np.int64)
-    arrays: dict[str, np.ndarray] = {
-        "observations/t_ns": t_ns,
-        "observations/proprio": np.stack([observation.proprio for observation in observations]),
+    arrays: dict[str, np.ndarray] = constants(robot) | {
         "actions/action": np.array(actions, dtype=np.float32).reshape(-1, 5),
         "streams/wrench/t_ns": np.array(robot.wrench_t_ns),
         "streams/wrench/wrench": np.array(robot.wrench),
-        "streams/wrench/tare": np.array(robot.tare_offset, dtype=np.float64),
-        "streams/joints/t_ns": t_ns.copy(),
-        "streams/joints/position": np.stack([observation.joints for observation in observations]),
-        "workspace": np.array(robot.workspace),
     }
-    for camera, calibration in robot.cameras.items():
-        arrays |= _camera_arrays(camera, calibration, observations)
+    seen = [rows(observation) for observation in observations]
+    for group, columns in seen[0].items():
+        arrays |= {f"{group}/{name}": np.concatenate([one[group][name] for one in seen]) for name in columns}
     for name in states[0]:
         values = np.stack([one[name] for one in states])
         if name == OBJECT:
-            arrays |= {"streams/object/t_ns": t_ns.copy(), "streams/object/pose": values}
+            arrays |= {"streams/object/t_ns": arrays["observations/t_ns"].copy(), "streams/object/pose": values}
         else:
             arrays[f"extra/state/{name}"] = values
     return arrays
-
-
-def _camera_arrays(name: str, calibration: Calibration, observations: list[Observation]) -> dict[str, np.ndarray]:
-    frames = [observation.frames[name] for observation in observations]
-    arrays: dict[str, np.ndarray] = {
-        "t_ns": np.array([observation.t_ns for observation in observations], dtype=np.int64),
-        "color": np.stack([frame.color for frame in frames]),
-        "depth": np.stack([frame.depth for frame in frames]),
-        "depth_scale": np.array(calibration.depth_scale),
-        "intrinsics": np.array(calibration.intrinsics),
-        "T_base_camera": np.array(calibration.T_base_camera),
-        "image_axes": np.array(calibration.image_axes),
-    }
-    return {f"cameras/{name}/{field}": values for field, values in arrays.items()}

@@ -1,13 +1,14 @@
-"""The fixed RGB-D camera and its calibration."""
+"""The RGB-D camera, which stands still or is mounted on the gripper, and its calibration."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from collectors.simulation.bounds import Degrees, Pixels, Point, Positive
 from collectors.simulation.bullet import pybullet
-from collectors.simulation.linear import length
+from collectors.simulation.linear import length, product
 from svfl_data.errors import UsageError
 from svfl_data.schema.robot import Calibration, Frame
 from svfl_data.system.own_process import OwnProcess
@@ -20,14 +21,15 @@ class CameraConfig:
     Attributes:
         height: Image height, [px].
         width: Image width, [px].
-        eye: Optical centre in base, (x, y, z), [m].
-        target: Point in base on the optical axis, (x, y, z), [m]. The default is the workspace centre, which therefore
-            is the image centre.
-        up: Direction in base that is up in the image, (x, y, z).
+        eye: Optical centre, (x, y, z), [m], in base or, if `mounted`, relative to the TCP.
+        target: Point on the optical axis, (x, y, z), [m]. The default is the workspace centre, which therefore is the
+            image centre.
+        up: Direction that is up in the image, (x, y, z).
         fov_deg: Vertical field of view, [deg].
         near: Nearest visible depth, [m].
         far: Farthest visible depth, [m]. A pixel that sees nothing up to this depth reads 0.
         depth_scale: Metres per unit of the stored depth, [m].
+        mounted: Whether the camera is mounted on the gripper and moves with it.
     """
 
     height: Pixels = 76
@@ -39,6 +41,7 @@ class CameraConfig:
     near: Positive = 0.1
     far: Positive = 3.0
     depth_scale: Positive = 1e-4
+    mounted: bool = False
 
     def __post_init__(self) -> None:
         """Refuse numbers that no camera can have.
@@ -68,8 +71,12 @@ CAMERAS = {
     "top": CameraConfig(eye=(0.55, 0.0, 1.2), fov_deg=24.0),
     "side_left": CameraConfig(eye=(0.55, 0.55, 0.6), up=(0.0, -1.0, 0.0)),
     "side_right": CameraConfig(eye=(0.55, -0.55, 0.6), up=(0.0, 1.0, 0.0)),
+    "wrist": CameraConfig(
+        eye=(0.09, 0.0, -0.14), target=(0.0, 0.0, 0.02), up=(-1.0, 0.0, 0.0), mounted=True, fov_deg=60.0, near=0.03
+    ),
 }
-"""Cameras by name. All look at the workspace centre from 0.8 to 1.2 m. Left and right are as seen from the robot."""
+"""Cameras by name. Those that stand still look at the workspace centre from 0.8 to 1.2 m, left and right as seen from
+the robot. The one at the wrist looks at the fingertips from beside the gripper."""
 
 
 def calibration(config: CameraConfig) -> Calibration:
@@ -82,11 +89,12 @@ def calibration(config: CameraConfig) -> Calibration:
     forward /= length(forward)
     right = np.cross(forward, config.up)
     right /= length(right)
-    T_base_camera = np.eye(4)
-    T_base_camera[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
-    T_base_camera[:3, 3] = config.eye
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+    pose[:3, 3] = config.eye
     x, y = right[:2] / length(right[:2])
-    return Calibration(intrinsics, T_base_camera, np.array([[x, y], [-y, x]]), config.depth_scale)
+    axes = np.array([[x, y], [-y, x]])
+    return Calibration(intrinsics, pose, axes, config.depth_scale, pose if config.mounted else None)
 
 
 class Camera(OwnProcess):
@@ -101,7 +109,7 @@ class Camera(OwnProcess):
         """
         self._config = config
         self._client = client
-        self.calibration = calibration(config)
+        self._fixed = calibration(config)
         self._view = pybullet.computeViewMatrix(config.eye, config.target, config.up)
         # TinyRenderer samples pixels at their lower left corner. The frustum is shifted by half a pixel, so that the
         # optical axis goes through the middle of the picture: only then does turning the picture turn the workspace.
@@ -111,19 +119,45 @@ class Camera(OwnProcess):
             left, left + config.width * size, bottom, bottom + config.height * size, config.near, config.far
         )
 
-    def render(self) -> Frame:
+    @property
+    def mounted(self) -> bool:
+        """Whether the camera is mounted on the gripper."""
+        return self._config.mounted
+
+    def calibration(self, T_base_tcp: NDArray[np.float64] | None = None) -> Calibration:
+        """Return the calibration of the camera.
+
+        Args:
+            T_base_tcp: Pose of the TCP now, shape (4, 4), which a camera on the gripper moves with. Not needed for a
+                camera that stands still.
+        """
+        if T_base_tcp is None or not self.mounted:
+            return self._fixed
+        pose = product(T_base_tcp, self._fixed.T_base_camera)
+        right = pose[:2, 0] / length(pose[:2, 0])
+        axes = np.array([[right[0], right[1]], [-right[1], right[0]]])
+        return replace(self._fixed, T_base_camera=pose, image_axes=axes)
+
+    def render(self, T_base_tcp: NDArray[np.float64] | None = None) -> Frame:
         """Render one image.
+
+        Args:
+            T_base_tcp: Pose of the TCP now, shape (4, 4), which a camera on the gripper moves with. Not needed for a
+                camera that stands still.
 
         Returns:
             Frame with the colour, (height, width, 3) uint8 RGB, and the depth along the optical axis, (height, width)
             uint16 in units of `CameraConfig.depth_scale`, which is 0 where nothing was seen.
         """
         self.check_process()
-        c = self._config
+        c, view = self._config, self._view
+        if c.mounted:
+            pose = self.calibration(T_base_tcp).T_base_camera
+            view = pybullet.computeViewMatrix(pose[:3, 3], pose[:3, 3] + pose[:3, 2], -pose[:3, 1])
         _, _, rgba, buffer, _ = pybullet.getCameraImage(
             c.width,
             c.height,
-            self._view,
+            view,
             self._projection,
             shadow=0,  # shadows would double the cost
             lightDirection=(0.0, 0.0, 1.0),

@@ -323,14 +323,25 @@ class World(OwnProcess):
             The observation, whose wrench window is tared.
         """
         self.check_process()
-        arm = self._arm
+        arm, pose = self._arm, self._tcp_pose
         return Observation(
             t_ns=int(self.wrench_t_ns[-1]),
-            frames={name: camera.render() for name, camera in self._cameras.items()} if render else {},
+            frames={name: camera.render(pose) for name, camera in self._cameras.items()} if render else {},
             wrench=self._window(),
             proprio=np.array([arm.opening, *arm.position, arm.theta], np.float32),
             joints=np.array(arm.joints, np.float32),
+            tcp=None if pose is None else np.array(self.tcp),
         )
+
+    @property
+    def _tcp_pose(self) -> NDArray[np.float64] | None:
+        """Pose of the TCP in base, (4, 4); None if no camera is mounted on the gripper."""
+        if not any(camera.mounted for camera in self._cameras.values()):
+            return None
+        pose, tcp = np.eye(4), self.tcp
+        pose[:3, :3] = np.reshape(pybullet.getMatrixFromQuaternion(tcp[3:]), (3, 3))
+        pose[:3, 3] = tcp[:3]
+        return pose
 
     def _window(self) -> NDArray[np.float32]:
         """Return the last 64 readings, tared, (64, 6), [N] and [N m]."""
@@ -362,7 +373,7 @@ class World(OwnProcess):
     @property
     def cameras(self) -> dict[str, Calibration]:
         """Intrinsics, pose, image axes and depth scale of each camera, by name."""
-        return {name: camera.calibration for name, camera in self._cameras.items()}
+        return {name: camera.calibration(self._tcp_pose) for name, camera in self._cameras.items()}
 
     @property
     def camera(self) -> Calibration:
@@ -373,7 +384,7 @@ class World(OwnProcess):
         """
         if not self._cameras:
             raise UsageError("this World has no camera; name one in WorldConfig.cameras")
-        return next(iter(self._cameras.values())).calibration
+        return next(iter(self._cameras.values())).calibration(self._tcp_pose)
 
     @property
     def robot(self) -> int:

@@ -55,7 +55,7 @@ class SimulatedTagCamera:
     @property
     def calibration(self) -> Calibration:
         """Calibration of the camera."""
-        return self._camera.calibration
+        return self._camera.calibration()
 
     def __call__(self) -> tuple[int, NDArray[np.uint8]]:
         """Render an image.

@@ -7,24 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collectors.recording.loop import OBJECT
+from collectors.recording.observed import rows
 from svfl_data.recording.writer import EpisodeWriter
 from svfl_data.schema.robot import Observation, Robot
 from svfl_data.system.own_process import OwnProcess
-
-
-def constants(robot: Robot) -> dict[str, np.ndarray]:
-    """Return the arrays that an episode has once, by dataset path: workspace, tare and calibration of the cameras.
-
-    Args:
-        robot: Robot that records the episode.
-    """
-    arrays = {"workspace": np.array(robot.workspace), "streams/wrench/tare": np.array(robot.tare_offset, np.float64)}
-    for name, calibration in robot.cameras.items():
-        arrays |= {
-            f"cameras/{name}/{field}": np.array(getattr(calibration, field), np.float64)
-            for field in ("intrinsics", "T_base_camera", "image_axes", "depth_scale")
-        }
-    return arrays
 
 
 class Journaled(OwnProcess):
@@ -48,10 +34,8 @@ class Journaled(OwnProcess):
         self.check_process()
         seen = self._rig.observe()
         self._t_ns = np.array([seen.t_ns], np.int64)
-        self._writer.append("observations", t_ns=self._t_ns, proprio=seen.proprio[None])
-        self._writer.append("streams/joints", t_ns=self._t_ns, position=seen.joints[None])
-        for name, frame in seen.frames.items():
-            self._writer.append(f"cameras/{name}", t_ns=self._t_ns, color=frame.color[None], depth=frame.depth[None])
+        for group, columns in rows(seen).items():
+            self._writer.append(group, **columns)
         t_ns, wrench = self._rig.wrench_t_ns, self._rig.wrench
         count = min(len(t_ns), len(wrench))  # the sensor of some robots adds readings between these two calls
         self._writer.append("streams/wrench", t_ns=t_ns[self._readings : count], wrench=wrench[self._readings : count])

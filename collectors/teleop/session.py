@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from collectors.recording.collection import software_versions
 from collectors.recording.live_view import shown
 from collectors.recording.loop import record, unwatched
+from collectors.recording.observed import constants
 from collectors.simulation.config import WorldConfig
 from collectors.sources.declared import declarations_of
 from collectors.sources.simulated import VERSIONS, Simulated
@@ -21,7 +22,7 @@ from collectors.teleop.action_mapper import ActionMapper
 from collectors.teleop.clock import Clock, steadiness
 from collectors.teleop.devices.device import Command, Device, DeviceLostError
 from collectors.teleop.devices.script import InputLog
-from collectors.teleop.journaled import Journaled, constants
+from collectors.teleop.journaled import Journaled
 from collectors.teleop.screen import Screen
 from collectors.teleop.view import View, felt, in_contact
 from svfl_data.datasets.dataset import Dataset

@@ -37,6 +37,8 @@ class Observation:
         proprio: Proprioception, shape (5,), float32: gripper opening (0 closed, 1 open), TCP x, y, z [m] and yaw theta
             [rad], in base.
         joints: Joint positions, shape (J,), float32: arm joints [rad], then fingers [m].
+        tcp: Measured pose of the TCP in base, position [m], then quat_xyzw, shape (7,). None if nothing needs it, since
+            no camera is mounted on the gripper.
 
     Example:
         >>> seen = Observation(0, {}, np.zeros((64, 6)), proprio=np.zeros(5), joints=np.zeros(9))
@@ -49,6 +51,7 @@ class Observation:
     wrench: NDArray[np.float32]
     proprio: NDArray[np.float32]
     joints: NDArray[np.float32]
+    tcp: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -57,10 +60,12 @@ class Calibration:
 
     Attributes:
         intrinsics: Pinhole matrix, shape (3, 3), [px]. The centre of the top left pixel is at (0, 0).
-        T_base_camera: Pose of the camera in base, shape (4, 4), [m].
+        T_base_camera: Pose of the camera in base, shape (4, 4), [m]; of a camera on the gripper, its pose now.
         image_axes: Orthogonal matrix from base (x, y) to image (right, up), shape (2, 2). It expresses a vector that is
             seen from above in the axes of the image.
         depth_scale: Metres per unit of depth, [m].
+        T_tcp_camera: Pose of a camera that is mounted on the gripper, relative to the TCP, shape (4, 4), [m]. None for
+            a camera that stands still.
 
     Example:
         >>> Calibration(np.eye(3), np.eye(4), np.eye(2), depth_scale=1e-4).depth_scale
@@ -71,6 +76,7 @@ class Calibration:
     T_base_camera: NDArray[np.float64]
     image_axes: NDArray[np.float64]
     depth_scale: float
+    T_tcp_camera: NDArray[np.float64] | None = None
 
 
 def image_axes(T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -73,11 +73,21 @@ def poses(shown: EpisodeSource, camera: str, t_ns: np.ndarray) -> np.ndarray:
         return shown[f"cameras/{camera}/T_base_camera_per_frame"]
     rows = np.searchsorted(shown[TCP_TIMES], t_ns, side="right") - 1  # the latest pose at or before the frame
     tcp = shown[TCP_POSE][np.maximum(rows, 0)] if len(shown.arrays[TCP_POSE]) else np.zeros((len(t_ns), 7))
-    T_base_tcp = np.tile(np.eye(4), (len(t_ns), 1, 1))
-    T_base_tcp[:, :3, :3], T_base_tcp[:, :3, 3] = rotations(tcp[:, 3:]), tcp[:, :3]
-    T_base_camera = T_base_tcp @ shown[f"cameras/{camera}/T_tcp_camera"]
+    T_base_camera = mounted(tcp, shown[f"cameras/{camera}/T_tcp_camera"])
     T_base_camera[rows < 0] = np.nan
-    return np.asarray(T_base_camera)
+    return T_base_camera
+
+
+def mounted(tcp: np.ndarray, T_tcp_camera: np.ndarray) -> np.ndarray:
+    """Return the poses of a camera that is mounted on the gripper, shape (F, 4, 4), [m], base axes.
+
+    Args:
+        tcp: Poses of the TCP in base, position [m] and quat_xyzw, shape (F, 7).
+        T_tcp_camera: Pose of the camera relative to the TCP, shape (4, 4), [m].
+    """
+    T_base_tcp = np.tile(np.eye(4), (len(tcp), 1, 1))
+    T_base_tcp[:, :3, :3], T_base_tcp[:, :3, 3] = rotations(tcp[:, 3:]), tcp[:, :3]
+    return np.asarray(T_base_tcp @ T_tcp_camera)
 
 
 def _log_pose(recording: rr.RecordingStream, shown: EpisodeSource, camera: str, t_ns: np.ndarray) -> None:

@@ -17,7 +17,7 @@ import rerun.blueprint as rrb
 from svfl_data.errors import UsageError
 from svfl_data.schema.robot import Observation, Robot
 from svfl_data.system.own_process import OwnProcess
-from svfl_data.viewer import images, names, plots, scene
+from svfl_data.viewer import cameras, images, names, plots, scene
 from svfl_data.viewer.robot import robot_for
 
 PERIOD_S = 0.1
@@ -76,6 +76,7 @@ class Live(OwnProcess):
         self._steps: list[Step] = []
         self._readings: list[tuple[np.ndarray, np.ndarray]] = []  # times and tared wrenches that wait to be sent
         self._titles: list[tuple[int, str]] = []
+        self._mounts: dict[str, np.ndarray] = {}
         self._rig: Robot | None = None  # the robot of the episode that is being recorded
         self._known = 0  # number of readings of that episode that have been taken
         self._begins_ns = self._ends_ns = 0  # start and end of that episode, on the recording's clock
@@ -135,7 +136,11 @@ class Live(OwnProcess):
             self._robot.log(recording, "")
         for name, optics in robot.cameras.items():
             entity, frame = images.camera_entity("", name), seen.frames[name]
-            images.log_camera(recording, entity, optics.intrinsics, optics.T_base_camera, frame.color.shape[:2])
+            if optics.T_tcp_camera is None:
+                images.log_camera(recording, entity, optics.intrinsics, optics.T_base_camera, frame.color.shape[:2])
+            else:
+                self._mounts[name] = optics.T_tcp_camera
+                images.log_lens(recording, entity, optics.intrinsics, frame.color.shape[:2])
             images.log_depth_style(recording, entity, frame.depth[None], optics.depth_scale, small=False)
         return recording
 
@@ -158,6 +163,9 @@ class Live(OwnProcess):
             self._robot.send(recording, "", t_ns, np.stack([one.joints for one in seen]))
         for name in seen[0].frames:
             entity = images.camera_entity("", name)
+            if name in self._mounts:
+                tcp = np.stack([np.asarray(one.tcp) for one in seen])
+                images.send_poses(recording, entity, t_ns, cameras.mounted(tcp, self._mounts[name]))
             images.send_color(recording, entity, t_ns, np.stack([one.frames[name].color for one in seen]), small=False)
             images.send_depth(recording, entity, t_ns, np.stack([one.frames[name].depth for one in seen]), small=False)
         self._send_wrench(recording)

@@ -1,9 +1,18 @@
 import dataclasses
 
 import numpy as np
+import pybullet
 import pytest
 
+from collectors.recording.loop import record
+from collectors.robots import make
 from collectors.simulation import CameraConfig, World, WorldConfig
+from collectors.simulation.camera import CAMERAS
+from collectors.sources.expert import ExpertCollector
+from svfl_data.checks import check_episode
+from svfl_data.schema.episode import Episode, Meta
+from svfl_data.storage.store import read_episode, write_episode
+from tests.helpers.worlds import hold, move
 
 SEEN_FROM_THE_SIDE = CameraConfig(height=60, width=80, eye=(0.6, 0.9, 0.5), target=(0.5, 0.0, 0.05), up=(0.0, 0.0, 1.0))
 
@@ -83,3 +92,78 @@ def test_the_floor_has_no_texture_to_navigate_by(ideal: WorldConfig):
         world.reset(seed=0)
         color = world.observe().frames["front"].color
     assert (color[40:] == color[40, 0]).all()
+
+
+WRIST = {"front": CAMERAS["front"], "wrist": CAMERAS["wrist"]}
+
+
+def seen_in_base(calibration, depth):
+    """Every pixel as a point in base, (H, W, 3), through the pose of the camera at that moment."""
+    v, u = np.mgrid[: depth.shape[0], : depth.shape[1]]
+    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(calibration.intrinsics).T
+    points = rays * (depth * calibration.depth_scale)[:, :, None]
+    return points @ calibration.T_base_camera[:3, :3].T + calibration.T_base_camera[:3, 3]
+
+
+@pytest.mark.parametrize("robot", ["panda_sim", "ur5e_sim"])
+def test_a_camera_on_the_gripper_sees_the_world_where_it_is(robot):
+    """Wherever the gripper goes and however it is turned, the table's top is at z = 0 and the block where it lies."""
+    config = dataclasses.replace(WorldConfig(cameras=WRIST), robot=make(robot))
+    with World(config) as world:
+        world.reset(seed=0)
+        block = world.add_box((0.025, 0.025, 0.025), (0.55, 0.03, 0.025), 0.3, 0.1, 0.5)
+        for goal in ((0.5, 0.0, 0.2, 0.0), (0.55, 0.06, 0.15, 1.0), (0.6, -0.05, 0.22, -1.3)):
+            move(world, goal)
+            hold(world, 8)
+            seen = world.observe()
+            frame, calibration = seen.frames["wrist"], world.cameras["wrist"]
+            points = seen_in_base(calibration, frame.depth)
+            table = (np.abs(frame.color.astype(int) - frame.color[-1, -1]).max(axis=-1) < 8) & (frame.depth > 0)
+            assert table.sum() > 500
+            assert np.abs(points[table][:, 2]).max() < 2e-3
+            blue = frame.color[..., 2].astype(int) - frame.color[..., 0] > 60
+            top = points[blue & (points[..., 2] > 0.045)]
+            if len(top) > 30:
+                assert np.abs(top[:, :2].mean(axis=0) - world.pose(block)[:2]).max() < 0.02
+
+
+def test_an_episode_has_the_mount_and_the_poses_that_give_the_cameras_pose(tmp_path):
+    with World(WorldConfig(cameras=WRIST)) as world:
+        world.reset(seed=0)
+        world.tare()
+        calibrations = []
+        actions = iter([[1.0, 0.02, -0.01, -0.02, 0.15]] * 4)
+
+        def policy(_):
+            calibrations.append(world.cameras["wrist"])
+            return next(actions, None)
+
+        arrays = record(world, policy, 10)
+    episode = Episode(Meta("moving", 0, 0, "expert", True), arrays)
+    write_episode(episode, tmp_path / "e.hdf5")
+    read = read_episode(tmp_path / "e.hdf5")
+    mount = read.cameras["wrist"].T_tcp_camera
+    assert not read.cameras["wrist"].has("T_base_camera")
+    assert read.cameras["front"].has("T_base_camera")
+    for pose, calibration in zip(read["streams/tcp/pose"], calibrations, strict=True):
+        T_base_tcp = np.eye(4)
+        T_base_tcp[:3, :3] = np.reshape(pybullet.getMatrixFromQuaternion(pose[3:]), (3, 3))
+        T_base_tcp[:3, 3] = pose[:3]
+        np.testing.assert_allclose(T_base_tcp @ mount, calibration.T_base_camera, atol=1e-9)
+    assert [one for one in check_episode(read) if one.severity == "error"] == []
+
+
+def test_a_camera_on_the_gripper_changes_nothing_else():
+    def episode(cameras):
+        collector = ExpertCollector(seed=0, task="block_pushing", world=WorldConfig(cameras=cameras))
+        found = collector(0)
+        collector.opened.close()
+        return found
+
+    one, other = episode({"front": CAMERAS["front"]}), episode(WRIST)
+    assert set(other.arrays) - set(one.arrays) == {
+        *(f"cameras/wrist/{leaf}" for leaf in ("t_ns", "color", "depth", "depth_scale", "intrinsics", "T_tcp_camera")),
+        "streams/tcp/t_ns", "streams/tcp/pose",
+    }  # fmt: skip
+    for path, array in one.arrays.items():
+        np.testing.assert_array_equal(array, other.arrays[path], err_msg=path)

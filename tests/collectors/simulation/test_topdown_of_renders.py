@@ -42,7 +42,7 @@ def seen():
         return bare, world.observe().frames, world.cameras
 
 
-@pytest.mark.parametrize("config", [*CAMERAS.values(), *SEEN_BY.values()])
+@pytest.mark.parametrize("config", [one for one in (*CAMERAS.values(), *SEEN_BY.values()) if not one.mounted])
 def test_the_simulation_and_the_exact_pictures_have_the_same_calibrations(config):
     ours, theirs = exact(config), calibration(config)
     for name in ("intrinsics", "T_base_camera", "image_axes"):
