@@ -20,7 +20,7 @@ POSITION = Field(
 )  # fmt: skip
 TACTILE = Field(path="streams/tactile/pressure", dtype="float32", shape=("T", 2, 4, 4), unit="kPa")
 ACTION = pose_action(0.02, 0.1)
-FIELDS = [ACTION, VELOCITY, POSITION, TACTILE, *wrench_stream("left_finger", axes="sensor")]
+FIELDS = [ACTION, VELOCITY, POSITION, TACTILE, wrench_stream("left_finger", axes="sensor")[0]]
 CENTRE = np.array([0.5, 0.1])
 IMAGE_AXES = np.array([[0.0, 1.0], [-1.0, 0.0]])
 
