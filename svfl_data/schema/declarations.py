@@ -15,6 +15,7 @@ from svfl_data.schema.fields import CAMERA, EXTRA, FIELDS, TIME, harmless
 from svfl_data.system.printable import printable
 
 OWN = re.compile(r"(observations|actions|labels|streams/[^/]+|cameras/[^/]+)/[^/]+")
+LONE_CLOCK = re.compile(r"(streams/[^/]+)/t_ns")
 PLACES = "observations/, actions/, labels/, streams/NAME/ or cameras/NAME/"
 CHOSEN = (ACTION, EXPERT_ACTION)
 """Standard paths whose declaration each robot chooses; see `svfl_data.schema.action_fields`."""
@@ -79,7 +80,7 @@ class Declarations:
         Args:
             path: Dataset path of the array.
         """
-        return self._own.get(path) or standard_field(path)
+        return self._own.get(path) or standard_field(path) or _lone_clock(path)
 
     def image(self, path: str) -> bool:
         """Return whether the array at a dataset path is declared to hold images."""
@@ -242,6 +243,13 @@ def _check_same(field: Field, standard: Field) -> None:
 
 def _has_own_clock(field: Field) -> bool:
     return field.path.startswith("streams/") and field.grows and field.group not in _CLOCKS
+
+
+@functools.lru_cache(maxsize=1024)
+def _lone_clock(path: str) -> Field | None:
+    """Return the declaration of the clock of a stream of which nothing else is there, as after a crash."""
+    match = LONE_CLOCK.fullmatch(path)
+    return _clock(match[1], "T") if match else None
 
 
 def _clock(group: str, symbol: int | str) -> Field:

@@ -206,7 +206,7 @@ def test_two_kinds_of_one_field_are_no_dataset(dataset, tmp_path):
     with pytest.raises(DatasetError, match=r"declaration/streams/tactile/pressure.*'Pa'.*'kPa'"):
         begin(dataset, other, fields=metric.own)
     write_episode(replace(other, declarations=metric), dataset.episode_path(1))
-    found = [one for one in check_dataset(dataset) if one.severity == "error"]
+    found = [one for findings in check_dataset(dataset) for one in findings if one.severity == "error"]
     assert any("streams/tactile/pressure" in str(one) for one in found)
     with pytest.raises(SvflError, match="streams/tactile/pressure"):
         merge([dataset], tmp_path / "merged")
