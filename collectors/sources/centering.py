@@ -90,7 +90,8 @@ class CenteringCollector(Simulated):
             "labels/direction": np.array(label.direction),
         }
         config = self.config() | {"drawn": asdict(scene), "attempt": attempt, "rejected": rejected}
-        meta = Meta(TASK, index, self.seed, "expert", True, config, software_versions(*VERSIONS))
+        software, robot = software_versions(*VERSIONS), self.world.robot.name
+        meta = Meta(TASK, index, self.seed, "expert", True, config, software, robot=robot)
         return Episode(meta, arrays, declarations=declarations_of(self.world))
 
 

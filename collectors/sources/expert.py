@@ -101,8 +101,9 @@ class ExpertCollector(Simulated):
         facts = {"drawn": task.drawn(), "index": index, "attempt": attempt, "rejected": rejected}
         number = index if success else index * ATTEMPTS + attempt
         meta = Meta(
-            self.task, number, self.seed, "expert", success, self.config() | facts, software_versions(*VERSIONS)
-        )
+            self.task, number, self.seed, "expert", success, self.config() | facts, software_versions(*VERSIONS),
+            robot=self.world.robot.name,
+        )  # fmt: skip
         return Episode(meta, arrays, declarations=declarations_of(self.world))
 
     def _recorded(self, task: Task, policy: Policy, watch: Watcher) -> tuple[dict[str, np.ndarray], bool]:

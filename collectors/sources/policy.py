@@ -95,7 +95,10 @@ class PolicyCollector(Simulated):
         arrays = record(self.opened, self._act, MAX_STEPS, task.success, task.state, watch)
         facts = {"drawn": task.drawn(), "index": index, "attempt": POLICY_ATTEMPT, "rejected": []}
         software = software_versions(*VERSIONS)
-        meta = Meta(self.task, index, self.seed, "policy", task.success(), self.config() | facts, software)
+        meta = Meta(
+            self.task, index, self.seed, "policy", task.success(), self.config() | facts, software,
+            robot=self.world.robot.name,
+        )  # fmt: skip
         return Episode(meta, arrays, declarations=declarations_of(self.world))
 
     def _act(self, observation: Observation) -> NDArray[np.float32] | None:
