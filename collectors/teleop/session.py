@@ -162,8 +162,8 @@ class Session:
         facts = {"drawn": self._task.drawn(), "index": self._scene, "attempt": ATTEMPT, "rejected": []}
         config = what.config() | facts | {"teleop": self._about}
         index = self._scene if self._again is None else NEXT
-        software, robot = software_versions(*VERSIONS), what.world.robot.name
-        meta = Meta(what.task, index, what.seed, "teleop", False, config, software, robot=robot)
+        software, robot_name = software_versions(*VERSIONS), what.world.robot.name
+        meta = Meta(what.task, index, what.seed, "teleop", False, config, software, robot=robot_name)
         self._end, self._tares = "time was up", list[int]()
         self._steps, self._message = 0, "recording"
         self._clock.begin()
