@@ -5,7 +5,9 @@ its backend and its open figures belong to the user.
 """
 
 import io
-import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,23 +17,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
-from svfl_data.schema.episode import Camera, Episode
+from svfl_data.reports.plot_curves import TALLEST_LEGEND, draw_curves, field_curves, is_planar, wrench_curves
+from svfl_data.reports.plot_strips import FRAMES as FRAMES  # imported for users of this module
+from svfl_data.reports.plot_strips import camera_strip, field_strip, pictured
+from svfl_data.reports.plot_style import DASHES, GREY, NAME, TURN, X, Y, Z
+from svfl_data.schema.episode import Episode
+from svfl_data.schema.field_words import own, wrench_groups
 from svfl_data.signals.transforms import processed_wrench, recorded_transforms
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
 
-# Okabe and Ito's palette, whose colours colour-blind people can distinguish; x, y, z also differ in their dashes.
-X, Y, Z = "#d55e00", "#009e73", "#0072b2"
-GREY, TURN, LABEL = "#555555", "#cc79a7", "#f0e442"
 MARKS = ("#f0e442", "#56b4e9", "#e69f00", "#cc79a7", "#999999")
-DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
-
-FRAMES = 8  # images in a strip
 WIDTH_IN, STRIP_IN, PANEL_IN, GRIPPER_IN, HEAD_IN = 11.0, 1.75, 1.7, 0.8, 1.05
-PICTURE = 0.9  # share of a strip's height that the images take; the rest is for the times above them
 DPI = 110
-NAME = 40  # largest number of characters of a camera's or annotation's name
+SAID = 80  # largest number of characters of an instruction
 TALLEST_IN = 60.0  # largest height of the picture; with more cameras the panels become lower
 
 
@@ -66,9 +66,8 @@ def overview(episode: Episode) -> Figure:
     Raises:
         FormatError: If a recorded transform is unknown.
     """
-    strips = [(camera, kind) for camera in episode.cameras.values() for kind in ("color", "depth") if camera.has(kind)]
-    strips = [(camera, kind) for camera, kind in strips if len(camera.t_ns)]
-    heights = [STRIP_IN] * len(strips) + [PANEL_IN, PANEL_IN, GRIPPER_IN, PANEL_IN]
+    strips, panels = _strips(episode), _panels(episode)
+    heights = [STRIP_IN] * len(strips) + [panel.height for panel in panels]
     total = min(HEAD_IN + sum(heights), TALLEST_IN)
     figure = Figure(figsize=(WIDTH_IN, total))
     grid = GridSpec(
@@ -77,21 +76,56 @@ def overview(episode: Episode) -> Figure:
     )  # fmt: skip
     figure.suptitle(title(episode), x=0.1, y=1 - 0.12 / total, ha="left", va="top", fontsize=10)
     axes = [figure.add_subplot(grid[row]) for row in range(len(heights))]
-    span = time_span(episode)
-    for axis, (camera, kind) in zip(axes, strips, strict=False):
-        _strip(axis, episode, camera, kind)
-    force, torque, opening, action = axes[len(strips) :]
-    _wrench(force, torque, episode)
-    _opening(opening, episode)
-    _action(action, episode)
-    for panel in (force, torque, opening, action):
-        _dress(panel, episode, span)
-    _marks(force, episode)
-    action.set_xlabel("time of the episode clock, s")
-    for panel in (force, torque, opening):
-        panel.tick_params(labelbottom=False)
-    figure.align_ylabels([force, torque, opening, action])
+    span, drawn = time_span(episode), axes[len(strips) :]
+    for axis, strip in zip(axes, strips, strict=False):
+        strip(axis)
+    for axis, panel in zip(drawn, panels, strict=True):
+        panel.draw(axis)
+        _dress(axis, episode, span)
+    _marks(drawn[0], episode)
+    drawn[-1].set_xlabel("time of the episode clock, s")
+    for axis in drawn[:-1]:
+        axis.tick_params(labelbottom=False)
+    figure.align_ylabels(drawn)
     return figure
+
+
+def _strips(episode: Episode) -> list[Callable[[Axes], None]]:
+    """Return the functions that draw the rows of pictures: images of the cameras, and arrays of large rows."""
+    found: list[Callable[[Axes], None]] = []
+    for camera in episode.cameras.values():
+        for path in episode.declarations.image_paths(camera.name, episode.arrays):
+            if len(camera.t_ns):
+                found.append(partial(camera_strip, episode=episode, camera=camera, kind=path.rpartition("/")[2]))
+    return [*found, *(partial(field_strip, episode=episode, field=field) for field in pictured(episode))]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A plot over time.
+
+    Attributes:
+        draw: Function that draws the curves and names the vertical axis.
+        height: Height of the panel, [in].
+    """
+
+    draw: Callable[[Axes], None]
+    height: float = PANEL_IN
+
+
+def _panels(episode: Episode) -> list[Panel]:
+    """Return the plots of an episode in their order, at least one; what was not recorded is left out."""
+    found = []
+    planar = is_planar(episode)
+    if episode.has("wrench"):
+        found += [Panel(partial(_force, episode=episode)), Panel(partial(_torque, episode=episode))]
+    found += [Panel(partial(draw_curves, episode=episode, curves=curves)) for curves in wrench_curves(episode)]
+    if planar or episode.has("proprio"):
+        found.append(Panel(partial(_opening, episode=episode, planar=planar), GRIPPER_IN))
+    if planar:
+        found.append(Panel(partial(_action, episode=episode)))
+    others = field_curves(episode, planar)
+    return found + [Panel(partial(draw_curves, episode=episode, curves=curves)) for curves in others]
 
 
 def title(episode: Episode) -> str:
@@ -105,7 +139,8 @@ def title(episode: Episode) -> str:
     """
     recorded_transforms(episode)
     meta = episode.meta
-    steps = ", then ".join(map(_step_words, meta.transforms or [{"name": "tare"}]))
+    steps = ", then ".join(map(_step_words, meta.transforms or ([{"name": "tare"}] if episode.has("tare") else [])))
+    wrench = f"; wrench in base axes, torque about the sensor origin, {f'after {steps}' if steps else 'not tared'}"
     label = ""
     if episode.has("label_offset") and episode.has("label_direction"):
         dx, dy = episode.label_offset * 1e3
@@ -113,10 +148,12 @@ def title(episode: Episode) -> str:
         known = DIRECTIONS[direction] if 0 <= direction < len(DIRECTIONS) else f"direction {direction}"
         label = f"; label (yellow arrow): {known}, ({dx:+.1f}, {dy:+.1f}) mm in base x, y"
     seconds = (episode.t_ns[-1] - episode.t_ns[0]) / 1e9
+    who = [f'"{printable(meta.instruction, SAID)}"'] if meta.instruction else []
+    who += [printable(meta.robot, NAME)] if meta.robot else []
     lines = (
-        f"{meta.task}, episode {meta.index}: {'success' if meta.success else 'no success'}{label}",
-        f"{meta.source}, seed {meta.seed}, {len(episode)} steps, {seconds:.2f} s; "
-        f"wrench in base axes, torque about the sensor origin, after {steps}",
+        f"{meta.task}, episode {meta.index}: {'success' if meta.success else 'no success'}"
+        f"{''.join(f', {one}' for one in who)}{label}",
+        f"{meta.source}, seed {meta.seed}, {len(episode)} steps, {seconds:.2f} s{wrench if episode.has('wrench') else ''}",
     )
     return "\n".join(map(printable, lines))
 
@@ -127,7 +164,7 @@ def _step_words(record: dict[str, Any]) -> str:
 
 
 def time_span(episode: Episode) -> tuple[float, float]:
-    """Return the first and the last time of the observations and wrench readings of an episode, at least 1 ms apart.
+    """Return the first and the last time of what is drawn of an episode over time, at least 1 ms apart.
 
     Args:
         episode: Episode with at least one observation.
@@ -135,68 +172,36 @@ def time_span(episode: Episode) -> tuple[float, float]:
     Returns:
         First and last time on the episode clock, [s].
     """
-    times = np.concatenate([episode.t_ns, episode.wrench_t_ns]) / 1e9
-    low, high = float(times.min()), float(times.max())
+    streams = wrench_groups(episode.arrays, episode.declarations)
+    streams += [field.group for field in own(episode.arrays, episode.declarations) if field.path.startswith("streams/")]
+    clocks = [
+        episode.t_ns,
+        *(episode.arrays[f"{group}/t_ns"] for group in streams if f"{group}/t_ns" in episode.arrays),
+    ]
+    low = min(int(t_ns[0]) for t_ns in clocks if len(t_ns)) / 1e9
+    high = max(int(t_ns[-1]) for t_ns in clocks if len(t_ns)) / 1e9
     return low, max(high, low + 1e-3)
 
 
-def _strip(axis: Axes, episode: Episode, camera: Camera, kind: str) -> None:
-    """Draw evenly chosen images in a row, from the first to the last, and the label into the last colour image."""
-    images = camera.color if kind == "color" else camera.depth_m
-    height, width = images.shape[1:3]
-    axis.set_axis_off()
-    box, figure = axis.get_position(), axis.get_figure(root=True)
-    assert figure is not None
-    figure_width, figure_height = figure.get_size_inches()
-    room = box.width * figure_width / (PICTURE * box.height * figure_height * width / height)
-    count = min(max(1, math.ceil(room)), FRAMES, len(images))  # as many as leave no gaps
-    rows = np.linspace(0, len(images) - 1, count).round().astype(int)
-    measured = images[images > 0] if kind == "depth" else images
-    near, far = np.percentile(measured, [1, 99]) if kind == "depth" and measured.size else (0.0, 1.0)
-    for column, row in enumerate(rows):
-        inset = axis.inset_axes((column / len(rows), 0.0, 0.97 / len(rows), PICTURE))
-        inset.set_axis_off()
-        inset.imshow(images[row], cmap="viridis", vmin=near, vmax=far)
-        inset.set_title(f"{camera.t_ns[row] / 1e9:.2f} s", fontsize=7, pad=2, color=GREY)
-        if kind == "color" and row == rows[-1]:
-            _label(inset, episode, camera)
-    depth = f"depth, m:\ndark {near:.2f}\nbright {far:.2f}"
-    words = f"{printable(camera.name, NAME)}\n{'colour' if kind == 'color' else depth}"
-    axis.text(1.01, 0.45, words, transform=axis.transAxes, fontsize=8, va="center")
-
-
-def _label(axis: Axes, episode: Episode, camera: Camera) -> None:
-    """Draw an arrow from the TCP to the position to which the label says that it must move."""
-    if not episode.has("label_offset"):
-        return
-    tcp = episode.proprio[-1, 1:4].astype(np.float64)
-    goal = tcp + np.append(episode.label_offset, 0.0)
-    points = np.stack([tcp, goal]) - camera.T_base_camera[:3, 3]
-    rays = points @ camera.T_base_camera[:3, :3] @ camera.intrinsics.T
-    if (rays[:, 2] <= 0).any():
-        return
-    start, end = rays[:, :2] / rays[:, 2:]
-    arrow = {"arrowstyle": "-|>", "color": LABEL, "mutation_scale": 7, "shrinkA": 0, "shrinkB": 0}
-    axis.annotate("", end, start, arrowprops=arrow, annotation_clip=True)
-
-
-def _wrench(force: Axes, torque: Axes, episode: Episode) -> None:
-    t = episode.wrench_t_ns / 1e9
+def _force(axis: Axes, episode: Episode) -> None:
     wrench = processed_wrench(episode)
     norm = np.linalg.norm(wrench[:, :3].astype(np.float64), axis=1)
-    force.plot(t, norm, color="#bbbbbb", linewidth=2.4, label="|f|")
-    _lines(force, t, wrench[:, :3], ("fx", "fy", "fz"))
-    _lines(torque, t, wrench[:, 3:], ("mx", "my", "mz"))
-    force.set_ylabel("force, N")
-    torque.set_ylabel("torque, N m")
+    axis.plot(episode.wrench_t_ns / 1e9, norm, color="#bbbbbb", linewidth=2.4, label="|f|")
+    _lines(axis, episode.wrench_t_ns / 1e9, wrench[:, :3], ("fx", "fy", "fz"))
+    axis.set_ylabel("force, N")
 
 
-def _opening(axis: Axes, episode: Episode) -> None:
-    if len(episode):
+def _torque(axis: Axes, episode: Episode) -> None:
+    _lines(axis, episode.wrench_t_ns / 1e9, processed_wrench(episode)[:, 3:], ("mx", "my", "mz"))
+    axis.set_ylabel("torque, N m")
+
+
+def _opening(axis: Axes, episode: Episode, planar: bool) -> None:
+    if planar and len(episode):
         _steps(axis, episode, episode.action[:, :1], ("commanded",), (TURN,))
-    axis.plot(
-        episode.t_ns / 1e9, episode.proprio[:, 0], color=GREY, marker=".", linestyle="", label="measured", clip_on=False
-    )
+    if episode.has("proprio"):
+        t, opening = episode.t_ns / 1e9, episode.proprio[:, 0]
+        axis.plot(t, opening, color=GREY, marker=".", linestyle="", label="measured", clip_on=False)
     axis.set_ylim(-0.15, 1.15)
     axis.set_yticks([0, 1], ["closed 0", "open 1"])
     axis.set_ylabel("gripper")
@@ -235,8 +240,10 @@ def _dress(axis: Axes, episode: Episode, span: tuple[float, float]) -> None:
     names = sorted({name for name, _, _ in marks})
     for name, start, end in marks:
         axis.axvspan(start, end, color=MARKS[names.index(name) % len(MARKS)], alpha=0.35, linewidth=0)
-    if axis.get_legend_handles_labels()[0]:
-        axis.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), fontsize=8, frameon=False)
+    if names := axis.get_legend_handles_labels()[0]:
+        columns = 1 if len(names) <= TALLEST_LEGEND else 2
+        size = 8 if columns == 1 else 6
+        axis.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), fontsize=size, frameon=False, ncols=columns)
 
 
 def _intervals(episode: Episode) -> list[tuple[str, float, float]]:

@@ -1,5 +1,6 @@
 """An episode as the viewer reads it: arrays that may still be on disk, and the wrench stream in pieces."""
 
+import functools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -101,7 +102,7 @@ class EpisodeSource:
         field = self.declarations.at(ACTION)
         return ACTION in self and field is not None and field.components == PLANAR
 
-    @property
+    @functools.cached_property
     def span_ns(self) -> tuple[int, int]:
         """First and last time of all declared streams, [ns]."""
         clocks = [self[path] for path in self.arrays if path.endswith("/t_ns") and self.declarations.at(path)]

@@ -14,6 +14,7 @@ import rerun as rr
 
 from svfl_data.schema.field import Field
 from svfl_data.schema.field_words import by_unit, clock_of, is_wrench, labels, title
+from svfl_data.storage.stored_array import StoredArray
 from svfl_data.system.printable import printable
 from svfl_data.viewer.cameras import EXACT_BYTES
 from svfl_data.viewer.episode_source import ACTION, PROPRIO, TARE, WRENCH, EpisodeSource
@@ -28,7 +29,7 @@ MOST_VIEWS = 100
 MOST_PICTURES = 5000
 """Largest number of pictures of a field; of more rows, evenly chosen ones are drawn."""
 LONGEST_TEXT = 2000
-ROWS_AT_ONCE = 2**16
+ROWS_AT_ONCE, BLOCK_ROWS = 2**16, 256
 
 Kind = Literal["curves", "pictures", "map", "images", "text"]
 
@@ -164,7 +165,7 @@ def _pictures(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldVi
     """Log rows of several axes as pictures; rows of more than two axes as the pictures of their last two, in a line."""
     array = shown.arrays[view.path]
     rows = _chosen(len(t_ns), max(1, EXACT_BYTES // max(1, 8 * int(np.prod(array.shape[1:])))))
-    values = np.stack([tiled(_numbers(np.asarray(array[int(row)]))) for row in rows]).astype(np.float32)
+    values = np.stack([tiled(row) for row in _read(array, rows)]).astype(np.float32)
     _log_range(recording, view.entity, values)
     batches = [rr.components.TensorDataBatch(picture).as_arrow_array() for picture in values]
     (column,) = rr.Tensor.columns(data=values[0])
@@ -188,7 +189,7 @@ def tiled(row: np.ndarray) -> np.ndarray:
 
 def _map(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldView, t_ns: np.ndarray) -> None:
     array, rows = shown.arrays[view.path], _chosen(len(t_ns), MOST_PICTURES)
-    values = np.stack([_numbers(np.asarray(array[int(row)])) for row in rows]).astype(np.float32).T
+    values = np.stack(list(_read(array, rows))).astype(np.float32).T
     _log_range(recording, view.entity, values)
     recording.log(view.entity, rr.Tensor(values, dim_names=("component", "row")), static=True)
 
@@ -196,8 +197,8 @@ def _map(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldView, t
 def _images(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldView, t_ns: np.ndarray) -> None:
     array = shown.arrays[view.path]
     small = int(np.prod(array.shape)) * array.dtype.itemsize > EXACT_BYTES
-    for first in range(0, len(t_ns), 256):
-        rows = slice(first, first + 256)
+    for first in range(0, len(t_ns), BLOCK_ROWS):
+        rows = slice(first, first + BLOCK_ROWS)
         send_images(recording, view.entity, t_ns[rows], np.asarray(array[rows]), small)
 
 
@@ -217,6 +218,16 @@ def _log_range(recording: rr.RecordingStream, entity: str, values: np.ndarray) -
 def _chosen(count: int, most: int) -> np.ndarray:
     """Return all rows, or evenly chosen ones if there are more than `most`."""
     return np.unique(np.linspace(0, count - 1, min(count, most, MOST_PICTURES)).round().astype(np.int64))
+
+
+def _read(array: np.ndarray | StoredArray, rows: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield the chosen rows of an array as numbers; the array is read in blocks, because its chunks hold many rows."""
+    for first in range(0, len(rows), BLOCK_ROWS):
+        block = rows[first : first + BLOCK_ROWS]
+        if block[-1] - block[0] < 4 * len(block):
+            yield from _numbers(np.asarray(array[int(block[0]) : int(block[-1]) + 1]))[block - block[0]]
+        else:
+            yield from (_numbers(np.asarray(array[int(row)])) for row in block)
 
 
 def _numbers(values: np.ndarray) -> np.ndarray:

@@ -95,7 +95,7 @@ def _log_further_arrows(recording: rr.RecordingStream, shown: EpisodeSource) -> 
             offset = shown[f"{group}/tare"] if f"{group}/tare" in shown else np.zeros(6)
             place = f"wrist/{rr.escape_entity_path_part(group)}"
             scene.log_arrow_style(recording, f"{shown.root}{SCENE}/{place}")
-            wrench = np.asarray(shown.arrays[path][rows], np.float64) - offset
+            wrench = shown[path][rows].astype(np.float64) - offset
             scene.send_arrows(recording, shown.root, clock[rows], wrench, place)
 
 
