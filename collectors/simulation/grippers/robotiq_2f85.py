@@ -91,7 +91,7 @@ def urdf_text(flange: str, depth: float, stroke: float) -> str:
         ]
         inertia = UrdfBox((BREADTH, THICKNESS, reach)).inertia(FINGER_MASS)
         middle = (0.0, outward * 0.5 * THICKNESS, finger_centre)
-        text += link(name, FINGER_MASS, middle, inertia, finger, GREY)
+        text += link(name, FINGER_MASS, middle, inertia, finger, GREY, sticky=True)
         limits = (-0.001, stroke + 0.001)
         text += joint("prismatic", BODY, name, (0.0, 0.0, FINGER_DEPTH), axis=(0.0, outward, 0.0), limits=limits)
     text += link(TCP, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), [], BLACK)

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from collectors.simulation import World
+from collectors.tasks.gripper import travel_steps
 from tests.helpers.worlds import hold, move
 
-FINGERTIP = 0.0072  # [m] below the TCP: finger mesh 0.0538 + finger joint 0.0584 - TCP 0.105
+
+@pytest.fixture
+def world(robot_world: World) -> World:
+    return robot_world
 
 
 def tared(world: World) -> np.ndarray:
@@ -19,11 +23,11 @@ def test_pressing_a_centimetre_into_a_rigid_block(world: World, opening: float, 
     top = 0.06
     world.add_box((0.06, 0.06, top / 2), (0.55, 0.0, top / 2), 0.0, 0.0, 0.5)
     world.tare()
-    move(world, (0.55, 0.0, top + FINGERTIP + 0.002, theta), opening)
+    move(world, (0.55, 0.0, top + world.fingers.tip + 0.002, theta), opening)
     hold(world, 6, opening)
     assert np.abs(tared(world)[-1, :3]).max() < 0.05  # not yet touching
     started = len(world.wrench)
-    move(world, (0.55, 0.0, top + FINGERTIP - 0.01, theta), opening, stride=0.1)
+    move(world, (0.55, 0.0, top + world.fingers.tip - 0.01, theta), opening, stride=0.1)
     pressed = len(world.wrench)
     hold(world, 20, opening)
     force = tared(world)[:, 2]
@@ -71,7 +75,7 @@ def test_grasp_and_lift(world: World, yaw: float):
     block = world.add_box((0.025, 0.025, 0.025), (0.552, 0.004, 0.025), yaw, 0.1, 0.5)
     world.tare()
     move(world, (0.55, 0.0, 0.02, yaw))
-    hold(world, 10, opening=0.0)
+    hold(world, 6 + travel_steps(world, 1.0), opening=0.0)
     assert world.finger_contacts(block) == (True, True)
     gripped = world.pose(block)[:3] - world.tcp[:3]
     move(world, (0.55, 0.0, 0.2, yaw), opening=0.0)
@@ -80,7 +84,7 @@ def test_grasp_and_lift(world: World, yaw: float):
     assert world.finger_contacts(block) == (True, True)
     np.testing.assert_allclose(world.pose(block)[:3] - world.tcp[:3], gripped, atol=3e-3)
     np.testing.assert_allclose(tared(world)[-50:].mean(axis=0)[:3], [0, 0, -0.981], atol=0.05)
-    hold(world, 10, opening=1.0)
+    hold(world, 6 + travel_steps(world, 1.0), opening=1.0)
     assert world.finger_contacts(block) == (False, False)
     assert world.pose(block)[2] < 0.03
 
@@ -88,7 +92,7 @@ def test_grasp_and_lift(world: World, yaw: float):
 def test_one_finger_on_a_block_is_told_from_two(world: World):
     block = world.add_box((0.02, 0.02, 0.02), (0.55, 0.045, 0.02), 0.0, 0.1, 0.5)
     assert world.finger_contacts(block) == (False, False)
-    move(world, (0.55, 0.0, 0.04 + FINGERTIP - 0.004, 0.0), stride=0.3)
+    move(world, (0.55, 0.0, 0.04 + world.fingers.tip - 0.004, 0.0), stride=0.3)
     hold(world, 4)
     assert world.finger_contacts(block) == (False, True)  # left opens along gripper y = base -y at yaw 0
     move(world, (0.55, 0.0, 0.1, 0.0))

@@ -8,12 +8,18 @@ import numpy as np
 import pybullet
 import pytest
 
+from collectors.robots import OWN, make
 from collectors.simulation import CameraConfig, World, WorldConfig
 from collectors.simulation.arms.servo import rotation_error
+from collectors.tasks.gripper import travel_steps
 from svfl_data.errors import UsageError
 from tests.helpers.worlds import hold, move
 
 SMALL = WorldConfig(cameras={"front": CameraConfig(height=24, width=24)})  # with the default noise
+
+
+def small(robot: str) -> WorldConfig:
+    return dataclasses.replace(SMALL, robot=make(robot))
 
 
 def act(world: World, tick: int) -> None:
@@ -35,24 +41,26 @@ def digest(world: World) -> str:
     return hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).hexdigest()
 
 
-def episode(seed: int) -> str:
-    with World(SMALL) as world:
+def episode(seed: int, robot: str = "panda_sim") -> str:
+    with World(small(robot)) as world:
         begin(world, seed)
         for tick in range(20):
             act(world, tick)
         return digest(world)
 
 
-def test_the_seed_decides_every_byte():
-    assert episode(3) == episode(3)
-    assert episode(3) != episode(4)
+@pytest.mark.parametrize("robot", OWN)
+def test_the_seed_decides_every_byte(robot):
+    assert episode(3, robot) == episode(3, robot)
+    assert episode(3, robot) != episode(4, robot)
 
 
 @pytest.mark.slow
-def test_another_process_gives_the_same_bytes():
-    code = "from tests.collectors.simulation.test_world import episode; print(episode(3))"
+@pytest.mark.parametrize("robot", OWN)
+def test_another_process_gives_the_same_bytes(robot):
+    code = f"from tests.collectors.simulation.test_world import episode; print(episode(3, {robot!r}))"
     other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert other.stdout.split()[-1] == episode(3)
+    assert other.stdout.split()[-1] == episode(3, robot)
 
 
 def test_worlds_do_not_disturb_each_other():
@@ -67,14 +75,15 @@ def test_worlds_do_not_disturb_each_other():
     assert interleaved == (episode(3), episode(4))
 
 
-def test_nothing_survives_a_reset():
-    with World(SMALL) as world:
+@pytest.mark.parametrize("robot", OWN)
+def test_nothing_survives_a_reset(robot):
+    with World(small(robot)) as world:
         begin(world, 9)
         hold(world, 5, opening=0.0)
         begin(world, 3)
         for tick in range(20):
             act(world, tick)
-        assert digest(world) == episode(3)
+        assert digest(world) == episode(3, robot)
 
 
 def test_a_renewed_world_is_the_same_world(monkeypatch):
@@ -113,7 +122,8 @@ def test_tare_takes_the_last_readings_and_leaves_the_stream_raw():
         np.testing.assert_array_equal(world.wrench, raw)
 
 
-def test_home_is_home(world: World):
+def test_home_is_home(robot_world: World):
+    world = robot_world
     seen = world.observe()
     np.testing.assert_allclose(seen.proprio, [1.0, *world.config.home, 0.0], atol=1e-4)
     np.testing.assert_allclose(world.tcp, [*world.config.home, 1.0, 0.0, 0.0, 0.0], atol=1e-4)
@@ -122,8 +132,9 @@ def test_home_is_home(world: World):
 
 @pytest.mark.parametrize("x", [0.35, 0.55, 0.75])
 @pytest.mark.parametrize("y", [-0.2, 0.0, 0.2])
-def test_free_space_tracking_at_full_speed(world: World, x: float, y: float):
+def test_free_space_tracking_at_full_speed(robot_world: World, x: float, y: float):
     """Every step ends within 2 mm and 1 degree of the reference, at rest or not, all over the workspace."""
+    world = robot_world
     position, angle = [], []
     goals = [(x, y, z, theta) for z in (0.02, 0.25) for theta in (-np.pi / 2, 0.0, np.pi / 2)]
     for goal in goals:
@@ -153,9 +164,9 @@ def full_steps() -> dict[str, list[tuple[float, ...]]]:
 
 
 @pytest.mark.parametrize("moves", full_steps().values(), ids=full_steps())
-def test_a_free_gripper_feels_less_than_five_newtons(moves):
+def test_a_free_gripper_feels_less_than_five_newtons(moves, robot):
     """Whatever is commanded, with the sensor's noise; and the gripper arrives."""
-    with World(dataclasses.replace(SMALL, workspace=((0.35, 0.75), (-0.2, 0.2), (0.05, 0.25)))) as world:
+    with World(dataclasses.replace(SMALL, robot=robot, workspace=((0.35, 0.75), (-0.2, 0.2), (0.05, 0.25)))) as world:
         world.reset(seed=0)
         world.tare()
         settled = len(world.wrench)
@@ -168,8 +179,9 @@ def test_a_free_gripper_feels_less_than_five_newtons(moves):
         np.testing.assert_allclose(world.tcp[:3], world.target[:3], atol=1e-4)
 
 
-def test_a_free_gripper_carries_out_every_action(world: World):
+def test_a_free_gripper_carries_out_every_action(robot_world: World):
     """However far it is behind, turning back and all: nothing of the sum is lost."""
+    world = robot_world
     rng, start, total = np.random.default_rng(5), world.target, np.zeros(4)
     for way in [np.array([1.0, -1.0, -1.0, 1.0])] * 4 + list(rng.choice([-1.0, 1.0], (40, 4))):
         move = world.within(world.target + way * world.action_bound) - world.target
@@ -178,11 +190,13 @@ def test_a_free_gripper_carries_out_every_action(world: World):
         np.testing.assert_allclose(world.target, start + total, atol=1e-9)
 
 
-def test_theta_is_the_yaw_of_the_fingers(world: World):
+def test_theta_is_the_yaw_of_the_fingers(robot_world: World):
+    world = robot_world
     move(world, (0.55, 0.0, 0.2, 0.6))
     hold(world, 4)
     left, right = (
-        np.array(pybullet.getLinkState(world.robot, link, physicsClientId=world.client)[4]) for link in (9, 10)
+        np.array(pybullet.getLinkState(world.robot, link, physicsClientId=world.client)[4])
+        for link in world.finger_links
     )
     along = (right - left) / np.linalg.norm(right - left)  # at theta = 0 the left finger is at base -y
     np.testing.assert_allclose(along, [-np.sin(0.6), np.cos(0.6), 0.0], atol=2e-3)
@@ -211,10 +225,14 @@ def test_a_seed_must_not_be_negative(world: World):
         world.reset(seed=-1)
 
 
-def test_the_gripper_opens_and_closes(world: World):
-    hold(world, 8, opening=0.0)
+def test_the_gripper_opens_and_closes(robot_world: World):
+    world = robot_world
+    travel = travel_steps(world, 1.0)
+    hold(world, travel + 4, opening=0.0)
     assert abs(world.observe().proprio[0]) < 0.01
-    hold(world, 8, opening=0.5)
+    hold(world, travel // 2 - 1, opening=1.0)
+    assert 0.1 < world.observe().proprio[0] < 0.9
+    hold(world, travel + 4, opening=0.5)
     assert abs(world.observe().proprio[0] - 0.5) < 0.01
 
 

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from collectors.simulation import World, WorldConfig
+from collectors.robots import OWN, make
+from collectors.simulation import CameraConfig, NoiseConfig, World, WorldConfig
 from svfl_data.symmetry import ACTION_PARTS, WRENCH_PARTS, Part, act, element
 from tests.helpers.worlds import hold, move
 
@@ -72,11 +73,10 @@ def errors(felt: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
     return parts[0], parts[1]
 
 
-@pytest.fixture(scope="module")
-def world():
-    from collectors.simulation import CameraConfig, NoiseConfig
-
-    with World(WorldConfig(noise=NoiseConfig.none(), cameras={"front": CameraConfig(height=24, width=24)})) as world:
+@pytest.fixture(scope="module", params=OWN)
+def world(request):
+    camera = CameraConfig(height=24, width=24)
+    with World(WorldConfig(robot=make(request.param), noise=NoiseConfig.none(), cameras={"front": camera})) as world:
         yield world
 
 

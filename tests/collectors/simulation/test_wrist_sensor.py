@@ -5,11 +5,18 @@ import pybullet
 import pytest
 
 from collectors.simulation import World
+from collectors.tasks.gripper import travel_steps
 from tests.helpers.worlds import hold, move
 
 pytestmark = pytest.mark.slow
 
+GRIPPER = {"panda_sim": 0.81 + 2 * 0.1, "ur5e_sim": 0.925}  # [kg]: panda.urdf; Robotiq's manual
 PLACES = [(0.55, 0.0, 0.2, 0.0), (0.4, 0.15, 0.1, 0.7), (0.7, -0.18, 0.15, -1.3)]
+
+
+@pytest.fixture
+def world(robot_world: World) -> World:
+    return robot_world
 
 
 def sensor_origin(world: World) -> np.ndarray:
@@ -83,8 +90,9 @@ def test_a_push_reads_its_force_and_its_moment_about_the_sensor(world: World, mo
 
 
 def test_unloaded_it_reads_the_weight_of_the_gripper(world: World):
-    gripper_mass = 0.81 + 2 * 0.1  # panda.urdf
-    np.testing.assert_allclose(world.wrench[-10:].mean(axis=0), [0, 0, -9.81 * gripper_mass, 0, 0, 0], atol=5e-3)
+    mass = GRIPPER[world.config.robot.name]
+    np.testing.assert_allclose(world.gripper_mass, mass, rtol=1e-12)
+    np.testing.assert_allclose(world.wrench[-10:].mean(axis=0), [0, 0, -9.81 * mass, 0, 0, 0], atol=5e-3)
 
 
 def test_a_bar_held_off_its_centre_reads_its_weight_and_moment(world: World):
@@ -93,7 +101,7 @@ def test_a_bar_held_off_its_centre_reads_its_weight_and_moment(world: World):
     bar = world.add_box((0.08, 0.015, 0.015), (0.55 + offset, 0.0, 0.015), 0.0, mass, friction=1.0)
     world.tare()
     move(world, (0.55, 0.0, 0.02, 0.0))
-    hold(world, 8, opening=0.0)
+    hold(world, 4 + travel_steps(world, 1.0), opening=0.0)
     assert world.holds(bar)
     move(world, (0.55, 0.0, 0.15, 0.0), opening=0.0, stride=0.3)
     hold(world, 40, opening=0.0)

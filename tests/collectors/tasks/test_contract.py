@@ -17,12 +17,10 @@ from tests.helpers.worlds import begin, perform
 
 pytestmark = pytest.mark.slow
 
-GRIPPER = 0.81 + 2 * 0.1  # [kg], panda.urdf
-
 
 @pytest.fixture(params=TASKS)
-def task(request, world) -> Task:
-    return begin(task_class(request.param), world, 11)
+def task(request, robot_world) -> Task:
+    return begin(task_class(request.param), robot_world, 11)
 
 
 def held_mass(task: Task) -> float:
@@ -37,7 +35,7 @@ def test_there_are_the_papers_nine():
 
 
 def test_at_home_the_wrist_reads_the_weight_and_tared_nothing(task):
-    mass = GRIPPER + held_mass(task)
+    mass = task.world.gripper_mass + held_mass(task)
     np.testing.assert_allclose(task.world.wrench[-10:, :3].mean(axis=0), [0, 0, -9.81 * mass], atol=0.02 * 9.81 * mass)
     tared = task.world.wrench[-25:] - task.world.tare_offset
     assert np.abs(tared[:, :3]).max() < 0.1
@@ -48,7 +46,7 @@ def test_at_home_the_wrist_reads_the_weight_and_tared_nothing(task):
 def test_setting_the_gripper_in_motion_takes_its_momentum(task, direction):
     """The integral of the tared force over time is minus mass times velocity: F = m g - m a, with m g tared away."""
     world = task.world
-    mass, opening = GRIPPER + held_mass(task), 0.0 if held_mass(task) else 1.0
+    mass, opening = task.world.gripper_mass + held_mass(task), 0.0 if held_mass(task) else 1.0
     count = len(world.wrench)
     for _ in range(2):
         world.step([opening, *(0.02 * np.array(direction)), 0.0])
