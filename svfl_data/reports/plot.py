@@ -153,7 +153,8 @@ def title(episode: Episode) -> str:
     lines = (
         f"{meta.task}, episode {meta.index}: {'success' if meta.success else 'no success'}"
         f"{''.join(f', {one}' for one in who)}{label}",
-        f"{meta.source}, seed {meta.seed}, {len(episode)} steps, {seconds:.2f} s{wrench if episode.has('wrench') else ''}",
+        f"{meta.source}, seed {meta.seed}, {len(episode)} steps, {seconds:.2f} s"
+        f"{wrench if episode.has('wrench') else ''}",
     )
     return "\n".join(map(printable, lines))
 
@@ -240,8 +241,8 @@ def _dress(axis: Axes, episode: Episode, span: tuple[float, float]) -> None:
     names = sorted({name for name, _, _ in marks})
     for name, start, end in marks:
         axis.axvspan(start, end, color=MARKS[names.index(name) % len(MARKS)], alpha=0.35, linewidth=0)
-    if names := axis.get_legend_handles_labels()[0]:
-        columns = 1 if len(names) <= TALLEST_LEGEND else 2
+    if lines := axis.get_legend_handles_labels()[0]:
+        columns = 1 if len(lines) <= TALLEST_LEGEND else 2
         size = 8 if columns == 1 else 6
         axis.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), fontsize=size, frameon=False, ncols=columns)
 
