@@ -25,7 +25,7 @@ def convert(file: Path) -> None:
     """Convert one episode file and print a row of the table."""
     start, cpu = time.perf_counter(), time.process_time()
     from svfl_data.viewer import show
-    from svfl_data.viewer.episode_source import EpisodeSource
+    from svfl_data.viewer.entities.episode_source import EpisodeSource
 
     loading = time.perf_counter() - start
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -25,7 +25,7 @@ from svfl_data.reports import plot
 from svfl_data.storage.store import write_episode
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.viewer import show
-from svfl_data.viewer.episode_source import EpisodeSource
+from svfl_data.viewer.entities.episode_source import EpisodeSource
 from svfl_models.centering.checkpoint import load_classifier
 from svfl_models.centering.classifier import CenteringClassifier
 from svfl_models.centering.config import TrainingConfig
@@ -167,7 +167,7 @@ ELSEWHERE = {
     "collectors/tasks/household_objects.py": "the table of this package itself, made by its authors",
     "svfl_models/training/progress.py": "a row is appended",
     "svfl_models/experiments/runs/run_cache.py": "a folder is copied, then renamed",
-    "svfl_data/viewer/images.py": "a picture in memory",
+    "svfl_data/viewer/entities/images.py": "a picture in memory",
     "svfl_models/training/figures.py": "a figure in memory",
     "svfl_models/training/writing.py": "a figure in memory",
     "svfl_models/training/checkpoint_plugin.py": "a checkpoint in memory",

@@ -18,7 +18,7 @@ from svfl_data.storage.store import read_episode, write_episode
 from svfl_data.system import command_line
 from svfl_data.system.printable import ESCAPED, markdown, printable, say
 from svfl_data.viewer import show
-from svfl_data.viewer.episode_source import EpisodeSource
+from svfl_data.viewer.entities.episode_source import EpisodeSource
 from tests.helpers.builders import make_episode
 from tests.helpers.command_lines import data_commands
 from tests.helpers.refusals import EACH, refused  # noqa: F401 - a fixture

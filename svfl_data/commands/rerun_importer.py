@@ -50,8 +50,9 @@ def _write(file: Path, application: str | None, recording_id: str | None, prefix
     import rerun as rr
 
     from svfl_data.storage.reader import EpisodeReader
-    from svfl_data.viewer import names, show
-    from svfl_data.viewer.episode_source import EpisodeSource
+    from svfl_data.viewer import show
+    from svfl_data.viewer.entities import names
+    from svfl_data.viewer.entities.episode_source import EpisodeSource
 
     recording = rr.RecordingStream(application or names.APPLICATION, recording_id=recording_id)
     recording.stdout()

@@ -14,7 +14,7 @@ from svfl_data.system.command_line import Commands, natural, port
 from svfl_data.system.printable import say
 
 if TYPE_CHECKING:
-    from svfl_data.viewer.episode_source import EpisodeSource
+    from svfl_data.viewer.entities.episode_source import EpisodeSource
     from svfl_data.viewer.predictions import Prediction
 
 MOST = 6
@@ -108,7 +108,7 @@ def run(arguments: argparse.Namespace) -> None:
 def _episodes(arguments: argparse.Namespace) -> "Sequence[tuple[EpisodeSource, Prediction | None]]":
     """Return the requested episodes, each with the prediction of the network, or None without a network."""
     from svfl_data.viewer import predictions
-    from svfl_data.viewer.episode_source import EpisodeSource
+    from svfl_data.viewer.entities.episode_source import EpisodeSource
 
     network = predictions.load(arguments.checkpoint) if arguments.checkpoint else None
     readers = _readers(arguments.path, list(dict.fromkeys(arguments.episode)))

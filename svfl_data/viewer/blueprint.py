@@ -8,10 +8,10 @@ import rerun.blueprint as rrb
 from svfl_data.schema.action_fields import EXPERT_ACTION
 from svfl_data.schema.field_words import is_wrench
 from svfl_data.system.printable import printable
-from svfl_data.viewer import names
-from svfl_data.viewer.episode_source import ACTION, PROPRIO, WRENCH, EpisodeSource
-from svfl_data.viewer.fields import FieldView
-from svfl_data.viewer.names import TIMELINE
+from svfl_data.viewer.entities import names
+from svfl_data.viewer.entities.episode_source import ACTION, PROPRIO, WRENCH, EpisodeSource
+from svfl_data.viewer.entities.fields import FieldView
+from svfl_data.viewer.entities.names import TIMELINE
 from svfl_data.viewer.predictions import Prediction
 from svfl_data.viewer.recording import Summary
 from svfl_data.viewer.views import (

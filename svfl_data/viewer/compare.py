@@ -11,8 +11,8 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.system.printable import markdown, printable
 from svfl_data.system.progress import progress
-from svfl_data.viewer.episode_source import EpisodeSource
-from svfl_data.viewer.names import AXES, FORCE
+from svfl_data.viewer.entities.episode_source import EpisodeSource
+from svfl_data.viewer.entities.names import AXES, FORCE
 from svfl_data.viewer.recording import RULE
 
 BINS = 40

@@ -17,8 +17,8 @@ import rerun.blueprint as rrb
 from svfl_data.errors import UsageError
 from svfl_data.schema.robot import Observation, Robot
 from svfl_data.system.own_process import OwnProcess
-from svfl_data.viewer import cameras, images, names, plots, scene
-from svfl_data.viewer.robot import robot_for
+from svfl_data.viewer.entities import cameras, images, names, plots, scene
+from svfl_data.viewer.entities.robot import robot_for
 
 PERIOD_S = 0.1
 """Shortest time between two sendings, [s]; a person sees this delay as immediate."""

@@ -4,11 +4,11 @@ import numpy as np
 import rerun as rr
 
 from svfl_data.symmetry import DIRECTIONS
-from svfl_data.viewer import names
-from svfl_data.viewer.episode_source import TIMES, EpisodeSource
-from svfl_data.viewer.images import send_color
-from svfl_data.viewer.names import FORCE, LABEL, TORQUE, send
-from svfl_data.viewer.plots import send_curve
+from svfl_data.viewer.entities import names
+from svfl_data.viewer.entities.episode_source import TIMES, EpisodeSource
+from svfl_data.viewer.entities.images import send_color
+from svfl_data.viewer.entities.names import FORCE, LABEL, TORQUE, send
+from svfl_data.viewer.entities.plots import send_curve
 from svfl_data.viewer.predictions import Prediction
 
 ARROWS = np.array([(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0)])

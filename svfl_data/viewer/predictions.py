@@ -31,7 +31,7 @@ class Prediction:
         actions: Actions that the network would command, shape (N+1, 5), base axes. None if it does not predict actions.
         crop: Part of the camera's image that the network sees: left, top, right, bottom edge, shape (N+1, 4), [px],
             where the outer corner of the top left pixel is (0, 0). None for the middle part, whose size is given by
-            `svfl_data.viewer.images.CROP`.
+            `svfl_data.viewer.entities.images.CROP`.
     """
 
     name: str

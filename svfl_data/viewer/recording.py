@@ -5,16 +5,16 @@ from pathlib import Path
 
 import rerun as rr
 
-from svfl_data.viewer import names, plots, scene
-from svfl_data.viewer.cameras import log_camera
-from svfl_data.viewer.episode_source import ACTION, PROPRIO, TCP_POSE, TCP_TIMES, TIMES, WRENCH, EpisodeSource
-from svfl_data.viewer.fields import FieldView, log_fields
+from svfl_data.viewer.entities import names, plots, scene
+from svfl_data.viewer.entities.cameras import log_camera
+from svfl_data.viewer.entities.episode_source import ACTION, PROPRIO, TCP_POSE, TCP_TIMES, TIMES, WRENCH, EpisodeSource
+from svfl_data.viewer.entities.fields import FieldView, log_fields
+from svfl_data.viewer.entities.robot import Robot, robot_for
+from svfl_data.viewer.entities.wrenches import RULE as RULE  # imported for users of this module
+from svfl_data.viewer.entities.wrenches import Loads, log_wrenches
 from svfl_data.viewer.overlay import log_prediction
 from svfl_data.viewer.predictions import Prediction
-from svfl_data.viewer.robot import Robot, robot_for
 from svfl_data.viewer.summary_text import summary_text
-from svfl_data.viewer.wrenches import RULE as RULE  # imported for users of this module
-from svfl_data.viewer.wrenches import Loads, log_wrenches
 
 JOINTS = "streams/joints/position"
 DRAWN_ROBOT = "panda"

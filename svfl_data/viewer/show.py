@@ -19,8 +19,8 @@ from svfl_data.errors import SvflError
 from svfl_data.system.atomic_io import named_aside
 from svfl_data.system.printable import printable, say
 from svfl_data.viewer import blueprint
-from svfl_data.viewer.episode_source import EpisodeSource
-from svfl_data.viewer.names import APPLICATION
+from svfl_data.viewer.entities.episode_source import EpisodeSource
+from svfl_data.viewer.entities.names import APPLICATION
 from svfl_data.viewer.predictions import Prediction
 from svfl_data.viewer.recording import log_episode
 

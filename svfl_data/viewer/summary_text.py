@@ -8,10 +8,10 @@ from svfl_data.schema.field_words import assumed_words, camera_pose, own, title
 from svfl_data.schema.rates import declared_hz
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.system.printable import markdown, printable
-from svfl_data.viewer.episode_source import PROPRIO, TARE, TIMES, WRENCH, WRENCH_TIMES, EpisodeSource
-from svfl_data.viewer.fields import left_out
+from svfl_data.viewer.entities.episode_source import PROPRIO, TARE, TIMES, WRENCH, WRENCH_TIMES, EpisodeSource
+from svfl_data.viewer.entities.fields import left_out
+from svfl_data.viewer.entities.scene import METRES_PER_NEWTON, METRES_PER_NEWTON_METRE
 from svfl_data.viewer.predictions import Prediction
-from svfl_data.viewer.scene import METRES_PER_NEWTON, METRES_PER_NEWTON_METRE
 
 SAID = ("instruction", "robot", "operator")
 MOST_NUMBERS, MOST_LINES = 16, 30

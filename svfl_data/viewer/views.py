@@ -11,12 +11,12 @@ from svfl_data.sampling.windows import WINDOW
 from svfl_data.schema.field_words import camera_pose
 from svfl_data.symmetry import element
 from svfl_data.system.printable import printable
-from svfl_data.viewer import names
-from svfl_data.viewer.cameras import image_entity
-from svfl_data.viewer.episode_source import WRENCH_TIMES, EpisodeSource
-from svfl_data.viewer.fields import FieldView
-from svfl_data.viewer.images import crop_range
-from svfl_data.viewer.names import CAMERAS, SCENE, TIMELINE
+from svfl_data.viewer.entities import names
+from svfl_data.viewer.entities.cameras import image_entity
+from svfl_data.viewer.entities.episode_source import WRENCH_TIMES, EpisodeSource
+from svfl_data.viewer.entities.fields import FieldView
+from svfl_data.viewer.entities.images import crop_range
+from svfl_data.viewer.entities.names import CAMERAS, SCENE, TIMELINE
 from svfl_data.viewer.predictions import Prediction
 from svfl_data.viewer.recording import JOINTS
 

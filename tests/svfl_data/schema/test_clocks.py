@@ -14,7 +14,7 @@ from svfl_data.schema.clocks import Clock
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.schema.rates import Found, rate_fault, unit_fault
 from svfl_data.storage.store import write_episode
-from svfl_data.viewer.episode_source import EpisodeSource
+from svfl_data.viewer.entities.episode_source import EpisodeSource
 from tests.helpers.spoiled import WRENCH, WRENCH_T, fresh
 
 RATES = {"rates_hz": {"streams/wrench": 500, "observations": 20, "cameras/front": 20}}

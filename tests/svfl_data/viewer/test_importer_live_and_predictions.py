@@ -19,7 +19,7 @@ from svfl_data.storage import seal
 from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer import compare, predictions, show
-from svfl_data.viewer.episode_source import EpisodeSource
+from svfl_data.viewer.entities.episode_source import EpisodeSource
 from svfl_data.viewer.live import GAP_NS, Live
 from svfl_data.viewer.predictions import Prediction
 from tests.helpers.builders import make_episode

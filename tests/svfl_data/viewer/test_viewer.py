@@ -14,8 +14,9 @@ from rerun.chunk import RrdReader
 from svfl_data.sampling.windows import WINDOW
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.signals.transforms import LowPass, Tare, as_record, processed_wrench
-from svfl_data.viewer import cameras, plots, recording, scene, show
-from svfl_data.viewer.episode_source import EpisodeSource
+from svfl_data.viewer import recording, show
+from svfl_data.viewer.entities import cameras, plots, scene
+from svfl_data.viewer.entities.episode_source import EpisodeSource
 from svfl_data.viewer.summary_text import summary_text
 from svfl_data.viewer.views import axis_range
 from tests.helpers.builders import episode_arrays, make_episode

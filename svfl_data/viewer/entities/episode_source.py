@@ -16,7 +16,7 @@ from svfl_data.schema.fields import FARTHEST_NS, camera_names
 from svfl_data.signals.contact import ContactRule, contact_force
 from svfl_data.signals.transforms import LowPass, from_record, processed_wrench
 from svfl_data.storage.reader import EpisodeReader, StoredArray
-from svfl_data.viewer.names import CAMERAS, PICTURES
+from svfl_data.viewer.entities.names import CAMERAS, PICTURES
 
 READINGS_AT_ONCE = 2**15
 """Number of wrench readings in one piece; about a minute at 500 Hz."""

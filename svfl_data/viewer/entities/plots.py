@@ -8,9 +8,9 @@ import numpy as np
 import rerun as rr
 
 from svfl_data.system.printable import printable
-from svfl_data.viewer import names
-from svfl_data.viewer.episode_source import Readings
-from svfl_data.viewer.names import AXES, FORCE, LABEL, PALE_AXES, TORQUE, WHITE, send
+from svfl_data.viewer.entities import names
+from svfl_data.viewer.entities.episode_source import Readings
+from svfl_data.viewer.entities.names import AXES, FORCE, LABEL, PALE_AXES, TORQUE, WHITE, send
 
 FORCES, TORQUES = ("fx, N", "fy, N", "fz, N"), ("mx, N m", "my, N m", "mz, N m")
 MARK_COLORS = ((86, 180, 233), LABEL, TORQUE, (0, 158, 115), FORCE)

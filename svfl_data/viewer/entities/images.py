@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 from PIL import Image
 
-from svfl_data.viewer.names import CAMERAS, GREY, WHITE, send
+from svfl_data.viewer.entities.names import CAMERAS, GREY, WHITE, send
 
 CROP = 64 / 76
 """Share of the image's side that networks see (Kohler et al., CoRL 2023, appendix: 76 px are cropped to 64 px)."""

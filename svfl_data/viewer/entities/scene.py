@@ -4,7 +4,7 @@ import numpy as np
 import rerun as rr
 
 from svfl_data.symmetry import DIRECTIONS
-from svfl_data.viewer.names import AXES, BLOCK, FORCE, GREY, LABEL, SCENE, TORQUE, send
+from svfl_data.viewer.entities.names import AXES, BLOCK, FORCE, GREY, LABEL, SCENE, TORQUE, send
 
 METRES_PER_NEWTON = 0.003  # a collision of 30 N gives an arrow of 9 cm, as long as the gripper
 METRES_PER_NEWTON_METRE = 0.05  # a force of 30 N on a finger 4.5 cm off the axis gives an arrow of 7 cm

@@ -12,8 +12,8 @@ from rerun.urdf import UrdfJoint, UrdfTree
 
 from svfl_data.errors import FormatError
 from svfl_data.system.printable import printable
-from svfl_data.viewer.names import SCENE, send
-from svfl_data.viewer.urdf import mesh_file, numbers, read_urdf
+from svfl_data.viewer.entities.names import SCENE, send
+from svfl_data.viewer.entities.urdf import mesh_file, numbers, read_urdf
 
 FRAMES = ("parent_frame", "child_frame")  # Rerun's own link frames, left out because the entity tree gives the parents
 SHADE = (0.78, 0.78, 0.80, 0.4)

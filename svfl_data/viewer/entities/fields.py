@@ -16,11 +16,11 @@ from svfl_data.schema.field import Field
 from svfl_data.schema.field_words import by_unit, clock_of, is_wrench, labels, title
 from svfl_data.storage.stored_array import StoredArray
 from svfl_data.system.printable import printable
-from svfl_data.viewer.cameras import EXACT_BYTES
-from svfl_data.viewer.episode_source import ACTION, PROPRIO, TARE, WRENCH, EpisodeSource
-from svfl_data.viewer.images import send_images
-from svfl_data.viewer.names import AXES, CURVES, FIELDS, send
-from svfl_data.viewer.plots import send_curve
+from svfl_data.viewer.entities.cameras import EXACT_BYTES
+from svfl_data.viewer.entities.episode_source import ACTION, PROPRIO, TARE, WRENCH, EpisodeSource
+from svfl_data.viewer.entities.images import send_images
+from svfl_data.viewer.entities.names import AXES, CURVES, FIELDS, send
+from svfl_data.viewer.entities.plots import send_curve
 
 MOST_CURVES = 16
 """Largest number of numbers of a row that are drawn as curves; larger rows are drawn as pictures."""

@@ -5,8 +5,8 @@ import rerun as rr
 
 from svfl_data.system.printable import printable
 from svfl_data.system.progress import progress
-from svfl_data.viewer import images
-from svfl_data.viewer.episode_source import TCP_POSE, TCP_TIMES, EpisodeSource
+from svfl_data.viewer.entities import images
+from svfl_data.viewer.entities.episode_source import TCP_POSE, TCP_TIMES, EpisodeSource
 
 FRAMES_AT_ONCE = 256
 EXACT_BYTES = 2**26

@@ -1,0 +1,1 @@
+"""What the viewer shows of an episode, entity by entity: cameras, curves, robot, scene, and any declared field."""
