@@ -7,7 +7,7 @@ from typing import Any
 from svfl_data.commands.source import add_episode, add_json, add_path, is_episode, print_json, reader
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.index import Summary, summary
-from svfl_data.schema.fields import FIELDS
+from svfl_data.schema.field_words import camera_pose, meaning
 from svfl_data.schema.rates import declared_hz
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.command_line import Commands
@@ -34,8 +34,8 @@ def add(commands: Commands) -> None:
     parser.set_defaults(command=run)
 
 
-NAMED = ("instruction", "robot", "operator")
-"""Attributes of an episode that are printed if they are known."""
+NAMED = {"instruction": "to do", "robot": "robot", "operator": "operator"}
+"""Attributes of an episode that are printed if they are known, and how they are called."""
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -46,35 +46,35 @@ def run(arguments: argparse.Namespace) -> None:
         return
     dataset = Dataset.open(arguments.path)
     found = summary(dataset)
-    software = dataset.episode(dataset.indices[0]).meta.software if found.episodes and not found.damaged else {}
+    first = dataset.episode(dataset.indices[0]) if found.episodes and not found.damaged else None
+    software = first.meta.software if first else {}
     strays = dataset.strays()
     if arguments.json:
         facts = {"path": str(dataset.path), "info": dataset.info, "software": software, "not_counted": strays}
         print_json({**facts, **dataclasses.asdict(found)})
     else:
-        print(dataset_words(dataset, found, software, strays))
+        print(dataset_words(dataset, found, first, strays))
 
 
-def units(group: str) -> str:
-    """Return the units of the arrays of a stream or a camera, from their declarations.
+def units(group: str, episode: EpisodeReader | None) -> str:
+    """Return the units of the recorded arrays of a stream, from their declarations.
 
     Args:
         group: Group of the arrays, such as ``streams/wrench``, which gives ``N, N m``.
+        episode: Episode with the stream; None if there is none that can be read.
     """
-    declared = [
-        field.unit for field in FIELDS if field.path.startswith(f"{group}/") and not field.path.endswith("t_ns")
-    ]
-    single = [unit for unit in declared[0].split(", ") if unit != "-"] if declared else []
-    return ", ".join(dict.fromkeys(single)) or "-"
+    fields = episode.declarations.in_group(group) if episode else ()
+    declared = [one.unit for one in fields if episode and one.path in episode and not one.path.endswith("/t_ns")]
+    return ", ".join(dict.fromkeys(unit for one in declared for unit in one.split(", ") if unit != "-")) or "-"
 
 
-def dataset_words(dataset: Dataset, found: Summary, software: dict[str, str], strays: list[str]) -> str:
+def dataset_words(dataset: Dataset, found: Summary, first: EpisodeReader | None, strays: list[str]) -> str:
     """Return a description of a dataset in a few lines of text.
 
     Args:
         dataset: Dataset to describe.
         found: Summary of the dataset.
-        software: Versions of the software that recorded the first episode, by package.
+        first: First episode, whose declarations and software are told; None if it cannot be read.
         strays: Names of files that look like episode files but are not counted, because their names are not exact.
     """
     rate = f"{found.successes / found.episodes:.1%}" if found.episodes else "-"
@@ -86,14 +86,16 @@ def dataset_words(dataset: Dataset, found: Summary, software: dict[str, str], st
         f"  success   {found.successes} of {found.episodes} ({rate})",
     ]
     for name, stream in found.streams.items():
-        known = units(f"streams/{name}")
+        known = units(f"streams/{name}", first)
         lines.append(f"  stream    {printable(name, 40)}: {_rates(stream)}, {stream['rows']} readings, [{known}]")
     for name, camera in found.cameras.items():
         sizes = " and ".join(f"{height} x {width} px" for height, width in camera["sizes"][:MOST_NAMED])
-        lines.append(f"  camera    {printable(name, 40)}: {sizes}, {_rates(camera)}, {camera['rows']} frames")
+        where = camera_pose(name, first.paths) if first else ""
+        moving = f", {where}" if where else ""
+        lines.append(f"  camera    {printable(name, 40)}: {sizes}, {_rates(camera)}, {camera['rows']} frames{moving}")
     lines += [
         f"  format    {_counts(found.format_versions)}",
-        f"  software  {_versions(software)}",
+        f"  software  {_versions(first.meta.software if first else {})}",
         *_some("damaged", list(found.damaged.values())),
         *_some("no name", [f"{name}: not counted; an episode is named like episode_000012.hdf5" for name in strays]),
     ]
@@ -147,7 +149,7 @@ def episode_facts(episode: EpisodeReader) -> dict[str, Any]:
     arrays = {
         path: {
             "shape": list(episode[path].shape), "dtype": str(episode[path].dtype), "unit": episode[path].unit,
-            "rate_hz": rates.get(path),
+            "rate_hz": rates.get(path), **_meaning(episode, path),
         }
         for path in episode.paths
     }  # fmt: skip
@@ -156,6 +158,15 @@ def episode_facts(episode: EpisodeReader) -> dict[str, Any]:
         "sha256": episode.seal, "steps": len(episode), "seconds": episode.seconds,
         "meta": dataclasses.asdict(episode.meta), "arrays": arrays,
     }  # fmt: skip
+
+
+def _meaning(episode: EpisodeReader, path: str) -> dict[str, Any]:
+    field = episode.declarations.at(path)
+    if field is None:
+        return {}
+    parts = [[part.kind, list(part.index)] for part in field.parts]
+    known = {"axes": field.axes, "about": field.about, "components": field.components, "parts": parts}
+    return known | {"bounds": field.bounds, "assumed": field.assumed, "doc": field.doc}
 
 
 def episode_words(episode: EpisodeReader) -> str:
@@ -168,9 +179,13 @@ def episode_words(episode: EpisodeReader) -> str:
     lines = [
         f"  success   {'yes' if meta.success else 'no'}",
         f"  source    {printable(meta.source, 40)}, seed {meta.seed}",
-        *(f"  {name:9} {printable(text, 200)}" for name in NAMED if (text := getattr(meta, name))),
+        *(f"  {label:9} {printable(text, 200)}" for name, label in NAMED.items() if (text := getattr(meta, name))),
         f"  software  {_versions(meta.software)}",
         f"  file      format {episode.format_version}, {size_words(episode.extent.size)}, sha256 {episode.seal[:12]}",
+    ]
+    fields = [field for path in episode.paths if (field := episode.declarations.at(path)) and meaning(field)]
+    lines += [
+        f"  meaning   {field.path}: {meaning(field)}" for field in fields if not field.path.startswith("cameras/")
     ]
     declared = {path: declared_hz(meta.config, path.rpartition("/")[0]) for path in episode.rates}
     lines += [f"  declared  {path.rpartition('/')[0]} {rate:g} Hz" for path, rate in declared.items() if rate]

@@ -19,8 +19,9 @@ from svfl_data.errors import DatasetError, StorageError
 from svfl_data.reports import plot
 from svfl_data.sampling.split import FOLDER as SPLITS
 from svfl_data.schema.episode import Episode
-from svfl_data.schema.fields import FIELDS
+from svfl_data.schema.field_words import camera_pose, meaning
 from svfl_data.signals.transforms import processed_wrench
+from svfl_data.storage.reader import EpisodeReader
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import markdown
@@ -98,8 +99,10 @@ def episode_facts(episode: Episode) -> Facts:
     Args:
         episode: Episode to describe, which is also checked as ``svfl-data validate`` does.
     """
-    after = episode.wrench_t_ns >= episode.t_ns[0]
-    force = np.linalg.norm(processed_wrench(episode)[after, :3].astype(np.float64), axis=1)
+    force = np.zeros(0)
+    if episode.has("wrench"):
+        after = episode.wrench_t_ns >= episode.t_ns[0]
+        force = np.linalg.norm(processed_wrench(episode)[after, :3].astype(np.float64), axis=1)
     return Facts(
         episode.meta.index,
         episode.meta.success,
@@ -173,7 +176,7 @@ def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, p
         "",
         "| stream | rate, Hz | rows | what |",
         "| --- | --- | --- | --- |",
-        *_streams(found),
+        *_streams(found, first),
         "",
         "Each stream has its own timestamps. SI units; vectors in base axes, torque about the sensor origin. Wrench "
         "readings are raw: subtract the tare, or apply the recorded transforms.",
@@ -230,14 +233,26 @@ def _listed(counts: dict[str, int] | Counter[str]) -> str:
     return ", ".join(f"{markdown(name)} ({count})" for name, count in counts.items()) or "-"
 
 
-def _streams(found: Summary) -> Iterator[str]:
+def _streams(found: Summary, first: EpisodeReader) -> Iterator[str]:
     for name, stream in found.streams.items():
-        fields = [field for field in FIELDS if field.path.startswith(f"streams/{name}/") and "t_ns" not in field.path]
-        what = "; ".join(f"{field.path.rpartition('/')[2]} [{field.unit}]" for field in fields)
-        yield f"| {markdown(name)} | {_rate(stream)} | {stream['rows']} | {what} |"
+        yield f"| {markdown(name)} | {_rate(stream)} | {stream['rows']} | {_arrays(f'streams/{name}', first)} |"
     for name, camera in found.cameras.items():
         sizes = " and ".join(f"{height} x {width} px" for height, width in camera["sizes"])
-        yield f"| camera {markdown(name)} | {_rate(camera)} | {camera['rows']} | {sizes} |"
+        where = camera_pose(name, first.paths)
+        place = f", {where}" if where else ""
+        yield f"| camera {markdown(name)} | {_rate(camera)} | {camera['rows']} | {sizes}{place} |"
+    for group in ("observations", "actions"):
+        yield f"| {group} | each step | {found.steps} | {_arrays(group, first)} |"
+
+
+def _arrays(group: str, first: EpisodeReader) -> str:
+    """Return the arrays of a group with their units and what else their declarations say."""
+    said = []
+    for field in first.declarations.in_group(group):
+        if field.path in first and not field.path.endswith("/t_ns"):
+            more = f", {meaning(field)}" if meaning(field) else ""
+            said.append(f"{field.path.rpartition('/')[2]} [{field.unit}]{more}")
+    return markdown("; ".join(said))
 
 
 def _rate(stream: dict[str, Any]) -> str:
