@@ -14,6 +14,7 @@ Moves = Iterator[NDArray[np.float32]]
 RAMP = 1 / 3  # share of full speed gained or lost per step: 3.3 m/s^2, a few newtons of inertia at the wrist
 JITTER = np.array([0.0008, 0.0008, 0.0008, 0.012])  # [m], [rad] standard deviation of a step at noise 1
 LOOSE = np.array([0.008, 0.008, 0.010, 0.08])  # [m], [rad] standard deviation of a loose waypoint at noise 1
+FIRM = 0.3  # share of the time of full travel for which fingers must hold: slow ones squeeze a round object out late
 SLOWEST = 0.75  # share of full speed in the slowest episodes at noise 1
 
 
@@ -23,15 +24,15 @@ def never() -> bool:
 
 
 class Lasting:
-    """Condition that holds when another condition has held at two calls in a row."""
+    """Condition that holds when another condition has held at several calls in a row."""
 
-    def __init__(self, condition: Callable[[], bool]) -> None:
-        self._condition, self._held = condition, False
+    def __init__(self, condition: Callable[[], bool], calls: int) -> None:
+        self._condition, self._calls, self._held = condition, calls, 0
 
     def __call__(self) -> bool:
-        """Check the other condition, and return whether it held at this call and at the call before."""
-        before, self._held = self._held, self._condition()
-        return before and self._held
+        """Check the other condition, and return whether it held at this call and at the calls before."""
+        self._held = self._held + 1 if self._condition() else 0
+        return self._held >= self._calls
 
 
 def nearest_turn(theta: float, period: float, near: float = 0.0) -> float:
@@ -151,14 +152,15 @@ class Gripper:
         Args:
             opening: Gripper opening from now on, 0 closed to 1 open.
             travels: Time for which the gripper rests while the fingers move, in units of the time of their full travel.
-            until: Condition that ends the wait early when it holds after two steps in a row. One step is not enough,
+            until: Condition that ends the wait early when it has held for the share `FIRM` of the time of full travel,
                 because fingers may touch an object and part again.
 
         Yields:
             Actions that open or close the gripper without moving it.
         """
         self.opening = opening
-        yield from self.rest(travel_steps(self.world, travels), Lasting(until))
+        lasting = Lasting(until, travel_steps(self.world, FIRM))
+        yield from self.rest(travel_steps(self.world, travels), lasting)
 
     def rest(self, steps: int, until: Callable[[], bool] = never) -> Moves:
         """Keep the commanded pose for some steps.

@@ -106,6 +106,8 @@ def test_another_dataset_is_refused(collected):
             ["centering", "--cameras", "front,back", "--out", "x"],
             "camera 'back'.* front, top, side_left",
         ),
+        (["centering", "--robot", "abacus", "--out", "x"], "no robot 'abacus'; .* panda_sim, ur5e_sim"),
+        (["replay", "x", "--robot", "abacus"], "no robot 'abacus'; .* panda_sim, ur5e_sim"),
         (["centering", "--address", "here:1", "--out", "x"], "--address here:1 .*--executor ray"),
         (["centering"], "--out"),
         ([], "COMMAND"),

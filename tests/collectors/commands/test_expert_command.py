@@ -107,6 +107,19 @@ def test_all_tasks_go_into_a_folder_each_and_are_resumed(tmp_path):
     assert contents(tmp_path) == before
 
 
+def test_a_robot_is_chosen_by_name_and_recorded(tmp_path):
+    arguments = ("--robot", "ur5e_sim", "--image-size", 8, "--out", tmp_path / "ur5e")
+    done = collect("expert", "--task", "block_pushing", "--episodes", 1, *arguments)
+    assert done.returncode == 0, done.stderr
+    episode = Dataset.open(tmp_path / "ur5e").read(0)
+    assert episode.meta.config["world"]["robot"]["name"] == "ur5e_sim"
+    assert episode.arrays["streams/joints/position"].shape[1] == 8
+    assert check_episode(episode) == []
+    done = collect("replay", tmp_path / "ur5e")
+    assert done.returncode == 0, done.stderr
+    assert "exact" in done.stdout
+
+
 @pytest.mark.parametrize("name", CAMERAS)
 def test_every_camera_sees_the_workspace(name):
     config = CAMERAS[name]
@@ -147,6 +160,10 @@ def test_a_folder_with_other_data_is_refused(picked, tmp_path):
         (
             ("expert", "--task", "block_picking", "--out", picked),
             r"config\.world\.cameras\.front\.height .*16\b.* 76\b",
+        ),
+        (
+            ("expert", "--task", "block_picking", "--image-size", 16, "--robot", "ur5e_sim", "--out", picked),
+            r"config\.world\.robot\.name .*'panda_sim'.*'ur5e_sim'",
         ),
         (("centering", "--out", picked), "task .*'block_picking'.* 'centering'"),
     ):
