@@ -42,7 +42,7 @@ def test_the_summary_is_the_sum_of_the_files(dataset):
     assert found.seconds == pytest.approx(sum(0.05 * steps for steps in (3, 4, 5, 6)))
     assert found.bytes == sum(dataset.episode_path(number).stat().st_size for number in range(4))
     assert (found.successes, found.tasks, found.sources) == (4, {"centering": 4}, {"expert": 4})
-    assert found.format_versions == {"1.0": 4}
+    assert found.format_versions == {"2.0": 4}
     wrench = found.streams["wrench"]
     assert (wrench["episodes"], wrench["rows"]) == (4, sum(25 * steps + 100 for steps in (3, 4, 5, 6)))
     assert wrench["rate_hz"] == pytest.approx((500, 500))
