@@ -173,6 +173,7 @@ ELSEWHERE = {
     "svfl_models/training/checkpoint_plugin.py": "a checkpoint in memory",
     "svfl_models/deployment/export.py": "a program in memory",
     "svfl_models/programs/exported_policy.py": "a program in memory",
+    "svfl_models/programs/own_policy.py": "likewise",
     "svfl_data/reports/plot.py": "a figure in memory",
     "svfl_data/storage/header_cache.py": "a cache, whose entries carry their own hash",
 }

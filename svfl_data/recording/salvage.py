@@ -13,7 +13,6 @@ from svfl_data.recording.recording_clocks import Gap
 from svfl_data.schema.action_fields import ACTION
 from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Meta
-from svfl_data.schema.fields import camera_names
 from svfl_data.schema.validity import check_arrays
 from svfl_data.storage.store import Rows
 
@@ -118,14 +117,17 @@ def _cut(journal: Journal, kept: Mapping[str, Spans]) -> dict[str, Rows]:
 
 
 def _with_constants(journal: Journal, streams: dict[str, Rows]) -> dict[str, Rows]:
-    """Add constants, and an empty action if none was recorded; leave out cameras without frames."""
+    """Add constants, and an empty action if none was recorded; leave out those of cameras and streams without rows."""
     if not any(path.startswith(f"{ACTIONS}/") for path in streams):
         action = journal.declarations.at(ACTION)
         assert action is not None
         streams[ACTION] = np.zeros((0, *(size for size in action.shape[1:] if isinstance(size, int))), action.dtype)
-    frames = tuple(f"cameras/{camera}/" for camera in camera_names(streams))
-    constants = journal.constants.items()
-    known = {path: array for path, array in constants if not path.startswith("cameras/") or path.startswith(frames)}
+    recorded = {path.rpartition("/")[0] for path in streams}
+    known = {
+        path: array
+        for path, array in journal.constants.items()
+        if not path.startswith(("cameras/", "streams/")) or path.rpartition("/")[0] in recorded
+    }
     return {**streams, **known}
 
 

@@ -159,6 +159,8 @@ def _datasets(group: h5g.GroupID, prefix: str, seen: set[Any], depth: int) -> It
 
     if group.links.iterate(note)[0]:
         raise Refused(f"holds more than {OBJECTS} objects")
+    if prefix and not names and not prefix.startswith("extra/"):
+        raise Refused(f"{prefix.rstrip('/')} is a group without arrays")
     for name in names:
         path = prefix + _checked_name(name, prefix)
         link = group.links.get_info(name)

@@ -78,7 +78,6 @@ QUARANTINED = {
     "objects": with_rows(T_NS, dtype="|O"),
     "records": with_rows(T_NS, dtype="i4,i4"),
     "no dtype": with_rows(T_NS, dtype="nonsense((("),
-    "another dtype": with_rows(WRENCH, dtype="<i4"),
     "huge shape": with_rows(T_NS, shape=[2**62, 2**62]),
     "shape of text": with_rows(T_NS, shape="many"),
     "negative shape": with_rows(T_NS, shape=[-1]),
@@ -158,6 +157,16 @@ def test_what_is_strange_in_an_episode_is_left_out(dataset, content):
     saved = read_episode(dataset.episode_path(1))
     assert saved.arrays.keys() - make_episode(1).arrays.keys() <= {"extra/x"}
     np.testing.assert_array_equal(saved.wrench, make_episode(1).wrench)
+
+
+def test_an_array_of_another_dtype_than_declared_is_left_out(dataset):
+    content = with_rows(WRENCH, dtype="<i4")
+    journal_path(dataset).write_bytes(content)
+    repaired(dataset, "salvaged")
+    saved = read_episode(dataset.episode_path(1))
+    assert not saved.has("wrench")
+    assert saved.meta.history[-1]["damaged_bytes"] > 0
+    assert (dataset.path / "damaged" / "episode_000001.journal").read_bytes() == content
 
 
 def test_rows_that_never_were_are_not_made_up(dataset):

@@ -153,6 +153,7 @@ def test_a_policy_without_eyes_reads_no_images(folder):
 
 def changed(episode, **arrays):
     """An episode with other arrays, by the last part of their path; None takes one away."""
+    declarations = arrays.pop("declarations", episode.declarations)
     found = dict(episode.arrays)
     for path in episode.arrays:
         name = path.rpartition("/")[2]
@@ -160,7 +161,7 @@ def changed(episode, **arrays):
             found[path] = arrays[name]
             if arrays[name] is None:
                 del found[path]
-    return Episode(episode.meta, found)
+    return Episode(episode.meta, found, declarations)
 
 
 def far(episode):
@@ -222,8 +223,11 @@ def test_the_bounds_of_actions_are_those_of_the_declaration(tmp_path):
     own = planar_action(max_move=0.1, max_turn=0.5)
     factor = np.array([1, 4, 4, 4, 0.5 / (np.pi / 16)], np.float32)
     episodes = [demonstration(index) for index in range(6)]
-    wide = [changed(one, action=one.action * factor, expert_action=one.action * factor) for one in episodes]
-    wide = [replace(one, declarations=Declarations([own, expert(own)])) for one in wide]
+    declared = Declarations([own, expert(own)])
+    wide = [
+        changed(one, declarations=declared, action=one.action * factor, expert_action=one.action * factor)
+        for one in episodes
+    ]
     data = [data_of(write(tmp_path / name, some)) for name, some in (("paper", episodes), ("own", wide))]
     batches = [one.valid_set.batch(range(len(one.valid_set))) for one in data]
     torch.testing.assert_close(batches[0]["action"], batches[1]["action"])
