@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 
 NAMES = (
     "info", "view", "plot", "validate", "repair", "relabel", "filter", "merge", "split", "stats", "pack", "unpack",
-    "card", "topdown",
+    "card", "topdown", "upgrade",
 )  # fmt: skip
 
 
@@ -138,7 +138,7 @@ def test_info_of_a_dataset(command, week):
     assert code == 0
     for said in (
         "4 episodes, 19 steps", "success   2 of 4 (50.0%)", "expert (2), teleop (2)", "centering (4)",
-        "wrench: 500 Hz", "[N, N m]", "front: 16 x 16 px, 20 Hz", "1.0 (4)", "svfl 0",
+        "wrench: 500 Hz", "[N, N m]", "front: 16 x 16 px, 20 Hz", "2.0 (4)", "svfl 0",
     ):  # fmt: skip
         assert said in out, said
     facts = json.loads(command("info", week.path, "--json")[1])
@@ -158,7 +158,9 @@ def test_info_of_one_episode(command, week):
         assert facts["steps"] == 7
         assert facts["meta"]["annotations"][0]["name"] == "slip"
         wrench = facts["arrays"]["streams/wrench/t_ns"]
-        assert wrench == {"shape": [275], "dtype": "int64", "unit": "ns", "rate_hz": pytest.approx(500)}
+        known = {"shape": [275], "dtype": "int64", "unit": "ns", "rate_hz": pytest.approx(500)}
+        assert {name: wrench[name] for name in known} == known
+        assert facts["arrays"]["streams/wrench/wrench"]["about"] == "sensor origin"
 
 
 def test_info_names_what_is_damaged(command, week):

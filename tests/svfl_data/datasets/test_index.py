@@ -15,6 +15,7 @@ from svfl_data.errors import StorageError
 from svfl_data.maintenance.pack import pack
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import make_episode
+from tests.helpers.open_episode import bare_episode, dataset_of, open_episode
 
 pytestmark = pytest.mark.slow
 
@@ -42,12 +43,34 @@ def test_the_summary_is_the_sum_of_the_files(dataset):
     assert found.seconds == pytest.approx(sum(0.05 * steps for steps in (3, 4, 5, 6)))
     assert found.bytes == sum(dataset.episode_path(number).stat().st_size for number in range(4))
     assert (found.successes, found.tasks, found.sources) == (4, {"centering": 4}, {"expert": 4})
-    assert found.format_versions == {"1.0": 4}
+    assert found.format_versions == {"2.0": 4}
     wrench = found.streams["wrench"]
     assert (wrench["episodes"], wrench["rows"]) == (4, sum(25 * steps + 100 for steps in (3, 4, 5, 6)))
     assert wrench["rate_hz"] == pytest.approx((500, 500))
     assert found.cameras["front"]["sizes"] == [[16, 16]]
     assert found == summary(dataset)  # from the index what came from the files
+
+
+def test_instructions_and_robots_are_counted_and_lines_without_them_do_not_count(tmp_path, opened):
+    cups = dataset_of(tmp_path / "cups", open_episode)
+    assert summary(cups).instructions == {"put the cup on the plate": 3}
+    assert summary(cups).robots == {"ur5e": 3}
+    assert summary(dataset_of(tmp_path / "bare", bare_episode)).instructions == {}
+    before = len(opened)
+    lines = [json.loads(line) for line in (cups.path / INDEX).read_text().splitlines()]
+    older = [{name: value for name, value in line.items() if name != "robot"} for line in lines]
+    (cups.path / INDEX).write_text("".join(json.dumps(line) + "\n" for line in older))
+    assert summary(cups).robots == {"ur5e": 3}
+    assert len(opened) == before + 3
+
+
+def test_an_index_keeps_the_beginning_of_a_long_instruction(tmp_path):
+    def talkative(number):
+        episode = make_episode(number)
+        return dataclasses.replace(episode, meta=dataclasses.replace(episode.meta, instruction="please " * 5000))
+
+    (said,) = summary(dataset_of(tmp_path / "long", talkative, 1)).instructions
+    assert len(said) == index.LONGEST_SAID
 
 
 def test_only_what_is_new_or_changed_is_opened(dataset, opened):
