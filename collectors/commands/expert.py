@@ -27,6 +27,7 @@ def add(commands: Commands) -> None:
         example="svfl-collect expert --task block_picking --episodes 50 --workers 2 --seed 0 --out data/block_picking\n"
         "svfl-collect expert --task all --episodes 50 --workers 2 --out data/tasks   # a folder for each task\n"
         "svfl-collect expert --task block_picking --cameras front,top --image-size 128 --out data/two_views\n"
+        "svfl-collect expert --task block_picking --robot ur5e_sim --out data/ur5e   # the UR5e instead of the Panda\n"
         "svfl-collect expert --task block_picking --perturb 0.15 --out data/perturbed   # to clone a policy\n"
         "svfl-collect expert --task block_picking --tags --out data/tagged   # AprilTags tell success\n"
         "svfl-collect expert --task block_picking --out data/seen --rerun   # watch it, after starting: rerun\n"
