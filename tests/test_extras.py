@@ -75,7 +75,8 @@ def test_every_module_is_imported_or_says_which_extra_it_needs():
     assert not [module for module in failures if ".commands" in module or module.endswith(".cli")]
     in_data = [module for module in failures if module.startswith("svfl_data.")]
     assert {module for module in in_data if not module.startswith("svfl_data.viewer")} == {
-        "svfl_data.reports.dataset_card", "svfl_data.reports.plot", "svfl_data.sampling.torch_samples",
+        "svfl_data.reports.dataset_card", "svfl_data.reports.plot", "svfl_data.reports.plot_curves",
+        "svfl_data.reports.plot_strips", "svfl_data.sampling.torch_samples",
     }  # fmt: skip
 
 

@@ -2,18 +2,23 @@
 
 import argparse
 import dataclasses
+from contextlib import suppress
 from typing import Any
 
 from svfl_data.commands.source import add_episode, add_json, add_path, is_episode, print_json, reader
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.index import Summary, summary
-from svfl_data.schema.field_words import camera_pose, meaning
+from svfl_data.errors import SvflError
+from svfl_data.schema.field import Field
+from svfl_data.schema.field_words import camera_pose, meaning, own, title
 from svfl_data.schema.rates import declared_hz
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.command_line import Commands
 from svfl_data.system.printable import printable
 
 SECONDS_PER_HOUR = 3600
+LONGEST_SAID = 80
+"""Largest number of characters of an instruction that are printed for a dataset."""
 MOST_NAMED = 20
 """Largest number of tasks, sources, damaged files and similar items that are named; of others only their number."""
 
@@ -22,10 +27,11 @@ def add(commands: Commands) -> None:
     """Add the command ``info`` and its arguments to the command line."""
     parser = commands.add_parser(
         "info",
-        help="print what a dataset holds: episodes, steps, hours, tasks, streams with rate and unit, size",
-        description="Print what a dataset holds: episodes, steps, hours, tasks, success rate, sources, streams with "
-        "rate and unit, cameras with size and rate, bytes, versions. With --episode, or if PATH is an episode file, "
-        "print the details of one episode.",
+        help="print what a dataset holds: episodes, steps, hours, tasks, streams and fields with units, size",
+        description="Print what a dataset holds: episodes, steps, hours, tasks, instructions, robots, success rate, "
+        "sources, streams with rate and unit, cameras with size, rate and place, actions and fields of your own with "
+        "unit, axes, bounds and what is assumed, bytes, versions. With --episode, or if PATH is an episode file, print "
+        "the details of one episode.",
         example="svfl-data info data/centering\nsvfl-data info data/centering --episode 3 --json",
     )
     add_path(parser)
@@ -46,14 +52,23 @@ def run(arguments: argparse.Namespace) -> None:
         return
     dataset = Dataset.open(arguments.path)
     found = summary(dataset)
-    first = dataset.episode(dataset.indices[0]) if found.episodes and not found.damaged else None
+    first = _first_readable(dataset) if found.episodes else None
     software = first.meta.software if first else {}
     strays = dataset.strays()
     if arguments.json:
         facts = {"path": str(dataset.path), "info": dataset.info, "software": software, "not_counted": strays}
-        print_json({**facts, **dataclasses.asdict(found)})
+        print_json({**facts, **dataclasses.asdict(found), "fields": field_facts(first) if first else {}})
     else:
         print(dataset_words(dataset, found, first, strays))
+
+
+def _first_readable(dataset: Dataset) -> EpisodeReader | None:
+    for index in dataset.indices:
+        with suppress(SvflError):
+            reader = dataset.episode(index)
+            if reader.meta and reader.paths:
+                return reader
+    return None
 
 
 def units(group: str, episode: EpisodeReader | None) -> str:
@@ -82,6 +97,8 @@ def dataset_words(dataset: Dataset, found: Summary, first: EpisodeReader | None,
         f"{dataset.path}: {found.episodes} episodes, {found.steps} steps, "
         f"{found.seconds / SECONDS_PER_HOUR:.3g} hours, {size_words(found.bytes)}",
         f"  tasks     {_counts(found.tasks)}",
+        *([f"  to do     {_counts(found.instructions, LONGEST_SAID)}"] if found.instructions else []),
+        *([f"  robots    {_counts(found.robots)}"] if found.robots else []),
         f"  sources   {_counts(found.sources)}",
         f"  success   {found.successes} of {found.episodes} ({rate})",
     ]
@@ -93,6 +110,9 @@ def dataset_words(dataset: Dataset, found: Summary, first: EpisodeReader | None,
         where = camera_pose(name, first.paths) if first else ""
         moving = f", {where}" if where else ""
         lines.append(f"  camera    {printable(name, 40)}: {sizes}, {_rates(camera)}, {camera['rows']} frames{moving}")
+    fields = _told(first) if first else []
+    more = [f"  field     and {len(fields) - MOST_NAMED} more"] if len(fields) > MOST_NAMED else []
+    lines += [*(f"  field     {_field_words(field)}" for field in fields[:MOST_NAMED]), *more]
     lines += [
         f"  format    {_counts(found.format_versions)}",
         f"  software  {_versions(first.meta.software if first else {})}",
@@ -100,6 +120,19 @@ def dataset_words(dataset: Dataset, found: Summary, first: EpisodeReader | None,
         *_some("no name", [f"{name}: not counted; an episode is named like episode_000012.hdf5" for name in strays]),
     ]
     return "\n".join(map(printable, lines))
+
+
+def _told(episode: EpisodeReader) -> list[Field]:
+    """Return the fields that are told for a dataset: actions, the user's own ones, and those with an assumption."""
+    declared = [field for path in episode.paths if (field := episode.declarations.at(path))]
+    mine = {field.path for field in own(episode.paths, episode.declarations)}
+    return [field for field in declared if field.assumed or field.path in mine or field.group == "actions"]
+
+
+def _field_words(field: Field) -> str:
+    row = f" {field.shape_words}" if field.shape else ""
+    said = meaning(field)
+    return f"{title(field, whole=True)}: {field.dtype}{row}{', ' + said if said else ''}"
 
 
 def _some(head: str, words: list[str]) -> list[str]:
@@ -112,8 +145,8 @@ def _versions(software: dict[str, str]) -> str:
     return printable(", ".join(f"{name} {version}" for name, version in software.items()) or "unknown")
 
 
-def _counts(counts: dict[str, int]) -> str:
-    named = [f"{printable(name, 40)} ({count})" for name, count in counts.items()]
+def _counts(counts: dict[str, int], longest: int = 40) -> str:
+    named = [f"{printable(name, longest)} ({count})" for name, count in counts.items()]
     more = [f"{len(named) - MOST_NAMED} more"] if len(named) > MOST_NAMED else []
     return ", ".join([*named[:MOST_NAMED], *more]) or "-"
 
@@ -158,6 +191,20 @@ def episode_facts(episode: EpisodeReader) -> dict[str, Any]:
         "sha256": episode.seal, "steps": len(episode), "seconds": episode.seconds,
         "meta": dataclasses.asdict(episode.meta), "arrays": arrays,
     }  # fmt: skip
+
+
+def field_facts(episode: EpisodeReader) -> dict[str, dict[str, Any]]:
+    """Return what the declarations of all arrays of an episode say, as JSON values by dataset path.
+
+    Args:
+        episode: Reader of the episode.
+    """
+    facts = {}
+    for path in episode.paths:
+        if field := episode.declarations.at(path):
+            known = {"shape": list(field.shape), "dtype": field.dtype, "unit": field.unit}
+            facts[path] = known | _meaning(episode, path)
+    return facts
 
 
 def _meaning(episode: EpisodeReader, path: str) -> dict[str, Any]:

@@ -15,8 +15,8 @@ def add(commands: Commands) -> None:
         "plot",
         help="draw a picture of an episode: images, force, torque, gripper, actions, contacts, label",
         description="Draw a picture of an episode and write it as a PNG file. It shows images, force, torque, gripper "
-        "opening and actions over time, with contacts and other annotations, and the label as an arrow in the last "
-        "image.",
+        "opening, actions and fields of your own over time, with contacts and other annotations, and the label as an "
+        "arrow in the last image.",
         example="svfl-data plot data/centering --episode 3 --out episode.png",
     )
     add_path(parser)

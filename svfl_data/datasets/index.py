@@ -35,6 +35,8 @@ SIZE_LIMIT = 2**29
 """Largest size of an index that is read, [bytes]. It is enough for a quarter of a million episodes with lines of one to
 two kilobytes."""
 LINE_LIMIT = 2**20
+LONGEST_SAID = 200
+"""Largest number of characters of an instruction, and of the name of a robot, that the index keeps."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,9 @@ class Entry:
         streams: Number of rows and mean rate [Hz] of each stream by name. The rate is None with fewer than two rows.
         cameras: Number of rows, mean rate [Hz], image height and image width [px] of each camera by name. The rate is
             None with fewer than two rows.
+        instruction: What was to be done, in words, cut to `LONGEST_SAID` characters; empty if nobody said. A line
+            without it, or without the robot, is of an earlier version and does not count.
+        robot: Name of the robot, likewise.
     """
 
     name: str
@@ -81,6 +86,8 @@ class Entry:
     format_version: str = ""
     streams: dict[str, tuple[Count, float | None]] = field(default_factory=dict)
     cameras: dict[str, tuple[Count, float | None, Count, Count]] = field(default_factory=dict)
+    instruction: str = field(kw_only=True)
+    robot: str = field(kw_only=True)
 
 
 _DECODER = msgspec.json.Decoder(Entry)
@@ -98,6 +105,8 @@ class Summary:
         bytes: Size of all episodes, damaged ones included, [bytes].
         successes: Number of episodes that achieved their task.
         tasks: Number of episodes by task.
+        instructions: Number of episodes by instruction, of those that say one.
+        robots: Number of episodes by name of the robot, of those that say one.
         sources: Number of episodes by source.
         format_versions: Number of episodes by format version.
         streams: Figures of each stream by name: number of episodes that have it (``episodes``), number of rows
@@ -113,6 +122,8 @@ class Summary:
     bytes: int
     successes: int
     tasks: dict[str, int]
+    instructions: dict[str, int]
+    robots: dict[str, int]
     sources: dict[str, int]
     format_versions: dict[str, int]
     streams: dict[str, dict[str, Any]]
@@ -193,6 +204,8 @@ def summary(dataset: Dataset) -> Summary:
         bytes=sum(entry.bytes for entry in found),
         successes=sum(entry.success for entry in good),
         tasks=dict(Counter(entry.task for entry in good)),
+        instructions=dict(Counter(entry.instruction for entry in good if entry.instruction)),
+        robots=dict(Counter(entry.robot for entry in good if entry.robot)),
         sources=dict(Counter(entry.source for entry in good)),
         format_versions=dict(Counter(entry.format_version for entry in good)),
         streams=_gathered([entry.streams for entry in good]),
@@ -275,11 +288,12 @@ def describe(extent: Extent) -> Entry:
                 camera: (len(reader[path]), _rounded(rates.get(path)), *sizes[camera])
                 for camera, path in cameras.items()
             },
+            instruction=meta.instruction[:LONGEST_SAID], robot=meta.robot[:LONGEST_SAID],
         )  # fmt: skip
     except OldVersionError:
         raise
     except SvflError as error:
-        return Entry(*place, Setup(), "", str(error))
+        return Entry(*place, Setup(), "", str(error), instruction="", robot="")
 
 
 def _rounded(rate: float | None) -> float | None:
@@ -316,7 +330,8 @@ def _examine(dataset: Dataset, place: _Place) -> Entry:
         raise
     except SvflError as error:  # a link, a pipe, or gone since it was listed
         name = dataset.file_name(place.index)
-        return Entry(name, place.index, place.size, place.mtime_ns, 0, Setup(), "", str(error))
+        where = (name, place.index, place.size, place.mtime_ns, 0)
+        return Entry(*where, Setup(), "", str(error), instruction="", robot="")
 
 
 def _read_lines(file: Path) -> list[Entry]:

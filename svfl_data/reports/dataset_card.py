@@ -40,7 +40,8 @@ class Facts:
         index: Index of the episode.
         success: Whether the task was achieved.
         seconds: Time from the first to the last observation, [s].
-        peak_n: Largest norm of the force after the recorded transforms, from the first observation on, [N].
+        peak_n: Largest norm of the force after the recorded transforms, from the first observation on, [N]. None
+            if the episode has no ``streams/wrench``.
         direction: Label of the episode, an index into `svfl_data.symmetry.DIRECTIONS`; -1 if it has no label.
         annotations: Name of each annotation of the episode.
         findings: Severity of each finding of the checks of ``svfl-data validate``.
@@ -49,7 +50,7 @@ class Facts:
     index: int
     success: bool
     seconds: float
-    peak_n: float
+    peak_n: float | None
     direction: int
     annotations: tuple[str, ...]
     findings: tuple[str, ...]
@@ -107,7 +108,7 @@ def episode_facts(episode: Episode) -> Facts:
         episode.meta.index,
         episode.meta.success,
         float(episode.t_ns[-1] - episode.t_ns[0]) / 1e9,
-        float(force.max()) if len(force) else 0.0,
+        float(force.max(initial=0.0)) if episode.has("wrench") else None,
         int(episode.label_direction) if episode.has("label_direction") else -1,
         tuple(str(one.get("name")) for one in episode.meta.annotations if isinstance(one, dict)),
         tuple(finding.severity for finding in check_episode(episode)),
@@ -115,21 +116,23 @@ def episode_facts(episode: Episode) -> Facts:
 
 
 def distributions(facts: Sequence[Facts]) -> Figure:
-    """Draw histograms of the episodes: duration, largest force, and the labels if any episode has one.
+    """Draw histograms of the episodes: duration, and largest force and labels of those that have a wrench or a label.
 
     Args:
         facts: Facts about the episodes, at least one.
     """
     figure = Figure(figsize=(11, 2.8), layout="constrained")
     labelled = any(fact.direction >= 0 for fact in facts)
-    axes = np.atleast_1d(figure.subplots(1, 3 if labelled else 2))
+    felt = [fact for fact in facts if fact.peak_n is not None]
+    axes = np.atleast_1d(figure.subplots(1, 1 + bool(felt) + labelled))
     _histogram(axes[0], facts, "seconds", "duration, s")
-    _histogram(axes[1], facts, "peak_n", "largest force, N")
     axes[0].legend(fontsize=8, frameon=False)
+    if felt:
+        _histogram(axes[1], felt, "peak_n", "largest force, N")
     if labelled:
         counts = [sum(fact.direction == number for fact in facts) for number in range(len(DIRECTIONS))]
-        axes[2].bar(DIRECTIONS, counts, color=plot.GREY)
-        axes[2].set_xlabel("label: direction in the image")
+        axes[-1].bar(DIRECTIONS, counts, color=plot.GREY)
+        axes[-1].set_xlabel("label: direction in the image")
     for axis in axes:
         axis.set_ylabel("episodes")
         axis.spines[["top", "right"]].set_visible(False)
@@ -167,6 +170,8 @@ def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, p
         "",
         f"{found.episodes} episodes of {' and '.join(map(markdown, found.tasks))}: {found.steps} steps, "
         f"{found.seconds / 60:.3g} minutes, {found.bytes / 1e6:.3g} MB. Source: {_listed(found.sources)}.",
+        *(["", f"Instruction: {_listed(found.instructions)}."] if found.instructions else []),
+        *(["", f"Robot: {_listed(found.robots)}."] if found.robots else []),
         "",
         "| | |",
         "| --- | --- |",
@@ -178,8 +183,8 @@ def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, p
         "| --- | --- | --- | --- |",
         *_streams(found, first),
         "",
-        "Each stream has its own timestamps. SI units; vectors in base axes, torque about the sensor origin. Wrench "
-        "readings are raw: subtract the tare, or apply the recorded transforms.",
+        "Each stream has its own timestamps. Wrench readings are raw: subtract the tare, or apply the recorded "
+        "transforms.",
         "",
         "## Distributions",
         "",
@@ -207,10 +212,11 @@ def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, p
 def _figures(
     dataset: Dataset, found: Summary, facts: Sequence[Facts], software: dict[str, str]
 ) -> Iterator[tuple[str, str]]:
-    peaks = np.array([fact.peak_n for fact in facts])
+    peaks = [fact.peak_n for fact in facts if fact.peak_n is not None]
     yield "success", f"{found.successes} of {found.episodes} ({found.successes / found.episodes:.1%})"
     yield "duration of an episode", f"{_range([fact.seconds for fact in facts])} s"
-    yield "largest force of an episode", f"{_range(peaks.tolist())} N"
+    if peaks:
+        yield "largest force of an episode", f"{_range(peaks)} N"
     if marks := Counter(name for fact in facts for name in fact.annotations):
         yield "annotations", _listed(marks)
     if any(fact.direction >= 0 for fact in facts):
@@ -241,8 +247,9 @@ def _streams(found: Summary, first: EpisodeReader) -> Iterator[str]:
         where = camera_pose(name, first.paths)
         place = f", {where}" if where else ""
         yield f"| camera {markdown(name)} | {_rate(camera)} | {camera['rows']} | {sizes}{place} |"
-    for group in ("observations", "actions"):
-        yield f"| {group} | each step | {found.steps} | {_arrays(group, first)} |"
+    for group, rows in (("observations", found.steps + found.episodes), ("actions", found.steps), ("labels", None)):
+        if what := _arrays(group, first):
+            yield f"| {group} | {'each step' if rows else 'once'} | {rows or found.episodes} | {what} |"
 
 
 def _arrays(group: str, first: EpisodeReader) -> str:
@@ -250,9 +257,9 @@ def _arrays(group: str, first: EpisodeReader) -> str:
     said = []
     for field in first.declarations.in_group(group):
         if field.path in first and not field.path.endswith("/t_ns"):
-            more = f", {meaning(field)}" if meaning(field) else ""
-            said.append(f"{field.path.rpartition('/')[2]} [{field.unit}]{more}")
-    return markdown("; ".join(said))
+            more = f", {markdown(meaning(field))}" if meaning(field) else ""
+            said.append(f"{markdown(field.path.rpartition('/')[2])} [{markdown(field.unit)}]{more}")
+    return "; ".join(said)
 
 
 def _rate(stream: dict[str, Any]) -> str:

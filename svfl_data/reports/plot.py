@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
-from svfl_data.reports.plot_curves import TALLEST_LEGEND, draw_curves, field_curves, is_planar, wrench_curves
+from svfl_data.reports.plot_curves import TALLEST_LEGEND, Curves, draw_curves, field_curves, is_planar, wrench_curves
 from svfl_data.reports.plot_strips import FRAMES as FRAMES  # imported for users of this module
 from svfl_data.reports.plot_strips import camera_strip, field_strip, pictured
 from svfl_data.reports.plot_style import DASHES, GREY, NAME, TURN, X, Y, Z
@@ -29,7 +29,8 @@ from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
 
 MARKS = ("#f0e442", "#56b4e9", "#e69f00", "#cc79a7", "#999999")
-WIDTH_IN, STRIP_IN, PANEL_IN, GRIPPER_IN, HEAD_IN = 11.0, 1.75, 1.7, 0.8, 1.05
+WIDTH_IN, STRIP_IN, PANEL_IN, SINGLE_IN, GRIPPER_IN, HEAD_IN = 11.0, 1.75, 1.7, 1.0, 0.8, 1.05
+LEFT, LEFT_OF_NAMES = 0.1, 0.13  # left edge of the panels, and where panels have names of several lines
 DPI = 110
 SAID = 80  # largest number of characters of an instruction
 TALLEST_IN = 60.0  # largest height of the picture; with more cameras the panels become lower
@@ -69,12 +70,12 @@ def overview(episode: Episode) -> Figure:
     strips, panels = _strips(episode), _panels(episode)
     heights = [STRIP_IN] * len(strips) + [panel.height for panel in panels]
     total = min(HEAD_IN + sum(heights), TALLEST_IN)
-    figure = Figure(figsize=(WIDTH_IN, total))
+    figure, left = Figure(figsize=(WIDTH_IN, total)), LEFT_OF_NAMES if any(panel.named for panel in panels) else LEFT
     grid = GridSpec(
         len(heights), 1, figure, height_ratios=heights, hspace=0.12,
-        left=0.1, right=0.86, top=1 - 0.6 / total, bottom=0.45 / total,
+        left=left, right=0.86, top=1 - 0.6 / total, bottom=0.45 / total,
     )  # fmt: skip
-    figure.suptitle(title(episode), x=0.1, y=1 - 0.12 / total, ha="left", va="top", fontsize=10)
+    figure.suptitle(title(episode), x=left, y=1 - 0.12 / total, ha="left", va="top", fontsize=10)
     axes = [figure.add_subplot(grid[row]) for row in range(len(heights))]
     span, drawn = time_span(episode), axes[len(strips) :]
     for axis, strip in zip(axes, strips, strict=False):
@@ -107,10 +108,12 @@ class Panel:
     Attributes:
         draw: Function that draws the curves and names the vertical axis.
         height: Height of the panel, [in].
+        named: Whether the vertical axis has a name of several lines.
     """
 
     draw: Callable[[Axes], None]
     height: float = PANEL_IN
+    named: bool = False
 
 
 def _panels(episode: Episode) -> list[Panel]:
@@ -119,13 +122,17 @@ def _panels(episode: Episode) -> list[Panel]:
     planar = is_planar(episode)
     if episode.has("wrench"):
         found += [Panel(partial(_force, episode=episode)), Panel(partial(_torque, episode=episode))]
-    found += [Panel(partial(draw_curves, episode=episode, curves=curves)) for curves in wrench_curves(episode)]
+    found += [_named(episode, curves) for curves in wrench_curves(episode)]
     if planar or episode.has("proprio"):
         found.append(Panel(partial(_opening, episode=episode, planar=planar), GRIPPER_IN))
     if planar:
         found.append(Panel(partial(_action, episode=episode)))
-    others = field_curves(episode, planar)
-    return found + [Panel(partial(draw_curves, episode=episode, curves=curves)) for curves in others]
+    return found + [_named(episode, curves) for curves in field_curves(episode, planar)]
+
+
+def _named(episode: Episode, curves: Curves) -> Panel:
+    height = PANEL_IN if len(curves.names) > 1 else SINGLE_IN
+    return Panel(partial(draw_curves, episode=episode, curves=curves), height, named=True)
 
 
 def title(episode: Episode) -> str:

@@ -86,15 +86,18 @@ def by_unit(field: Field, row: tuple[int, ...]) -> dict[str, list[int]]:
     return found
 
 
-def title(field: Field) -> str:
-    """Return the path of an array with its unit, such as ``tactile/pressure, kPa``; streams are named without a prefix.
+def title(field: Field, whole: bool = False) -> str:
+    """Return the path of an array with its units, such as ``tactile/pressure, kPa``.
 
     Args:
         field: Declaration of the array.
+        whole: Whether to write ``streams/tactile/pressure [kPa]`` instead, as lists of arrays do.
     """
-    units = ", ".join(dict.fromkeys(unit for unit in field.unit.split(", ") if unit != "-"))
+    units = printable(", ".join(dict.fromkeys(unit for unit in field.unit.split(", ") if unit != "-")), LONGEST)
+    if whole:
+        return printable(field.path, 2 * LONGEST) + (f" [{units}]" if units else "")
     name = printable(field.path.removeprefix("streams/"), 2 * LONGEST)
-    return f"{name}, {printable(units, LONGEST)}" if units else name
+    return f"{name}, {units}" if units else name
 
 
 def meaning(field: Field) -> str:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import pyarrow as pa
 import rerun as rr
 
 from svfl_data.schema.field import Field
@@ -167,9 +166,8 @@ def _pictures(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldVi
     rows = _chosen(len(t_ns), max(1, EXACT_BYTES // max(1, 8 * int(np.prod(array.shape[1:])))))
     values = np.stack([tiled(row) for row in _read(array, rows)]).astype(np.float32)
     _log_range(recording, view.entity, values)
-    batches = [rr.components.TensorDataBatch(picture).as_arrow_array() for picture in values]
-    (column,) = rr.Tensor.columns(data=values[0])
-    send(recording, view.entity, t_ns[rows], [rr.ComponentColumn(column.component_descriptor(), _Tensors(batches))])
+    for row, picture in zip(rows, values, strict=True):  # columns take a stack of pictures for one tensor
+        send(recording, view.entity, t_ns[row : row + 1], rr.Tensor.columns(data=picture))
 
 
 def tiled(row: np.ndarray) -> np.ndarray:
@@ -233,13 +231,3 @@ def _read(array: np.ndarray | StoredArray, rows: np.ndarray) -> Iterator[np.ndar
 def _numbers(values: np.ndarray) -> np.ndarray:
     """Return numbers as float64; complex ones by their magnitude."""
     return (np.abs(values) if values.dtype.kind == "c" else values).astype(np.float64)
-
-
-@dataclass(frozen=True)
-class _Tensors:
-    """Tensors of many rows as one column; Rerun's own constructor takes the first axis for a part of the tensor."""
-
-    batches: list[pa.Array]
-
-    def as_arrow_array(self) -> pa.Array:
-        return pa.concat_arrays(self.batches)

@@ -15,6 +15,7 @@ from svfl_data.errors import StorageError
 from svfl_data.maintenance.pack import pack
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import make_episode
+from tests.helpers.open_episode import bare_episode, dataset_of, open_episode
 
 pytestmark = pytest.mark.slow
 
@@ -48,6 +49,28 @@ def test_the_summary_is_the_sum_of_the_files(dataset):
     assert wrench["rate_hz"] == pytest.approx((500, 500))
     assert found.cameras["front"]["sizes"] == [[16, 16]]
     assert found == summary(dataset)  # from the index what came from the files
+
+
+def test_instructions_and_robots_are_counted_and_lines_without_them_do_not_count(tmp_path, opened):
+    cups = dataset_of(tmp_path / "cups", open_episode)
+    assert summary(cups).instructions == {"put the cup on the plate": 3}
+    assert summary(cups).robots == {"ur5e": 3}
+    assert summary(dataset_of(tmp_path / "bare", bare_episode)).instructions == {}
+    before = len(opened)
+    lines = [json.loads(line) for line in (cups.path / INDEX).read_text().splitlines()]
+    older = [{name: value for name, value in line.items() if name != "robot"} for line in lines]
+    (cups.path / INDEX).write_text("".join(json.dumps(line) + "\n" for line in older))
+    assert summary(cups).robots == {"ur5e": 3}
+    assert len(opened) == before + 3
+
+
+def test_an_index_keeps_the_beginning_of_a_long_instruction(tmp_path):
+    def talkative(number):
+        episode = make_episode(number)
+        return dataclasses.replace(episode, meta=dataclasses.replace(episode.meta, instruction="please " * 5000))
+
+    (said,) = summary(dataset_of(tmp_path / "long", talkative, 1)).instructions
+    assert len(said) == index.LONGEST_SAID
 
 
 def test_only_what_is_new_or_changed_is_opened(dataset, opened):

@@ -89,7 +89,10 @@ class Robot:
         camera = episode.cameras["front"]
         self.cameras = {
             "front": SimpleNamespace(
-                intrinsics=camera.intrinsics, T_base_camera=camera.T_base_camera, depth_scale=float(camera.depth_scale)
+                intrinsics=camera.intrinsics,
+                T_base_camera=camera.T_base_camera,
+                T_tcp_camera=None,
+                depth_scale=float(camera.depth_scale),
             )
         }
         self.episode, self.step = episode, 0
