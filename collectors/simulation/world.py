@@ -335,10 +335,14 @@ class World(OwnProcess):
 
     @property
     def _tcp_pose(self) -> NDArray[np.float64] | None:
-        """Pose of the TCP in base, (4, 4); None if no camera is mounted on the gripper."""
+        """Pose of the TCP in base, (4, 4), or of home before the first reset; None if no camera is on the gripper."""
         if not any(camera.mounted for camera in self._cameras.values()):
             return None
-        pose, tcp = np.eye(4), self.tcp
+        pose = np.eye(4)
+        if self._home is None:
+            pose[:3, :3], pose[:3, 3] = np.diag([1.0, -1.0, -1.0]), self.config.home
+            return pose
+        tcp = self.tcp
         pose[:3, :3] = np.reshape(pybullet.getMatrixFromQuaternion(tcp[3:]), (3, 3))
         pose[:3, 3] = tcp[:3]
         return pose

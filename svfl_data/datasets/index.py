@@ -28,7 +28,7 @@ from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.progress import progress
 from svfl_data.system.regular_file import open_regular
-from svfl_data.system.side_files import Count, Int64
+from svfl_data.system.side_files import Count, Int64, reads
 
 INDEX = "index.jsonl"
 SIZE_LIMIT = 2**29
@@ -178,7 +178,7 @@ def _known(dataset: Dataset, present: "Mapping[str, _Place]") -> tuple[dict[str,
     lines = _read_lines(dataset.path / INDEX)
     known = {}
     for entry in lines:
-        current = entry.format_version.split(".")[0] == FORMAT_VERSION.split(".")[0] and not entry.error
+        current = reads(FORMAT_VERSION, entry.format_version) and not entry.error
         if current and present.get(entry.name) == _Place(entry.index, entry.size, entry.mtime_ns):
             known[entry.name] = entry
     return known, len(lines)

@@ -25,6 +25,7 @@ from svfl_data.storage.metadata import JSON_ATTRIBUTES, PLAIN_ATTRIBUTES, parse_
 from svfl_data.storage.seal import HDF5_MAGIC, SEAL_MARK, SEAL_SIZE, broken
 from svfl_data.storage.stored_array import StoredArray
 from svfl_data.system.printable import printable
+from svfl_data.system.side_files import reads
 
 FORMAT = "svfl-episode"
 FORMAT_VERSION = "2.0"
@@ -160,11 +161,11 @@ def check_format(attributes: Mapping[str, Any], where: object) -> None:
         raise FormatError(
             f"{where}: an HDF5 file, but not an episode (attribute format is {_short(found)}, not {FORMAT!r})"
         )
-    version, ours = attributes.get("format_version"), FORMAT_VERSION.split(".")[0]
-    if not isinstance(version, str) or version.split(".")[0] != ours:
+    version, ours = attributes.get("format_version"), FORMAT_VERSION.partition(".")[0]
+    if not reads(FORMAT_VERSION, version):
         found = printable(version if isinstance(version, str) else repr(version), 40)
         words = f"{where}: format version {found}; this software reads {ours}.x"
-        if found.startswith("1."):
+        if reads("1.0", version):
             raise OldVersionError(f"{words}; svfl-data upgrade makes a new dataset of it")
         raise FormatError(words)
 

@@ -7,6 +7,7 @@ again.
 """
 
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -107,9 +108,20 @@ def check_format(value: Any, name: str, version: str, where: object, what: str) 
     """
     if not isinstance(value, dict) or value.get("format") != name:
         raise FormatError(f"{where}: {what} (format is not {name!r})")
-    found, ours = value.get("format_version"), version.split(".")[0]
-    if not isinstance(found, str) or found.split(".")[0] != ours:
+    found = value.get("format_version")
+    if not reads(version, found):
+        ours = version.partition(".")[0]
         raise FormatError(f"{where}: format version {printable(found, 40)}; this software reads {ours}.x")
+
+
+def reads(version: str, found: object) -> bool:
+    """Return whether software that writes a format version, such as ``2.0``, reads files of another one.
+
+    Args:
+        version: Format version of this software.
+        found: What a file says its version is; anything but two numbers with a point between them is not read.
+    """
+    return isinstance(found, str) and bool(re.fullmatch(rf"{version.partition('.')[0]}\.[0-9]{{1,9}}", found))
 
 
 def parse_as(value: Any, model: type[Model], where: object) -> Model:  # noqa: ANN401 - any JSON value

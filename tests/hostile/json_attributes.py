@@ -86,7 +86,7 @@ ODD = {  # attribute, value, why it may stand
     "annotations_long": ("annotations", [{"name": "n" * 10**6, "start_ns": 0, "end_ns": 10**8}], "long, but text"),
     "annotations_50000": ("annotations", [{"name": f"a{k}", "start_ns": k, "end_ns": k} for k in range(50_000)], OWN),
     "transforms_numbers": ("transforms", [1, None, "x"], ""),
-    "transforms_unknown": ("transforms", [{"name": "rm -rf", "kind": "x"}], ""),
+    "transforms_unknown": ("transforms", [{"name": "rm -rf", "kind": "x"}], "what shows or copies it need not know it"),
     "transforms_low_pass_zero": ("transforms", [{"name": "low_pass", "cutoff_hz": 0}], ""),
     "transforms_low_pass_text": ("transforms", [{"name": "low_pass", "cutoff_hz": "x"}], ""),
     "transforms_low_pass_huge": ("transforms", [{"name": "low_pass", "cutoff_hz": 1e308}], "above every frequency"),

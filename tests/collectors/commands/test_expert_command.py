@@ -120,8 +120,8 @@ def test_a_robot_is_chosen_by_name_and_recorded(tmp_path):
     assert "exact" in done.stdout
 
 
-@pytest.mark.parametrize("name", CAMERAS)
-def test_every_camera_sees_the_workspace(name):
+@pytest.mark.parametrize("name", [name for name, config in CAMERAS.items() if not config.mounted])
+def test_every_camera_that_stands_still_sees_the_workspace(name):
     config = CAMERAS[name]
     with World(SMALL.__class__(cameras={name: CameraConfig(**{**vars(config), "height": 100, "width": 100})})) as world:
         calibration = world.camera

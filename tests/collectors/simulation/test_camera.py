@@ -127,6 +127,13 @@ def test_a_camera_on_the_gripper_sees_the_world_where_it_is(robot):
                 assert np.abs(top[:, :2].mean(axis=0) - world.pose(block)[:2]).max() < 0.02
 
 
+def test_before_the_first_reset_the_gripper_is_taken_to_be_at_home():
+    with World(WorldConfig(cameras=WRIST)) as world:
+        expected = world.cameras["wrist"].T_base_camera
+        world.reset(seed=0)
+        np.testing.assert_allclose(world.cameras["wrist"].T_base_camera, expected, atol=5e-3)
+
+
 def test_an_episode_has_the_mount_and_the_poses_that_give_the_cameras_pose(tmp_path):
     with World(WorldConfig(cameras=WRIST)) as world:
         world.reset(seed=0)
