@@ -28,7 +28,8 @@ def write(folder, episodes):
     """A dataset of episodes, numbered as they come."""
     Dataset.create_or_resume(folder, "block_picking", seed=0, config={})
     for index, episode in enumerate(episodes):
-        write_episode(Episode(replace(episode.meta, index=index), episode.arrays), folder / Dataset.file_name(index))
+        numbered = replace(episode, meta=replace(episode.meta, index=index))
+        write_episode(numbered, folder / Dataset.file_name(index))
     return folder
 
 

@@ -161,7 +161,7 @@ def changed(episode, **arrays):
             found[path] = arrays[name]
             if arrays[name] is None:
                 del found[path]
-    return Episode(episode.meta, found, declarations)
+    return Episode(episode.meta, found, declarations=declarations)
 
 
 def far(episode):
