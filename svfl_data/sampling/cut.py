@@ -16,6 +16,7 @@ from svfl_data.schema.declarations import STANDARD, Declarations
 from svfl_data.schema.episode import Episode
 from svfl_data.schema.input_spec import InputSpec, Window
 from svfl_data.schema.validity import Readable
+from svfl_data.signals.camera_poses import camera_poses, frame_axes, moves
 
 
 def cut_steps(episode: Episode, inputs: InputSpec, steps: Sequence[int] | None = None) -> dict[str, np.ndarray]:
@@ -83,6 +84,9 @@ def cut(
         if group.startswith("cameras/"):
             paths = declarations.image_paths(group.removeprefix("cameras/"), arrays)
             out |= {path: _taken(arrays[path], taken) for path in paths}
+            if moves(arrays, camera := group.removeprefix("cameras/")):
+                axes = frame_axes(camera_poses(arrays, camera, t_ns)).astype(np.float32)
+                out[f"{group}/image_axes"] = np.concatenate([np.eye(2, dtype=np.float32)[None], axes])[taken]
             continue
         for path in (path for path in inputs.windows if path.rpartition("/")[0] == group):
             values = _taken(_array(arrays, path, name), taken)

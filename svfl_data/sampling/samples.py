@@ -22,6 +22,7 @@ from svfl_data.schema.clocks import Clock
 from svfl_data.schema.input_spec import ACTIONS, EXPERT_ACTION, InputSpec, Window
 from svfl_data.schema.input_spec import PROPRIO as PROPRIO  # imported for users of this module
 from svfl_data.schema.input_spec import WRENCH as WRENCH
+from svfl_data.signals.camera_poses import camera_poses, frame_axes, moves, pose_paths
 from svfl_data.storage.reader import StoredArray
 from svfl_data.system.progress import progress
 
@@ -37,7 +38,8 @@ class Samples:
 
     - ``cameras/NAME/color`` (B, K, h, w, 3) uint8, ``cameras/NAME/depth`` (B, K, h, w) uint16, and likewise other
       images of the camera: the last K frames at or before the observation, latest last;
-      ``cameras/NAME/depth_scale`` (B,): metres per unit of depth.
+      ``cameras/NAME/depth_scale`` (B,): metres per unit of depth. Of a camera that moves, and whose pose is known,
+      ``cameras/NAME/image_axes`` (B, K, 2, 2) float32: matrix from base (x, y) to image (right, up) at each frame.
     - ``streams/wrench/wrench`` (B, T, 6) float32, [N] and [N m], and likewise each array with a window: the last T
       readings at or before the observation, minus the ``tare`` of the group if it has one.
     - ``observations/proprio`` (B, 5) float32, and likewise each vector, as recorded.
@@ -183,6 +185,8 @@ class Samples:
             group = f"cameras/{camera}"
             rows, out[f"{group}/padding"] = self._rows[group].last(chosen, self.inputs.frames)
             out[f"{group}/age"] = self._rows[group].age[chosen]
+            if group in self._axes:
+                out[f"{group}/image_axes"] = self._axes[group][rows]
             for path, images in self._images.items():
                 if path.startswith(f"{group}/"):
                     height, width = self._sizes[path]
@@ -212,6 +216,9 @@ class Samples:
         scales = [f"{group}/depth_scale" for group in cameras if f"{group}/depth" in images]
         needed = [TIMES, *self.inputs.vectors, *self.actions, *self.inputs.windows, *tares, *self.labels, *scales]
         needed += [*images, *(f"{group}/t_ns" for group in groups)]
+        moving = {group: pose_paths(first.paths, one) for group, one in zip(cameras, self.inputs.cameras, strict=True)
+                  if moves(first.paths, one)}  # fmt: skip
+        needed += [path for paths in moving.values() for path in paths if path not in needed]
         stored = [{path: reader[path] for path in needed} for reader in progress(readers, "opening episodes")]
         if self.expert_action and ACTION in self.actions:
             for of_episode, reader in zip(stored, readers, strict=True):
@@ -246,6 +253,7 @@ class Samples:
             clocks = [Clock.of(meta, group) for meta in metas]
             window = self.inputs.groups.get(group, Window())
             self._rows[group] = rows_of(values[f"{group}/t_ns"], now_ns, clocks, window, group, readers)
+        self._axes = {group: _axes(group, values, [*paths, f"{group}/t_ns"]) for group, paths in moving.items()}
         self._constants = {path: np.stack(values[path]) for path in (*self.labels, *scales)}
 
     def _check(self, stored: list[dict[str, StoredArray]], pictures: Collection[str]) -> None:
@@ -303,6 +311,14 @@ def apart(batch: Mapping[str, Values], count: int) -> list[dict[str, Values]]:
 
 def _tared(readings: np.ndarray, tare: np.ndarray) -> np.ndarray:
     return (readings - tare).astype(readings.dtype) if tare.shape == readings.shape[1:] else readings
+
+
+def _axes(group: str, values: Mapping[str, list[np.ndarray]], needed: Sequence[str]) -> np.ndarray:
+    """Return the matrices from base (x, y) to image (right, up) of a camera that moves, joined as its frames are."""
+    camera, clock = group.removeprefix("cameras/"), f"{group}/t_ns"
+    pieces = [dict(zip(needed, of_episode, strict=True)) for of_episode in zip(*map(values.get, needed), strict=True)]
+    axes = [frame_axes(camera_poses(arrays, camera, arrays[clock])) for arrays in pieces]
+    return np.concatenate([np.eye(2)[None], *axes]).astype(np.float32)
 
 
 def _sound(array: StoredArray) -> np.ndarray:

@@ -16,8 +16,9 @@ import rerun.blueprint as rrb
 
 from svfl_data.errors import UsageError
 from svfl_data.schema.robot import Observation, Robot
+from svfl_data.signals.camera_poses import mounted
 from svfl_data.system.own_process import OwnProcess
-from svfl_data.viewer.entities import cameras, images, names, plots, scene
+from svfl_data.viewer.entities import images, names, plots, scene
 from svfl_data.viewer.entities.robot import robot_for
 
 PERIOD_S = 0.1
@@ -165,7 +166,7 @@ class Live(OwnProcess):
             entity = images.camera_entity("", name)
             if name in self._mounts:
                 tcp = np.stack([np.asarray(one.tcp) for one in seen])
-                images.send_poses(recording, entity, t_ns, cameras.mounted(tcp, self._mounts[name]))
+                images.send_poses(recording, entity, t_ns, mounted(tcp, self._mounts[name]))
             images.send_color(recording, entity, t_ns, np.stack([one.frames[name].color for one in seen]), small=False)
             images.send_depth(recording, entity, t_ns, np.stack([one.frames[name].depth for one in seen]), small=False)
         self._send_wrench(recording)

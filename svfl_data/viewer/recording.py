@@ -5,9 +5,10 @@ from pathlib import Path
 
 import rerun as rr
 
+from svfl_data.signals.camera_poses import TCP_POSE, TCP_TIMES
 from svfl_data.viewer.entities import names, plots, scene
 from svfl_data.viewer.entities.cameras import log_camera
-from svfl_data.viewer.entities.episode_source import ACTION, PROPRIO, TCP_POSE, TCP_TIMES, TIMES, WRENCH, EpisodeSource
+from svfl_data.viewer.entities.episode_source import ACTION, PROPRIO, TIMES, WRENCH, EpisodeSource
 from svfl_data.viewer.entities.fields import FieldView, log_fields
 from svfl_data.viewer.entities.robot import Robot, robot_for
 from svfl_data.viewer.entities.wrenches import RULE as RULE  # imported for users of this module

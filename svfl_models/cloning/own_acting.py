@@ -14,7 +14,7 @@ from svfl_models.cloning.module import CloningModule
 from svfl_models.cloning.own_data import square
 from svfl_models.cloning.recorded_inputs import of_plain
 from svfl_models.networks.action_space import ActionSpace
-from svfl_models.networks.image_crops import centre_crop, crop_side, scaled
+from svfl_models.networks.image_crops import centre_crop, crop_side, scaled, turned
 from svfl_models.networks.policy import Policy
 from svfl_models.programs import own_policy
 from svfl_models.programs.program import TOLERANCE, from_bytes
@@ -26,6 +26,8 @@ TRIALS = 8
 
 class OwnActingPolicy(nn.Module):
     """Policy that maps its inputs, in the order of `DeploymentSpec.inputs`, to commands in base axes.
+
+    After the images of a camera that moves comes the matrix of its image axes.
 
     It contains all steps between a sensor and a command: cropping, the change of axes, the workspace centre and the
     gripper. The command is the mode of the policy's distribution of actions.
@@ -41,6 +43,7 @@ class OwnActingPolicy(nn.Module):
         self.policy, self.deployment = policy, deployment
         self.inputs, self.space = of_plain(deployment.inputs), ActionSpace.of_plain(deployment.action)
         axes = np.array(deployment.image_axes)
+        self.register_buffer("axes", torch.tensor(axes, dtype=torch.float32))
         for number, one in enumerate(self.inputs):
             if one.kind != "image":
                 for name, values in zip(("matrix", "offset", "turn"), one.maps(axes), strict=True):
@@ -52,13 +55,18 @@ class OwnActingPolicy(nn.Module):
         """Return the commands, shape (B, C), in base axes and the units of the action.
 
         Args:
-            values: Values of each input: images (B, channels, H, W), colour and grey 0..1, depth in [m]; windows
-                (B, T, C), tared, and vectors (B, C), as recorded.
+            values: Values of each input: images (B, channels, H, W), colour and grey 0..1, depth in [m]; the matrices
+                from base (x, y) to image (right, up) of a camera that moves (B, 2, 2); windows (B, T, C), tared, and
+                vectors (B, C), as recorded.
         """
-        batch = {}
-        for number, (one, given) in enumerate(zip(self.inputs, values, strict=True)):
+        batch, rest = {}, iter(values)
+        for number, one in enumerate(self.inputs):
+            given = next(rest)
             if one.kind == "image":
-                batch[one.path] = self._cropped(given)
+                image = square(given)
+                if one.axes:
+                    image = turned(image, self.get_buffer("axes") @ next(rest).transpose(1, 2))
+                batch[one.path] = self._cropped(image)
                 continue
             matrix, offset, turn = (self.get_buffer(f"{name}_{number}") for name in ("matrix", "offset", "turn"))
             batch[one.path] = (given - offset) @ matrix + turn
@@ -72,13 +80,16 @@ class OwnActingPolicy(nn.Module):
     def facts(self) -> own_policy.Facts:
         """Return what the policy takes and gives, for the file of an exported policy."""
         names = self.space.names or tuple(map(str, range(len(self.space))))
-        taken = [own_policy.InputFacts(one.path, one.shape, one.images, one.depth_scale, one.rate_hz)
-                 for one in self.inputs]  # fmt: skip
+        taken = []
+        for one in self.inputs:
+            taken.append(own_policy.InputFacts(one.path, one.shape, one.images, one.depth_scale, one.rate_hz))
+            if one.axes:
+                taken.append(own_policy.InputFacts(one.axes, (2, 2)))
         low, high = list(self.space.low), list(self.space.high)
         return own_policy.Facts(taken, list(names), low, high, self.deployment.step_ms)
 
     def _cropped(self, image: Tensor) -> Tensor:
-        image, size = square(image), self.policy.trunk.image_size
+        size = self.policy.trunk.image_size
         return scaled(centre_crop(image, crop_side(image.shape[-1], size)), size)
 
 
@@ -121,7 +132,7 @@ def _difference(network: OwnActingPolicy, content: bytes) -> float:
     program, _ = from_bytes(content, own_policy.FACTS)
     generator, worst = torch.Generator().manual_seed(0), torch.zeros(())
     for _ in range(TRIALS):
-        inputs = [torch.rand(1, *one.shape, generator=generator) for one in network.inputs]
+        inputs = [torch.rand(1, *one.shape, generator=generator) for one in network.facts().inputs]
         (told,) = program(*inputs)
         said, expected = (network.space.to_unit(answer) for answer in (told, network(*inputs)))
         worst = torch.maximum(worst, (said - expected).abs().max())

@@ -16,7 +16,7 @@ from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.recorded_inputs import RecordedInput, of_plain, windows
 from svfl_models.networks.action_space import ActionSpace
-from svfl_models.networks.image_crops import centre_crop, crop_side, random_crop, scaled
+from svfl_models.networks.image_crops import centre_crop, crop_side, random_crop, scaled, turned
 from svfl_models.networks.visual_force import Batch
 from svfl_models.training.augmentation import MARGIN, recoloured
 
@@ -71,7 +71,7 @@ class OwnDemonstrations(TorchDataset[Batch]):
             torch.manual_seed(int(np.random.SeedSequence([self.config.seed, keys[0]]).generate_state(1)[0]))
             for one in self.inputs:
                 if one.kind == "image":
-                    batch[one.path] = self._image(picture(one, recorded))
+                    batch[one.path] = self._image(placed(one, picture(one, recorded), recorded, self.axes))
                     continue
                 matrix, offset, turn = (torch.from_numpy(part).float() for part in one.maps(self.axes))
                 values = torch.from_numpy(recorded[one.path]).float().reshape(len(keys), *one.shape)
@@ -91,7 +91,6 @@ class OwnDemonstrations(TorchDataset[Batch]):
         return self.batch(np.linspace(0, len(self) - 1, min(len(self), STATISTICS)).astype(int).tolist())
 
     def _image(self, image: Tensor) -> Tensor:
-        image = square(image)
         size, height = self.config.image_size, image.shape[-1]
         side = crop_side(height, size)
         if not self.random:
@@ -122,6 +121,21 @@ def picture(one: RecordedInput, recorded: dict[str, np.ndarray]) -> Tensor:
             bright = (values / np.float32(255)).astype(np.float32)
             channels.append(bright.transpose(0, 3, 1, 2) if leaf == "color" else bright[:, None])
     return torch.from_numpy(np.concatenate(channels, axis=1).astype(np.float32))
+
+
+def placed(one: RecordedInput, image: Tensor, recorded: dict[str, np.ndarray], axes: np.ndarray) -> Tensor:
+    """Return the middle squares of images, turned into the axes of the policy if their camera moves.
+
+    Args:
+        one: The input.
+        image: Images of the input, shape (B, C, H, W).
+        recorded: Batch of samples, with the image axes (B, 1, 2, 2) of a camera that moves.
+        axes: Matrix from base (x, y) to image-aligned (right, up), shape (2, 2).
+    """
+    image = square(image)
+    if one.axes is None:
+        return image
+    return turned(image, torch.from_numpy(axes @ recorded[one.axes][:, 0].transpose(0, 2, 1)).to(image))
 
 
 def square(image: Tensor) -> Tensor:

@@ -12,6 +12,7 @@ from svfl_data.errors import TrainingError, UsageError
 from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.field import Field
 from svfl_data.schema.input_spec import Window
+from svfl_data.signals.camera_poses import moves
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.symmetry import Part, act
 from svfl_models.networks.action_space import parts_of
@@ -43,7 +44,8 @@ class RecordedInput:
         images: Last parts of the paths of an image's arrays: ``color``, ``grey`` and ``depth``, as far as recorded.
         size: Height and width of the images as recorded, [px].
         depth_scale: Metres per unit of depth.
-        moves: ``pixels`` if images turn with the world, else ``invariant``.
+        moves: ``pixels`` if images turn with the world, ``turned`` if they do so after they were turned from the axes
+            of their camera, which moves, into the image-aligned axes of the policy, else ``invariant``.
         offset: Numbers that are subtracted from the components in base axes: the workspace centre from positions.
     """
 
@@ -55,8 +57,13 @@ class RecordedInput:
     images: tuple[str, ...] = ()
     size: tuple[int, int] = (0, 0)
     depth_scale: float = 1.0
-    moves: Literal["pixels", "invariant"] = "pixels"
+    moves: Literal["pixels", "turned", "invariant"] = "pixels"
     offset: tuple[float, ...] = field(default=())
+
+    @property
+    def axes(self) -> str | None:
+        """Path of the matrix that a turned image needs: from base (x, y) to image (right, up), shape (2, 2)."""
+        return f"{self.path}/image_axes" if self.moves == "turned" else None
 
     @property
     def channels(self) -> int:
@@ -79,7 +86,7 @@ class RecordedInput:
     def network(self) -> NetworkInput:
         """Return the input of the network."""
         if self.kind == "image":
-            return ImageInput(self.path, self.channels, self.moves)
+            return ImageInput(self.path, self.channels, "invariant" if self.moves == "invariant" else "pixels")
         if self.kind == "sequence":
             return SequenceInput(self.path, self.typed, self.length)
         return VectorInput(self.path, self.typed)
@@ -116,7 +123,8 @@ def recorded_input(words: str, reader: EpisodeReader, symmetric: bool) -> Record
 
     Args:
         words: Path, then for a stream the number of readings and the rate, such as ``streams/wrench/wrench=64@500``.
-            With ``:invariant`` at the end, the input does not turn with the world: a sensor or camera on the gripper.
+            With ``:invariant`` at the end, the input does not turn with the world: a sensor on the gripper, or a camera
+            on it whose images are to be taken as they are.
         reader: Reader of an episode.
         symmetric: Whether the network is symmetric.
 
@@ -157,9 +165,12 @@ def _image(path: str, reader: EpisodeReader, invariant: bool) -> RecordedInput:
     if not images:
         raise UsageError(f"{reader.extent}: {path} has neither colour, grey nor depth images")
     still = f"{path}/T_base_camera" in reader and f"{path}/image_axes" in reader
+    moving: Literal["turned", "invariant"] = "turned" if moves(reader.paths, name) else "invariant"
     scale = float(reader[f"{path}/depth_scale"][()]) if "depth" in images else 1.0
-    moves: Literal["pixels", "invariant"] = "pixels" if still and not invariant else "invariant"
-    return RecordedInput(path, "image", images=images, size=reader.image_size(name), depth_scale=scale, moves=moves)
+    return RecordedInput(
+        path, "image", images=images, size=reader.image_size(name), depth_scale=scale,
+        moves="invariant" if invariant else "pixels" if still else moving,
+    )  # fmt: skip
 
 
 def _parts(declared: Field, row: tuple[int, ...], symmetric: bool, invariant: bool) -> tuple[Part, ...]:

@@ -77,6 +77,24 @@ def crop_at(image: Tensor, corner: Tensor, side: int) -> Tensor:
     return image.movedim(1, -1)[sample, rows, columns].movedim(-1, 1)  # (B, side, side, C) -> (B, C, side, side)
 
 
+def turned(image: Tensor, matrix: Tensor) -> Tensor:
+    """Turn or mirror the contents of square images about their middle, with bilinear interpolation.
+
+    Args:
+        image: Images, shape (B, C, H, H).
+        matrix: Orthogonal matrix from directions (right, up) in an image to those in its result, shape (B, 2, 2).
+
+    Returns:
+        The images, shape (B, C, H, H): what was seen in direction d from the middle is in direction ``matrix @ d``.
+        Where an image has nothing to show, the result is 0. A matrix that permutes pixels, such as a turn by 90
+        degrees, moves them exactly up to rounding.
+    """
+    (a, b), (c, d) = matrix.permute(1, 2, 0)
+    back = torch.stack([a, -c, -b, d], dim=-1).unflatten(-1, (2, 2))  # the inverse, with y downwards as in the grid
+    grid = functional.affine_grid(functional.pad(back, (0, 1)), list(image.shape), align_corners=False)
+    return functional.grid_sample(image, grid, mode="bilinear", padding_mode="zeros", align_corners=False)
+
+
 def scaled(image: Tensor, size: int) -> Tensor:
     """Scale square images bilinearly, with antialiasing.
 

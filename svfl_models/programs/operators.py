@@ -10,7 +10,8 @@ from typing import Any
 import torch
 
 _NAMES = """
-abs.default add.Scalar add.Tensor addmm.default all.default all.dim amax.default amin.default any.default any.dim
+abs.default add.Scalar add.Tensor addmm.default affine_grid_generator.default all.default all.dim amax.default
+amin.default any.default any.dim
 alias.default
 arange.default arange.start arange.start_step argmax.default argmin.default asin.default acos.default atan.default
 atan2.default avg_pool1d.default avg_pool2d.default adaptive_avg_pool1d.default adaptive_avg_pool2d.default

@@ -30,8 +30,10 @@ class InputFacts(msgspec.Struct):
 
     Attributes:
         path: Group of the camera, or path of the array, as in an episode: ``cameras/front``,
-            ``streams/wrench/wrench``, ``observations/proprio``.
-        shape: Shape of the values: images (channels, H, W), windows (T, C), vectors (C,).
+            ``streams/wrench/wrench``, ``observations/proprio``. After a camera that moves comes
+            ``cameras/wrist/image_axes``: the matrix from base (x, y) to image (right, up) when the image was taken
+            (`svfl_data.image_axes`).
+        shape: Shape of the values: images (channels, H, W), image axes (2, 2), windows (T, C), vectors (C,).
         images: Arrays of a camera that make up the channels, in their order: ``color``, ``grey``, ``depth``.
         depth_scale: Metres per unit of recorded depth.
         rate_hz: Rate of a window, [Hz]; None if it does not matter.
@@ -150,7 +152,7 @@ class OwnPolicy:
         Args:
             values: Values by path, as recorded: images ``cameras/NAME/color`` (H, W, 3) uint8, ``.../grey`` (H, W)
                 uint8 and ``.../depth`` (H, W) uint16; windows (T, ...), tared, latest last; vectors (C,). Further
-                entries are ignored.
+                entries are ignored. Image axes ``cameras/NAME/image_axes`` (2, 2) of cameras that move.
 
         Raises:
             TrainingError: If a value is missing or has another shape, or the action is not finite.

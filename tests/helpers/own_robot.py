@@ -1,5 +1,8 @@
 """Episodes of a robot with inputs and actions of its own, for tests of learning from them."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
 from svfl_data.datasets.dataset import Dataset
@@ -22,6 +25,7 @@ TACTILE = Field(path="streams/tactile/pressure", dtype="float32", shape=("T", 2,
 ACTION = pose_action(0.02, 0.1)
 FIELDS = [ACTION, VELOCITY, POSITION, TACTILE, wrench_stream("left_finger", axes="sensor")[0]]
 CENTRE = np.array([0.5, 0.1])
+MOUNT = np.array([[0.0, 1, 0, 0.04], [1, 0, 0, -0.02], [0, 0, -1, 0.08], [0, 0, 0, 1]])
 IMAGE_AXES = np.array([[0.0, 1.0], [-1.0, 0.0]])
 
 
@@ -65,9 +69,24 @@ def own_episode(index: int, steps: int = 6, success: bool = True) -> Episode:
     return Episode(meta, arrays, declarations=Declarations(FIELDS))
 
 
-def own_dataset(folder, count: int = 5) -> Dataset:
+def tcp_poses(t_ns: np.ndarray) -> np.ndarray:
+    """A gripper that points straight down, with another yaw at every time; position [m], quat_xyzw, (K, 7)."""
+    yaw = 0.4 * t_ns / 1e9
+    down = np.stack([np.cos(yaw / 2), np.sin(yaw / 2), np.zeros_like(yaw), np.zeros_like(yaw)], axis=1)
+    return np.concatenate([np.stack([0.4 + 0.1 * yaw, 0.1 * yaw, 0.2 - 0.01 * yaw], axis=1), down], axis=1)
+
+
+def moving_episode(index: int) -> Episode:
+    """The same, with the poses of the TCP at 100 Hz, so that the pose of the camera on the gripper is known."""
+    episode = own_episode(index)
+    t_ns = np.arange(3_000_000, episode.t_ns[-1], 10_000_000)
+    tcp = {"streams/tcp/t_ns": t_ns, "streams/tcp/pose": tcp_poses(t_ns), "cameras/wrist/T_tcp_camera": MOUNT}
+    return replace(episode, arrays={**episode.arrays, **tcp})
+
+
+def own_dataset(folder, count: int = 5, episode: Callable[[int], Episode] = own_episode) -> Dataset:
     """A dataset of such episodes."""
     dataset = Dataset.create_or_resume(folder, "wiping", 0, {})
     for index in range(count):
-        write_episode(own_episode(index), dataset.episode_path(index))
+        write_episode(episode(index), dataset.episode_path(index))
     return dataset

@@ -3,10 +3,11 @@
 import numpy as np
 import rerun as rr
 
+from svfl_data.signals.camera_poses import camera_poses
 from svfl_data.system.printable import printable
 from svfl_data.system.progress import progress
 from svfl_data.viewer.entities import images
-from svfl_data.viewer.entities.episode_source import TCP_POSE, TCP_TIMES, EpisodeSource
+from svfl_data.viewer.entities.episode_source import EpisodeSource
 
 FRAMES_AT_ONCE = 256
 EXACT_BYTES = 2**26
@@ -58,58 +59,13 @@ def image_entity(shown: EpisodeSource, path: str) -> str:
     return f"{shown.camera_entity(camera)}/{rr.escape_entity_path_part(kind)}"
 
 
-def poses(shown: EpisodeSource, camera: str, t_ns: np.ndarray) -> np.ndarray:
-    """Return the pose of a camera that moves at each of its frames, shape (F, 4, 4), [m], base axes.
-
-    Args:
-        shown: Episode that is shown.
-        camera: Name of a camera that moves by itself, or with the gripper on which it is mounted.
-        t_ns: Times of the frames, shape (F,), [ns].
-
-    Returns:
-        Poses; NaN at frames before the first pose of the TCP.
-    """
-    if f"cameras/{camera}/T_base_camera_per_frame" in shown:
-        return shown[f"cameras/{camera}/T_base_camera_per_frame"]
-    rows = np.searchsorted(shown[TCP_TIMES], t_ns, side="right") - 1  # the latest pose at or before the frame
-    tcp = shown[TCP_POSE][np.maximum(rows, 0)] if len(shown.arrays[TCP_POSE]) else np.zeros((len(t_ns), 7))
-    T_base_camera = mounted(tcp, shown[f"cameras/{camera}/T_tcp_camera"])
-    T_base_camera[rows < 0] = np.nan
-    return T_base_camera
-
-
-def mounted(tcp: np.ndarray, T_tcp_camera: np.ndarray) -> np.ndarray:
-    """Return the poses of a camera that is mounted on the gripper, shape (F, 4, 4), [m], base axes.
-
-    Args:
-        tcp: Poses of the TCP in base, position [m] and quat_xyzw, shape (F, 7).
-        T_tcp_camera: Pose of the camera relative to the TCP, shape (4, 4), [m].
-    """
-    T_base_tcp = np.tile(np.eye(4), (len(tcp), 1, 1))
-    T_base_tcp[:, :3, :3], T_base_tcp[:, :3, 3] = rotations(tcp[:, 3:]), tcp[:, :3]
-    return np.asarray(T_base_tcp @ T_tcp_camera)
-
-
 def _log_pose(recording: rr.RecordingStream, shown: EpisodeSource, camera: str, t_ns: np.ndarray) -> None:
     entity, group = shown.camera_entity(camera), f"cameras/{camera}"
     if f"{group}/T_base_camera" in shown:
         pose = shown[f"{group}/T_base_camera"]
         recording.log(entity, rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]), static=True)
     else:
-        images.send_poses(recording, entity, t_ns, poses(shown, camera, t_ns))
-
-
-def rotations(quat_xyzw: np.ndarray) -> np.ndarray:
-    """Return the matrices of rotations, shape (F, 3, 3).
-
-    Args:
-        quat_xyzw: Unit quaternions, shape (F, 4).
-    """
-    vector, w = quat_xyzw[:, :3], quat_xyzw[:, 3:, None]
-    x, y, z = vector.T
-    zero = np.zeros_like(x)
-    cross = np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), -1, 0)
-    return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
+        images.send_poses(recording, entity, t_ns, camera_poses(shown.arrays, camera, t_ns))
 
 
 def _bytes(shown: EpisodeSource, path: str) -> int:

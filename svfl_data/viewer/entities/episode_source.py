@@ -13,6 +13,7 @@ from svfl_data.schema.episode import Episode, Meta
 from svfl_data.schema.field_words import OBSERVED as TIMES
 from svfl_data.schema.field_words import camera_pose
 from svfl_data.schema.fields import FARTHEST_NS, camera_names
+from svfl_data.signals.camera_poses import TCP_POSE, TCP_TIMES
 from svfl_data.signals.contact import ContactRule, contact_force
 from svfl_data.signals.transforms import LowPass, from_record, processed_wrench
 from svfl_data.storage.reader import EpisodeReader, StoredArray
@@ -22,7 +23,6 @@ READINGS_AT_ONCE = 2**15
 """Number of wrench readings in one piece; about a minute at 500 Hz."""
 PROPRIO = "observations/proprio"
 WRENCH_TIMES, WRENCH, TARE = "streams/wrench/t_ns", "streams/wrench/wrench", "streams/wrench/tare"
-TCP_TIMES, TCP_POSE = "streams/tcp/t_ns", "streams/tcp/pose"
 PLANAR = planar_action().components
 NEEDED = (TIMES, PROPRIO, TARE, "workspace")
 """Arrays that transforms of the wrench may need besides its readings."""

@@ -7,10 +7,11 @@ import numpy as np
 import rerun as rr
 
 from svfl_data.schema.field_words import wrench_groups
+from svfl_data.signals.camera_poses import TCP_TIMES
 from svfl_data.signals.contact import CONTACT, ContactRule, contact_intervals
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer.entities import plots, scene
-from svfl_data.viewer.entities.episode_source import PROPRIO, TCP_TIMES, TIMES, WRENCH, WRENCH_TIMES, EpisodeSource
+from svfl_data.viewer.entities.episode_source import PROPRIO, TIMES, WRENCH, WRENCH_TIMES, EpisodeSource
 from svfl_data.viewer.entities.names import SCENE
 
 ARROWS = 20_000

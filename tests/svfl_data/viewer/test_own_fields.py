@@ -13,9 +13,9 @@ from rerun.chunk import RrdReader
 from svfl_data.schema.declarations import Declarations, wrench_stream
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.schema.field import Field
+from svfl_data.signals.camera_poses import camera_poses, rotations
 from svfl_data.viewer import show
 from svfl_data.viewer.entities import fields, images, scene
-from svfl_data.viewer.entities.cameras import poses, rotations
 from svfl_data.viewer.entities.episode_source import EpisodeSource
 from svfl_data.viewer.summary_text import summary_text
 from tests.helpers.builders import make_episode
@@ -152,7 +152,7 @@ def test_a_camera_that_moves_by_itself_has_its_recorded_poses(tmp_path):
     _, position = logged(file, "scene/cameras/front", "Transform3D:translation")
     np.testing.assert_allclose(position[:, 0], moving[:, :3, 3], rtol=1e-6)
     assert "/scene/cameras/front/depth" in entities(file)  # the point cloud is below the camera, and follows it
-    np.testing.assert_array_equal(poses(EpisodeSource.of(episode), "front", episode.cameras["front"].t_ns), moving)
+    np.testing.assert_array_equal(camera_poses(episode.arrays, "front", episode.cameras["front"].t_ns), moving)
 
 
 def test_rotations_and_quaternions_agree():
