@@ -62,7 +62,8 @@ def run(arguments: argparse.Namespace) -> None:
     from collectors.teleop.clock import Clock
     from collectors.teleop.devices.script import InputLog
     from collectors.teleop.screen import NoScreen, Screen
-    from collectors.teleop.session import Session, Teleoperation
+    from collectors.teleop.session import Session
+    from collectors.teleop.setting import Teleoperation
     from svfl_data.datasets.dataset import Dataset
 
     if arguments.rerun:

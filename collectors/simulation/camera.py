@@ -10,7 +10,8 @@ from collectors.simulation.bounds import Degrees, Pixels, Point, Positive
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.linear import length, product
 from svfl_data.errors import UsageError
-from svfl_data.schema.robot import Calibration, Frame
+from svfl_data.schema.observation import Frame
+from svfl_data.schema.optics import Calibration
 from svfl_data.system.own_process import OwnProcess
 
 
@@ -147,10 +148,11 @@ class Camera(OwnProcess):
 
         Returns:
             Frame with the colour, (height, width, 3) uint8 RGB, and the depth along the optical axis, (height, width)
-            uint16 in units of `CameraConfig.depth_scale`, which is 0 where nothing was seen.
+            uint16 in units of `CameraConfig.depth_scale`, which is 0 where nothing was seen; of a camera on the gripper
+            also its pose.
         """
         self.check_process()
-        c, view = self._config, self._view
+        c, view, pose = self._config, self._view, None
         if c.mounted:
             pose = self.calibration(T_base_tcp).T_base_camera
             view = pybullet.computeViewMatrix(pose[:3, 3], pose[:3, 3] + pose[:3, 2], -pose[:3, 1])
@@ -170,4 +172,4 @@ class Camera(OwnProcess):
         depth = c.far * c.near / (c.far - (c.far - c.near) * buffer)
         units = np.where(depth < 0.999 * c.far, np.round(depth / c.depth_scale), 0.0)
         colour = np.asarray(rgba, np.uint8).reshape(c.height, c.width, 4)[:, :, :3]
-        return Frame(np.ascontiguousarray(colour), units.astype(np.uint16))
+        return Frame(np.ascontiguousarray(colour), units.astype(np.uint16), T_base_camera=pose)

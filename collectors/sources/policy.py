@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collectors.recording.collection import software_versions
-from collectors.recording.loop import Watcher, record, unwatched
+from collectors.recording.loop import record, unwatched
 from collectors.recording.worker import forget
 from collectors.simulation.config import WorldConfig
-from collectors.sources.declared import declarations_of
 from collectors.sources.simulated import VERSIONS, Simulated
 from collectors.tasks import task_class
 from collectors.tasks.task import MAX_STEPS, POLICY_ATTEMPT, attempt_seed
@@ -27,7 +26,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, UsageError
 from svfl_data.reports.success_rate import wilson
 from svfl_data.schema.episode import Episode, Meta
-from svfl_data.schema.robot import Observation, Policy
+from svfl_data.schema.robot import Observation, Policy, Watcher
 from svfl_data.system.regular_file import open_regular
 
 GROUP = "svfl.policies"
@@ -97,9 +96,9 @@ class PolicyCollector(Simulated):
         software = software_versions(*VERSIONS)
         meta = Meta(
             self.task, index, self.seed, "policy", task.success(), self.config() | facts, software,
-            robot=self.world.robot.name,
+            robot=self.opened.name,
         )  # fmt: skip
-        return Episode(meta, arrays, declarations=declarations_of(self.world))
+        return Episode(meta, arrays, declarations=self.opened.declarations)
 
     def _act(self, observation: Observation) -> NDArray[np.float32] | None:
         """Return the policy's action, clipped to its bounds so that the recorded action is the one carried out."""

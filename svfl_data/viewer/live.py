@@ -15,7 +15,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from svfl_data.errors import UsageError
-from svfl_data.schema.robot import Observation, Robot
+from svfl_data.schema.robot import Observation, Readings, Robot
 from svfl_data.signals.camera_poses import mounted
 from svfl_data.system.own_process import OwnProcess
 from svfl_data.viewer.entities import images, names, plots, scene

@@ -18,7 +18,8 @@ from collectors.teleop.devices.keyboard import Keyboard
 from collectors.teleop.devices.script import InputLog, Script
 from collectors.teleop.devices.sdl import pygame
 from collectors.teleop.screen import NoScreen
-from collectors.teleop.session import ATTEMPT, Session, Teleoperation
+from collectors.teleop.session import Session
+from collectors.teleop.setting import ATTEMPT, Teleoperation
 from collectors.teleop.window import Window
 from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
