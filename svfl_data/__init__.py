@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from svfl_data.replay.buffer import ReplayBuffer as ReplayBuffer
     from svfl_data.replay.config import ReplayConfig as ReplayConfig
     from svfl_data.sampling.cut import cut_steps as cut_steps
+    from svfl_data.sampling.live_cut import LiveCut as LiveCut
     from svfl_data.sampling.samples import Samples as Samples
     from svfl_data.sampling.split import Split as Split
     from svfl_data.sampling.split import load_split as load_split
@@ -76,7 +77,7 @@ HOMES = {
     "EpisodeReader": "storage.reader",
     "EpisodeWriter": "recording.writer", "FIELDS": "schema.fields", "Field": "schema.field",
     "Frame": "schema.observation",
-    "Gap": "recording.recording_clocks", "Gravity": "signals.transforms", "LowPass": "signals.transforms",
+    "Gap": "recording.recording_clocks", "Gravity": "signals.transforms", "LiveCut": "sampling.live_cut", "LowPass": "signals.transforms",
     "Meta": "schema.episode", "MissingField": "schema.episode", "NEXT": "recording.index_locks",
     "Observation": "schema.observation", "Part": "symmetry", "ReplayBuffer": "replay.buffer",
     "ReplayConfig": "replay.config", "Robot": "schema.robot", "Samples": "sampling.samples", "Split": "sampling.split",

@@ -101,18 +101,16 @@ def world(arguments: argparse.Namespace) -> WorldConfig:
     """
     from dataclasses import replace
 
-    from collectors.simulation.camera import CAMERAS
+    from collectors.simulation.camera import cameras_named
     from collectors.simulation.config import WorldConfig
     from collectors.simulation.noise import NoiseConfig
 
-    for name in arguments.cameras:
-        if name not in CAMERAS:
-            raise UsageError(f"--cameras: no camera {name!r}; the cameras are {', '.join(CAMERAS)}")
+    cameras = cameras_named(arguments.cameras)
     size = arguments.image_size
     return WorldConfig(
         robot=make(arguments.robot),
         noise=NoiseConfig() if arguments.sensor_noise == "realistic" else NoiseConfig.none(),
-        cameras={name: replace(CAMERAS[name], height=size, width=size) for name in arguments.cameras},
+        cameras={name: replace(camera, height=size, width=size) for name, camera in cameras.items()},
     )
 
 

@@ -17,9 +17,7 @@ OBJECT = "object"
 """Name of the state that is the pose of the task's object, (7,): position [m], quat_xyzw, base axes."""
 
 
-def unwatched(
-    robot: Robot, observation: Observation, action: NDArray[np.float32] | None, readings: Readings
-) -> None:
+def unwatched(robot: Robot, observation: Observation, action: NDArray[np.float32] | None, readings: Readings) -> None:
     """Do nothing with an observation, which is the default watcher."""
 
 

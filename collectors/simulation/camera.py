@@ -1,6 +1,7 @@
 """The RGB-D camera, which stands still or is mounted on the gripper, and its calibration."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from svfl_data.errors import UsageError
 from svfl_data.schema.observation import Frame
 from svfl_data.schema.optics import Calibration
 from svfl_data.system.own_process import OwnProcess
+from svfl_data.system.printable import printable
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,21 @@ CAMERAS = {
 }
 """Cameras by name. Those that stand still look at the workspace centre from 0.8 to 1.2 m, left and right as seen from
 the robot. The one at the wrist looks at the fingertips from beside the gripper."""
+
+
+def cameras_named(names: Iterable[str]) -> dict[str, CameraConfig]:
+    """Return the configurations of cameras by name.
+
+    Args:
+        names: Names, each one of `CAMERAS`.
+
+    Raises:
+        UsageError: If there is no such camera.
+    """
+    chosen = list(names)
+    if unknown := [name for name in chosen if name not in CAMERAS]:
+        raise UsageError(f"no camera {printable(unknown[0], 40)!r}; the cameras are {', '.join(CAMERAS)}")
+    return {name: CAMERAS[name] for name in chosen}
 
 
 def calibration(config: CameraConfig) -> Calibration:

@@ -37,6 +37,8 @@ LEAD = 4.0
 
 A free gripper that turns back at full speed needs 3.8 stopping distances.
 """
+CARRIED = 512
+"""Most wrench readings of an observation (1.02 s at 500 Hz), so that windows of a policy are whole from the first step."""
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
 
 
@@ -337,15 +339,15 @@ class World(OwnProcess):
         """
         self.check_process()
         arm, pose = self._arm, self._tcp_pose
-        wrench_t_ns = self._readings.last_times(WINDOW)
+        wrench_t_ns, recent = self._readings.last_times(CARRIED), self._readings.last(CARRIED) - self.tare_offset
         return Observation(
             t_ns=int(wrench_t_ns[-1]),
             frames={name: camera.render(pose) for name, camera in self._cameras.items()} if render else {},
-            wrench=self._readings.last(WINDOW) - self.tare_offset,
+            wrench=recent[-WINDOW:],
             proprio=np.array([arm.opening, *arm.position, arm.theta], np.float32),
             joints=np.array(arm.joints, np.float32),
             tcp=None if pose is None else np.array(self.tcp),
-            values={"streams/wrench/t_ns": wrench_t_ns},
+            values={"streams/wrench/t_ns": wrench_t_ns, "streams/wrench/wrench": recent},
         )
 
     def readings(self) -> dict[str, dict[str, np.ndarray]]:

@@ -129,6 +129,8 @@ class Observation:
             found[f"cameras/{name}/color"] = frame.color[None]
             if frame.depth is not None:
                 found[f"cameras/{name}/depth"] = frame.depth[None]
+            if frame.T_base_camera is not None:
+                found[f"cameras/{name}/T_base_camera_per_frame"] = frame.T_base_camera[None]
         for path, values in self.values.items():
             found[path] = values if path.startswith("streams/") else np.asarray(values)[None]
         return found

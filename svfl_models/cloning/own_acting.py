@@ -117,14 +117,28 @@ def export(module: CloningModule, file: Path) -> float:
         TrainingError: If the actions differ by more than rounding.
         StorageError: If the file cannot be written.
     """
-    policy = acting(module)
-    content = own_policy.exported(policy, policy.facts())
+    content = _exported(module)
     own_policy.opened(content, str(file))
     worst = _difference(OwnActingPolicy(module.policy, module.deployment).eval(), content)
     if not worst < TOLERANCE:
         raise TrainingError(f"{file}: not written, its actions differ from the network's by {worst:.1g}")
     write_atomically(file, content)
     return worst
+
+
+def opened(module: CloningModule, name: str) -> own_policy.OwnPolicy:
+    """Return a trained policy as its exported program acts, without a file.
+
+    Args:
+        module: The trained policy.
+        name: Name of the policy in messages.
+    """
+    return own_policy.opened(_exported(module), name)
+
+
+def _exported(module: CloningModule) -> bytes:
+    policy = acting(module)
+    return own_policy.exported(policy, policy.facts())
 
 
 @torch.no_grad()

@@ -151,7 +151,8 @@ class OwnPolicy:
 
         Args:
             values: Values by path, as recorded: images ``cameras/NAME/color`` (H, W, 3) uint8, ``.../grey`` (H, W)
-                uint8 and ``.../depth`` (H, W) uint16; windows (T, ...), tared, latest last; vectors (C,). Further
+                uint8 and ``.../depth`` (H, W) uint16, or several with the latest last, as in a sample; windows
+                (T, ...), tared, latest last; vectors (C,). Further
                 entries are ignored. Image axes ``cameras/NAME/image_axes`` (2, 2) of cameras that move.
 
         Raises:
@@ -170,7 +171,8 @@ class OwnPolicy:
                 have = ", ".join(map(printable, values)) or "nothing"
                 raise TrainingError(f"{self._name}: takes {printable(path)}; this robot gives {have}")
         if one.images:
-            channels = [_channel(leaf, values[f"{one.path}/{leaf}"], one.depth_scale) for leaf in one.images]
+            channels = [_channel(leaf, _latest(leaf, values[f"{one.path}/{leaf}"]), one.depth_scale)
+                        for leaf in one.images]  # fmt: skip
             sizes = {channel.shape[1:] for channel in channels}
             found = np.concatenate(channels) if len(sizes) == 1 else channels[0]
         else:
@@ -179,6 +181,10 @@ class OwnPolicy:
         if found.shape != one.shape:
             raise TrainingError(f"{self._name}: {printable(one.path)} has shape {found.shape}, expected {one.shape}")
         return np.ascontiguousarray(found, np.float32)
+
+
+def _latest(leaf: str, images: NDArray[np.generic]) -> NDArray[np.generic]:
+    return images[-1] if np.ndim(images) > (3 if leaf == "color" else 2) and len(images) else images
 
 
 def _channel(leaf: str, image: NDArray[np.generic], depth_scale: float) -> NDArray[np.float32]:
