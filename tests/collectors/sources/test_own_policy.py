@@ -1,4 +1,4 @@
-"""A policy with inputs of the user's own acts in simulation: learned, exported, evaluated, recorded, the same policy."""
+"""A policy with inputs of the user's own acts in simulation: learned, exported, evaluated and recorded alike."""
 
 import json
 from dataclasses import replace
