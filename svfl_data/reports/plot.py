@@ -244,7 +244,7 @@ def _dress(axis: Axes, episode: Episode, span: tuple[float, float]) -> None:
     for side in ("top", "right"):
         axis.spines[side].set_visible(False)
     axis.axvline(float(episode.t_ns[0]) / 1e9, color=GREY, linewidth=0.8, linestyle=":")
-    marks = _intervals(episode)
+    marks = _intervals(episode, span)
     names = sorted({name for name, _, _ in marks})
     for name, start, end in marks:
         axis.axvspan(start, end, color=MARKS[names.index(name) % len(MARKS)], alpha=0.35, linewidth=0)
@@ -254,19 +254,25 @@ def _dress(axis: Axes, episode: Episode, span: tuple[float, float]) -> None:
         axis.legend(loc="center left", bbox_to_anchor=(1.005, 0.5), fontsize=size, frameon=False, ncols=columns)
 
 
-def _intervals(episode: Episode) -> list[tuple[str, float, float]]:
-    """Return name, start and end [s] of the annotations that have all three; ``svfl-data validate`` reports others."""
-    return [
+def _intervals(episode: Episode, span: tuple[float, float]) -> list[tuple[str, float, float]]:
+    """Return name, start and end [s] of the annotations, as far as they are inside a time range.
+
+    Annotations without all three, and those that end before they start, are left out: ``svfl-data validate`` reports
+    them. Matplotlib fails to draw names far outside the picture.
+    """
+    known = [
         (printable(one["name"], NAME), one["start_ns"] / 1e9, one["end_ns"] / 1e9)
         for one in episode.meta.annotations
         if isinstance(one, dict) and "name" in one
         if all(isinstance(one.get(key), int) for key in ("start_ns", "end_ns"))
     ]
+    inside = [(name, max(begin, span[0]), min(end, span[1])) for name, begin, end in known if begin <= end]
+    return [(name, begin, end) for name, begin, end in inside if begin <= end]
 
 
 def _marks(axis: Axes, episode: Episode) -> None:
     """Write the names of the annotations at the top of a panel, and mark the first observation at its bottom."""
-    for name, begin, end in _intervals(episode):
+    for name, begin, end in _intervals(episode, axis.get_xlim()):
         place = ((begin + end) / 2, 1)
         axis.annotate(name, place, xycoords=("data", "axes fraction"), ha="center", va="top", fontsize=7)
     start, (low, high) = float(episode.t_ns[0]) / 1e9, axis.get_xlim()

@@ -55,6 +55,20 @@ def test_axes_have_units_and_one_time():
     assert len({axis.get_xlim() for axis in shown.values()}) == 1
 
 
+@pytest.mark.parametrize(
+    ("begin", "end"),
+    [(10**9, -(10**18)), (-(2**63), 2**63 - 1), (2**62, 2**63 - 1), (-(2**63), -(2**62)), (10**8, 2**62), (0, 0)],
+)
+def test_an_annotation_of_any_times_is_drawn_inside_the_picture_or_not_at_all(begin, end, tmp_path):
+    figure = plot.overview(annotated({"name": "slip", "start_ns": begin, "end_ns": end}))
+    figure.savefig(tmp_path / "episode.png", dpi=60)
+    for axis in panels(figure).values():
+        low, high = axis.get_xlim()
+        bands = [patch for patch in axis.patches if patch.get_alpha()]
+        assert all(low <= band.get_x() <= band.get_x() + band.get_width() <= high for band in bands)
+        assert bool(bands) == (begin <= end and begin / 1e9 <= high and end / 1e9 >= low)
+
+
 def test_marks_stand_where_the_annotations_are():
     force = panels(plot.overview(annotated(CONTACT)))["force"]
     (band,) = (patch for patch in force.patches if patch.get_alpha())
