@@ -9,7 +9,7 @@ from svfl_data.viewer.entities.episode_source import TIMES, EpisodeSource
 from svfl_data.viewer.entities.images import send_color
 from svfl_data.viewer.entities.names import FORCE, LABEL, TORQUE, send
 from svfl_data.viewer.entities.plots import send_curve
-from svfl_data.viewer.predictions import Prediction
+from svfl_data.viewer.predictions import Prediction, true_direction
 
 ARROWS = np.array([(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0)])
 """The directions right, up, left, down as vectors (x right, y down) in an image."""
@@ -54,7 +54,7 @@ def _log_crop(recording: rr.RecordingStream, path: str, t_ns: np.ndarray, crop: 
 
 def _log_arrows(recording: rr.RecordingStream, shown: EpisodeSource, prediction: Prediction, t_ns: np.ndarray) -> None:
     """Log the predicted direction as an arrow from the middle of the image, and the true direction below it."""
-    camera = prediction.camera or shown.cameras[0]
+    camera = prediction.camera
     height, width = shown.arrays[f"cameras/{camera}/color"].shape[1:3]
     assert prediction.probabilities is not None
     best = prediction.probabilities.argmax(axis=1)
@@ -67,8 +67,7 @@ def _log_arrows(recording: rr.RecordingStream, shown: EpisodeSource, prediction:
         vectors=ARROWS[best] * sure[:, None] * 0.42 * width, origins=np.tile(middle, (len(best), 1)), labels=words
     )
     send(recording, f"{entity}/predicted", t_ns, arrows)
-    if "labels/direction" in shown:
-        true = int(shown["labels/direction"])
+    if (true := true_direction(shown, prediction)) is not None:
         below = middle + np.array([0.0, 0.2 * height])  # beside the predicted arrow, so that both can be read
         arrow = rr.Arrows2D(
             vectors=[ARROWS[true] * 0.3 * width], origins=[below], colors=[LABEL], radii=[0.35],

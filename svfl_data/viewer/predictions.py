@@ -13,7 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from svfl_data.errors import FormatError, UsageError
+from svfl_data.sampling.centering_samples import direction_in
 from svfl_data.schema.episode import Episode
+from svfl_data.viewer.entities.episode_source import EpisodeSource
 
 GROUP = "svfl.predictions"
 
@@ -24,7 +26,8 @@ class Prediction:
 
     Attributes:
         name: Name of the network.
-        camera: Name of the camera whose images the network sees; empty if it sees no images.
+        camera: Name of the camera whose images the network sees, or in whose image-aligned axes it predicts directions;
+            empty if it does neither.
         seen: Cropped and scaled images that the network sees, shape (N+1, H, W, 3), uint8. None if there are none.
         probabilities: Probabilities of the directions `svfl_data.symmetry.DIRECTIONS`, shape (N+1, 4). None if the
             network does not predict directions.
@@ -43,6 +46,19 @@ class Prediction:
 
 
 Network = Callable[[Episode], Prediction]
+
+
+def true_direction(shown: EpisodeSource, prediction: Prediction) -> int | None:
+    """Return the direction class that a network should have predicted, in the axes of its camera; None if unknown.
+
+    Args:
+        shown: Episode that is shown.
+        prediction: Prediction of directions on this episode.
+    """
+    needed = ("labels/direction", "labels/offset", axes := f"cameras/{prediction.camera}/image_axes")
+    if not all(path in shown for path in needed):
+        return int(shown["labels/direction"]) if "labels/direction" in shown else None
+    return direction_in(shown[axes], int(shown["labels/direction"]), shown["labels/offset"])
 
 
 def load(checkpoint: Path) -> Network:

@@ -11,7 +11,7 @@ from svfl_data.system.printable import markdown, printable
 from svfl_data.viewer.entities.episode_source import PROPRIO, TARE, TIMES, WRENCH, WRENCH_TIMES, EpisodeSource
 from svfl_data.viewer.entities.fields import left_out
 from svfl_data.viewer.entities.scene import METRES_PER_NEWTON, METRES_PER_NEWTON_METRE
-from svfl_data.viewer.predictions import Prediction
+from svfl_data.viewer.predictions import Prediction, true_direction
 
 SAID = ("instruction", "robot", "operator")
 MOST_NUMBERS, MOST_LINES = 16, 30
@@ -59,8 +59,8 @@ def _prediction_words(shown: EpisodeSource, prediction: Prediction) -> str:
         return f"{markdown(prediction.name)}; its actions (pale) are beside the commanded ones{outlined}."
     last = prediction.probabilities[-1]
     words = f"{markdown(prediction.name)}; at the last step **{DIRECTIONS[int(last.argmax())]}** with {last.max():.1%}."
-    if "labels/direction" in shown:
-        words += f" The true direction has {last[int(shown['labels/direction'])]:.1%}."
+    if (true := true_direction(shown, prediction)) is not None:
+        words += f" The true direction has {last[true]:.1%}."
     return words
 
 
