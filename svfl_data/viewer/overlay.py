@@ -1,11 +1,14 @@
 """A network's prediction in the viewer: predicted and true direction on the images, probabilities, and actions."""
 
+from dataclasses import replace
+
 import numpy as np
 import rerun as rr
 
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer.entities import names
-from svfl_data.viewer.entities.episode_source import TIMES, EpisodeSource
+from svfl_data.viewer.entities.episode_source import ACTION, TIMES, EpisodeSource
+from svfl_data.viewer.entities.fields import FieldView, curve_colors, field_views, log_range
 from svfl_data.viewer.entities.images import send_color
 from svfl_data.viewer.entities.names import FORCE, LABEL, TORQUE, send
 from svfl_data.viewer.entities.plots import send_curve
@@ -34,7 +37,11 @@ def log_prediction(recording: rr.RecordingStream, shown: EpisodeSource, predicti
         recording.log(f"{root}{names.PREDICTION}/probability", lines, static=True)
         send_curve(recording, f"{root}{names.PREDICTION}/probability", t_ns, prediction.probabilities)
         _log_arrows(recording, shown, prediction, t_ns)
-    if prediction.actions is not None:
+    if prediction.actions is not None and not (shown.planar and prediction.action == ACTION):
+        for view in field_views(shown):
+            if view.path == prediction.action:
+                _log_command(recording, view, t_ns, prediction.actions)
+    elif prediction.actions is not None:
         for path, columns, labels, colors in (
             ("move", slice(1, 4), ["dx network", "dy network", "dz network"], names.PALE_AXES),
             ("turn", slice(4, 5), ["dtheta network"], [names.PALE_AXES[0]]),
@@ -43,6 +50,29 @@ def log_prediction(recording: rr.RecordingStream, shown: EpisodeSource, predicti
             lines = rr.SeriesLines(names=labels, colors=colors, widths=1.5, interpolation_mode="StepAfter")
             recording.log(f"{root}{names.PREDICTION}/{path}", lines, static=True)
             send_curve(recording, f"{root}{names.PREDICTION}/{path}", t_ns, prediction.actions[:, columns])
+
+
+def network_view(view: FieldView) -> FieldView:
+    """Return the view of a network's actions that belongs to a view of the recorded ones.
+
+    Args:
+        view: View of the recorded action.
+    """
+    words = tuple(f"{name} network" for name in view.names)
+    return replace(view, entity=f"{view.entity}/{names.PREDICTION}", name=f"network: {view.name}", names=words)
+
+
+def _log_command(recording: rr.RecordingStream, view: FieldView, t_ns: np.ndarray, actions: np.ndarray) -> None:
+    """Log what a network would command, as thin curves in the colours of the recorded ones, or as a picture."""
+    beside = network_view(view)
+    if view.kind != "curves":  # too many components for curves
+        values = actions.astype(np.float32).T
+        log_range(recording, beside.entity, values)
+        recording.log(beside.entity, rr.Tensor(values, dim_names=("component", "row")), static=True)
+        return
+    lines = rr.SeriesLines(names=beside.names, colors=curve_colors(view), widths=1.0, interpolation_mode="StepAfter")
+    recording.log(beside.entity, lines, static=True)
+    send_curve(recording, beside.entity, t_ns, actions[:, list(view.columns)])
 
 
 def _log_crop(recording: rr.RecordingStream, path: str, t_ns: np.ndarray, crop: np.ndarray) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from svfl_data.errors import FormatError, UsageError
 from svfl_data.sampling.centering_samples import direction_in
 from svfl_data.schema.episode import Episode
-from svfl_data.viewer.entities.episode_source import EpisodeSource
+from svfl_data.viewer.entities.episode_source import ACTION, EpisodeSource
 
 GROUP = "svfl.predictions"
 
@@ -31,7 +31,9 @@ class Prediction:
         seen: Cropped and scaled images that the network sees, shape (N+1, H, W, 3), uint8. None if there are none.
         probabilities: Probabilities of the directions `svfl_data.symmetry.DIRECTIONS`, shape (N+1, 4). None if the
             network does not predict directions.
-        actions: Actions that the network would command, shape (N+1, 5), base axes. None if it does not predict actions.
+        actions: Actions that the network would command, shape (N+1, C), in the units, axes and order of components of
+            the recorded action. None if it does not predict actions.
+        action: Path of the recorded action that `actions` are beside.
         crop: Part of the camera's image that the network sees: left, top, right, bottom edge, shape (N+1, 4), [px],
             where the outer corner of the top left pixel is (0, 0). None for the middle part, whose size is given by
             `svfl_data.viewer.entities.images.CROP`.
@@ -43,6 +45,7 @@ class Prediction:
     probabilities: np.ndarray | None = None
     actions: np.ndarray | None = None
     crop: np.ndarray | None = None
+    action: str = ACTION
 
 
 Network = Callable[[Episode], Prediction]

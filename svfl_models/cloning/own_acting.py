@@ -7,6 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from svfl_data.errors import TrainingError
+from svfl_data.schema.action_fields import ACTION
 from svfl_data.symmetry import act
 from svfl_data.system.atomic_io import write_atomically
 from svfl_models.cloning.deployment_spec import DeploymentSpec
@@ -69,17 +70,30 @@ class OwnActingPolicy(nn.Module):
             action = torch.cat([action[:, :at], shut, action[:, at + 1 :]], dim=1)
         return action
 
-    def facts(self) -> own_policy.Facts:
-        """Return what the policy takes and gives, for the file of an exported policy."""
+    def facts(self, action: str) -> own_policy.Facts:
+        """Return what the policy takes and gives, for the file of an exported policy.
+
+        Args:
+            action: Path of the action in episodes.
+        """
         names = self.space.names or tuple(map(str, range(len(self.space))))
         taken = [own_policy.InputFacts(one.path, one.shape, one.images, one.depth_scale, one.rate_hz)
                  for one in self.inputs]  # fmt: skip
         low, high = list(self.space.low), list(self.space.high)
-        return own_policy.Facts(taken, list(names), low, high, self.deployment.step_ms)
+        return own_policy.Facts(taken, list(names), low, high, self.deployment.step_ms, action)
 
     def _cropped(self, image: Tensor) -> Tensor:
         image, size = square(image), self.policy.trunk.image_size
         return scaled(centre_crop(image, crop_side(image.shape[-1], size)), size)
+
+
+def action_path(module: CloningModule) -> str:
+    """Return the path of the action that a policy has learned.
+
+    Args:
+        module: The trained policy.
+    """
+    return str((module.hparams["training"] or {}).get("action", ACTION))
 
 
 def acting(module: CloningModule) -> OwnActingPolicy:
@@ -107,7 +121,7 @@ def export(module: CloningModule, file: Path) -> float:
         StorageError: If the file cannot be written.
     """
     policy = acting(module)
-    content = own_policy.exported(policy, policy.facts())
+    content = own_policy.exported(policy, policy.facts(action_path(module)))
     own_policy.opened(content, str(file))
     worst = _difference(OwnActingPolicy(module.policy, module.deployment).eval(), content)
     if not worst < TOLERANCE:

@@ -19,10 +19,11 @@ from svfl_data.viewer.predictions import Network, Prediction
 from svfl_models.centering.checkpoint import configuration, load_classifier
 from svfl_models.centering.module import CenteringModule, directions
 from svfl_models.cloning.checkpoint import is_policy, load_policy
+from svfl_models.deployment import own_predictions
 from svfl_models.deployment import policy_predictions as cloning
 from svfl_models.networks.image_crops import centre_crop, crop_side, scaled
 from svfl_models.networks.visual_force import Batch
-from svfl_models.programs import exported_policy
+from svfl_models.programs import exported_policy, own_policy
 
 
 def load(file: Path) -> Network:
@@ -39,7 +40,8 @@ def load(file: Path) -> Network:
         FormatError: If the file is neither kind of checkpoint.
     """
     if is_policy(file):
-        return cloning.of_module(load_policy(file), _name(file))
+        policy = load_policy(file)
+        return (own_predictions if policy.deployment.inputs else cloning).of_module(policy, _name(file))
     module = load_classifier(file)
     return lambda episode: _directions(module, episode, _name(file))
 
@@ -51,12 +53,14 @@ def load_exported(file: Path) -> Network:
         file: File of the policy.
 
     Returns:
-        A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode has no
-        camera with depth.
+        A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode lacks what
+        the policy takes.
 
     Raises:
         FormatError: If the file is not an exported policy.
     """
+    if own_policy.is_own(file):
+        return own_predictions.of_program(own_policy.load(file), _name(file))
     return cloning.of_program(exported_policy.load(file), _name(file))
 
 
