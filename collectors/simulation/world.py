@@ -38,7 +38,7 @@ LEAD = 4.0
 A free gripper that turns back at full speed needs 3.8 stopping distances.
 """
 CARRIED = 512
-"""Most wrench readings of an observation (1.02 s at 500 Hz), so that windows of a policy are whole from the first step."""
+"""Most wrench readings of an observation (1.02 s at 500 Hz): windows of a policy are whole from the first step on."""
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
 
 

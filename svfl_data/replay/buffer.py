@@ -83,10 +83,10 @@ class ReplayBuffer:
         Raises:
             UsageError: If the demonstrations do not fit into the capacity, the crops do not fit into the images, or an
                 episode is named twice.
-            DatasetError: If there are too few episodes, an episode is unfit for training or has several cameras while
-                `camera` is None, or two episodes differ in task, image size, depth scale, camera, workspace or action
-                bounds.
-            FieldError: If an episode lacks a field or the camera.
+            DatasetError: If there are too few episodes, an episode is unfit for training, lacks the camera or has
+                several while `camera` is None, or two episodes differ in task, image size, depth scale, camera,
+                workspace or action bounds.
+            FieldError: If an episode lacks a field.
             FormatError: If an episode is damaged.
         """
         chosen = demos.choose(dataset, episodes, failures)

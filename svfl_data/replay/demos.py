@@ -6,11 +6,11 @@ from numbers import Integral
 
 from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import DatasetError, FieldError, UsageError
+from svfl_data.errors import DatasetError, UsageError
 from svfl_data.recording.consistency import check_agreement
 from svfl_data.replay.replay_spec import ReplaySpec
 from svfl_data.replay.stored_episode import StoredEpisode
-from svfl_data.schema.episode import Camera, Episode
+from svfl_data.sampling.named_camera import camera_with_depth, named_camera
 from svfl_data.system.progress import progress
 
 
@@ -69,33 +69,20 @@ def read(dataset: Dataset, indices: Sequence[int], camera: str | None) -> Iterat
 
     Raises:
         DatasetError: If an episode is unfit for training, cannot be cut into transitions, or has another spec than the
-            first episode, or if `camera` is None and there is not exactly one camera.
-        FieldError: If an episode lacks a field or the camera.
+            first episode, or if it lacks the camera, or has several where none is named.
+        FieldError: If an episode lacks a field.
         FormatError: If an episode is damaged.
     """
-    cameras = [camera] if camera else dataset.episode(indices[0]).cameras
+    first_reader = dataset.episode(indices[0])
+    cameras = [named_camera(first_reader.cameras, camera, first_reader.extent)]
     check_usable(dataset, indices, ["streams/wrench", *(f"cameras/{name}" for name in cameras)])
     check_agreement(dataset, indices, cameras)
     first: ReplaySpec | None = None
     for index in progress(indices, "preloading demonstrations"):
         episode = dataset.episode(index).load(images=False)
-        seen = _camera(episode, camera)
+        seen = camera_with_depth(episode, camera)
         spec = ReplaySpec.of_episode(episode, seen)
         if first is not None:
             first.require_equal(spec, f"episode {indices[0]}", episode.name)
         first = first or spec
         yield spec, StoredEpisode.of_episode(episode, seen, spec)
-
-
-def _camera(episode: Episode, name: str | None) -> Camera:
-    cameras = episode.cameras
-    known = ", ".join(cameras) or "none"
-    if name is None and len(cameras) != 1:
-        raise DatasetError(f"{episode.name}: say which camera; there are {known}")
-    if name is not None and name not in cameras:
-        raise FieldError(f"{episode.name}: no camera {name!r}; there are {known}")
-    camera = cameras[name or next(iter(cameras))]
-    for field in ("depth", "depth_scale"):
-        if not camera.has(field):
-            raise FieldError(f"{episode.name}: camera {camera.name} was recorded without {field}")
-    return camera

@@ -13,9 +13,10 @@ import numpy as np
 
 from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import DatasetError, FieldError, UsageError
+from svfl_data.errors import DatasetError, UsageError
 from svfl_data.recording.consistency import check_agreement
 from svfl_data.sampling.frames import Frames, corners, draws
+from svfl_data.sampling.named_camera import named_camera
 from svfl_data.sampling.ragged import join, rows_of, starts
 from svfl_data.schema.action_fields import ACTION
 from svfl_data.schema.clocks import Clock
@@ -119,8 +120,9 @@ class Samples:
 
         Raises:
             UsageError: If a size is too small, or the crop is larger than the images.
-            DatasetError: If there are no samples, an episode is unfit for training, episodes differ in their setup or
-                in the shapes of their fields, a stream has another rate than its window, or the budget is too small.
+            DatasetError: If there are no samples or no camera of such a name, an episode is unfit for training,
+                episodes differ in their setup or in the shapes of their fields, a stream has another rate than its
+                window, or the budget is too small.
             FieldError: If an episode lacks a field.
             FormatError: If an episode is damaged.
         """
@@ -208,9 +210,7 @@ class Samples:
         first = readers[0]
         groups = [*self.inputs.groups, *cameras]
         for camera in self.inputs.cameras:
-            if camera not in first.cameras:
-                known = ", ".join(first.cameras) or "none"
-                raise FieldError(f"{first.extent}: no camera {camera!r}; there are: {known}")
+            named_camera(first.cameras, camera, first.extent)
         images = [path for one in self.inputs.cameras for path in first.declarations.image_paths(one, first.paths)]
         tares = [f"{group}/tare" for group in self.inputs.groups if f"{group}/tare" in first]
         scales = [f"{group}/depth_scale" for group in cameras if f"{group}/depth" in images]

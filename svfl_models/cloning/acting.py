@@ -122,21 +122,6 @@ def load(file: Path | str) -> Callable[[Observation], NDArray[np.float32]]:
     return exported_policy.opened(_exported(module), str(file))
 
 
-def refuse_own(module: CloningModule, file: Path | str) -> None:
-    """Refuse a policy with inputs of the user's own where only the paper's inputs can be given.
-
-    Args:
-        module: The trained policy.
-        file: Its checkpoint, for the error.
-
-    Raises:
-        TrainingError: If the policy has inputs of the user's own.
-    """
-    if module.deployment.inputs:
-        taken = ", ".join(one["path"] for one in module.deployment.inputs)
-        raise TrainingError(f"{file}: takes {taken}, which is not shown")
-
-
 def _exported(module: CloningModule) -> bytes:
     side = module.deployment.image_side
     return exported_policy.exported(

@@ -9,6 +9,7 @@ import numpy as np
 
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, TrainingError, UsageError
+from svfl_data.sampling.named_camera import named_camera
 from svfl_data.schema.action_bounds import planar_limits
 from svfl_data.schema.action_fields import ACTION, MAX_MOVE_M, MAX_TURN_RAD, planar_action
 from svfl_data.storage.reader import EpisodeReader
@@ -221,29 +222,9 @@ def _robot(names: Iterable[str]) -> str:
     return found.pop() if len(found) == 1 else ""
 
 
-def camera_of(reader: EpisodeReader, camera: str | None) -> str:
-    """Return the name of the camera whose images of an episode a policy learns from.
-
-    Args:
-        reader: Reader of the episode.
-        camera: Name that was asked for. None asks for the only camera.
-
-    Raises:
-        DatasetError: If the episode has no such camera, or several where none was asked for.
-    """
-    have = ", ".join(reader.cameras) or "none"
-    if camera is None and len(reader.cameras) == 1:
-        return reader.cameras[0]
-    if camera is None:
-        raise DatasetError(f"{reader.extent}: name the camera to learn from (--camera); recorded cameras: {have}")
-    if camera not in reader.cameras:
-        raise DatasetError(f"{reader.extent}: has no camera {printable(camera, 40)}; recorded cameras: {have}")
-    return camera
-
-
 def _seen(reader: EpisodeReader, camera: str | None) -> dict[str, Any]:
     """Return the attributes of a `DeploymentSpec` that describe the images of an episode."""
-    name = camera_of(reader, camera)
+    name = named_camera(reader.cameras, camera, reader.extent)
     height, width = reader[f"cameras/{name}/depth"].shape[1:]
     if height != width:
         raise DatasetError(f"{reader.extent}: images of {name} are {height} x {width} px; needed: square ones")

@@ -9,6 +9,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
@@ -17,8 +18,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from svfl_data.errors import FormatError, TrainingError
+from svfl_data.schema.action_fields import ACTION
 from svfl_data.system.printable import printable
+from svfl_data.system.stored_zip import stored
 from svfl_models.programs.program import Program, from_bytes, read
+from svfl_models.programs.program_file import EXTRA
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
 FACTS = "svfl_own_policy.json"
@@ -55,6 +59,7 @@ class Facts(msgspec.Struct):
         low: Smallest command of each component.
         high: Largest command of each component.
         step_ms: Time between two actions, [ms]; 0 if it is unknown.
+        action: Path of the action in episodes.
     """
 
     inputs: list[InputFacts]
@@ -62,6 +67,7 @@ class Facts(msgspec.Struct):
     low: list[float]
     high: list[float]
     step_ms: float = 0.0
+    action: str = ACTION
 
 
 def exported(network: nn.Module, facts: Facts) -> bytes:
@@ -102,6 +108,19 @@ def opened(content: bytes, name: str) -> "OwnPolicy":
         FormatError: If inputs, output and facts do not fit each other.
     """
     return OwnPolicy(*from_bytes(content, FACTS), name)
+
+
+def is_own(file: Path) -> bool:
+    """Return whether a file holds a policy with inputs of the user's own; false also if it cannot be read.
+
+    Args:
+        file: File of an exported network (``.pt2``).
+    """
+    try:
+        with stored(file) as archive:
+            return any(name.endswith(f"/{EXTRA}{FACTS}") for name in archive.members)
+    except (OSError, FormatError, BadZipFile):
+        return False
 
 
 def load(file: Path) -> "OwnPolicy":

@@ -4,7 +4,7 @@ What is drawn, and how, follows from the declaration of an array alone, so that 
 the names and units of their components.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -146,12 +146,16 @@ def log_fields(recording: rr.RecordingStream, shown: EpisodeSource) -> list[Fiel
     return views
 
 
+def curve_colors(view: FieldView) -> Sequence[tuple[int, int, int]]:
+    """Return the colours of the curves of a view, in their order."""
+    return AXES if len(view.columns) == 3 else CURVES[: len(view.columns)]
+
+
 def _curves(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldView, t_ns: np.ndarray) -> None:
-    colors = AXES if len(view.columns) == 3 else CURVES[: len(view.columns)]
     commanded = view.path.startswith("actions/")
     held: Literal["StepAfter", "Linear"] = "StepAfter" if commanded else "Linear"
     width = 2.5 if commanded else 1.5
-    lines = rr.SeriesLines(names=view.names, colors=colors, widths=width, interpolation_mode=held)
+    lines = rr.SeriesLines(names=view.names, colors=curve_colors(view), widths=width, interpolation_mode=held)
     recording.log(view.entity, lines, static=True)
     offset = shown[view.tare] if view.tare else np.zeros(1)
     for first in range(0, len(t_ns), ROWS_AT_ONCE):
@@ -165,7 +169,7 @@ def _pictures(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldVi
     array = shown.arrays[view.path]
     rows = _chosen(len(t_ns), max(1, EXACT_BYTES // max(1, 8 * int(np.prod(array.shape[1:])))))
     values = np.stack([tiled(row) for row in _read(array, rows)]).astype(np.float32)
-    _log_range(recording, view.entity, values)
+    log_range(recording, view.entity, values)
     for row, picture in zip(rows, values, strict=True):  # columns take a stack of pictures for one tensor
         send(recording, view.entity, t_ns[row : row + 1], rr.Tensor.columns(data=picture))
 
@@ -188,7 +192,7 @@ def tiled(row: np.ndarray) -> np.ndarray:
 def _map(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldView, t_ns: np.ndarray) -> None:
     array, rows = shown.arrays[view.path], _chosen(len(t_ns), MOST_PICTURES)
     values = np.stack(list(_read(array, rows))).astype(np.float32).T
-    _log_range(recording, view.entity, values)
+    log_range(recording, view.entity, values)
     recording.log(view.entity, rr.Tensor(values, dim_names=("component", "row")), static=True)
 
 
@@ -206,7 +210,14 @@ def _text(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldView, 
     send(recording, view.entity, t_ns, rr.TextLog.columns(text=said, level=["INFO"] * len(said)))
 
 
-def _log_range(recording: rr.RecordingStream, entity: str, values: np.ndarray) -> None:
+def log_range(recording: rr.RecordingStream, entity: str, values: np.ndarray) -> None:
+    """Log the range of the finite values of a picture, which its colours cover.
+
+    Args:
+        recording: Recording to log to.
+        entity: Entity of the picture.
+        values: Values of all pictures of the entity, any shape.
+    """
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     tensor = rr.Tensor.from_fields(value_range=[low, high if high > low else low + 1.0])
