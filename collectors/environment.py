@@ -214,11 +214,13 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
 
     def _observe(self) -> dict[str, NDArray[np.float32]]:
         seen = self._seen = self.world.observe()
-        return {"image": self._image(seen), "wrench": seen.wrench, "proprio": seen.proprio}
+        wrench, proprio = seen.at("streams/wrench/wrench"), seen.at("observations/proprio")
+        return {"image": self._image(seen), "wrench": wrench, "proprio": proprio}
 
     def _image(self, seen: Observation) -> NDArray[np.float32]:
         frame, calibration = seen.frames[self.camera], self.world.cameras[self.camera]
         color, depth = frame.color, frame.depth
+        assert depth is not None  # a simulated camera measures depth
         if self.view == "top":
             color, depth = topdown_frame(frame, calibration, self.world.workspace, size=len(color), eye=self.eye)
         image = np.empty((4, *depth.shape), np.float32)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from collectors.recording.observed import rows
 from collectors.recording.sinks import Memory, Sink
 from svfl_data.errors import CollectError
-from svfl_data.schema.field import Field
-from svfl_data.schema.robot import Observation, Policy, Readings, Robot, Watcher
+from svfl_data.schema.robot import Observation, Policy, Readings, Watcher
+from svfl_data.schema.robot import Robot as Robot  # one of the public names of this package
 
 State = Mapping[str, np.ndarray]
 """True values that only a simulation knows, by name."""
@@ -17,9 +17,7 @@ OBJECT = "object"
 """Name of the state that is the pose of the task's object, (7,): position [m], quat_xyzw, base axes."""
 
 
-def unwatched(
-    robot: Robot, observation: Observation, action: NDArray[np.float32] | None, readings: Readings
-) -> None:
+def unwatched(robot: Robot, observation: Observation, action: NDArray[np.float32] | None, readings: Readings) -> None:
     """Do nothing with an observation, which is the default watcher."""
 
 
@@ -56,8 +54,8 @@ def record(
     """
     memory = Memory()
     record_into(memory, robot, policy, max_steps, done, state, watch)
-    without_actions = {robot.action.path: np.zeros((0, *robot.action.shape[1:]), robot.action.dtype)}  # type: ignore[arg-type]
-    return without_actions | dict(robot.constants()) | memory.arrays()
+    none = np.zeros((0, int(robot.action.shape[1])), robot.action.dtype)
+    return {"actions/action": none} | dict(robot.constants()) | memory.arrays()
 
 
 def record_into(
@@ -120,13 +118,12 @@ def record_into(
 
 def _checked(action: NDArray[np.float32], robot: Robot) -> NDArray[np.float32]:
     """Return an action with the dtype of the robot's actions."""
-    declared: Field = robot.action
-    made: NDArray[np.float32] = np.asarray(action, dtype=declared.dtype)
-    if made.shape != declared.shape[1:]:
-        names = ", ".join(declared.components) or "without names"
+    made: NDArray[np.float32] = np.asarray(action, dtype=robot.action.dtype)
+    if made.shape != robot.action.shape[1:]:
+        names = ", ".join(robot.action.components) or "without names"
         raise CollectError(
-            f"the policy gives an action of shape {made.shape}; robot {robot.name} takes {declared.shape[1]} numbers "
-            f"({names})"
+            f"the policy gives an action of shape {made.shape}; robot {robot.name} takes {robot.action.shape[1]} "
+            f"numbers ({names})"
         )
     return made
 

@@ -63,8 +63,10 @@ class Session:
         self._dataset, self._what, self._device, self._screen, self._clock = dataset, what, device, screen, clock
         self._robot, self._max_steps, self._log, self._viewer = what.opened, max_steps, log, viewer
         self._about = {"device": device.name, "pace": pace, **about}
-        self._camera, calibration = next(iter(self._robot.cameras.items()), (None, None))
-        axes = np.eye(2) if calibration is None else calibration.image_axes  # without a picture, as seen from the base
+        cameras = self._robot.cameras
+        self._camera = next(iter(cameras), None)
+        seen = None if self._camera is None else cameras[self._camera]
+        axes = np.eye(2) if seen is None else seen.image_axes  # without a known picture, as seen along the base axes
         self._mapper = ActionMapper(self._robot.action, axes, pace)
         self._message = "press enter to start"
         self._again: int | None = None  # index of the saved episode that the next one replaces
