@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from collectors.recording.collection import software_versions
 from collectors.recording.live_view import shown
 from collectors.recording.loop import record_into, unwatched
-from collectors.sources.simulated import VERSIONS
 from collectors.teleop.action_mapper import ActionMapper
-from collectors.teleop.clock import Clock, steadiness
+from collectors.teleop.clock import Clock
 from collectors.teleop.devices.device import Command, Device, DeviceLostError
 from collectors.teleop.devices.script import InputLog
 from collectors.teleop.screen import Screen
@@ -137,7 +136,7 @@ class Session:
         what, robot, begun = self._what, self._robot, self._begun
         config = what.config() | begun.facts | {"teleop": self._about}
         index = self._scene if self._again is None else NEXT
-        software = software_versions(*VERSIONS)
+        software = software_versions(*what.versions)
         meta = Meta(what.task, index, what.seed, "teleop", False, config, software, robot=robot.name)
         self._end, self._tares = "time was up", list[int]()
         self._steps, self._message = 0, "recording"
@@ -165,7 +164,7 @@ class Session:
         }
         if self._clock.paced:
             beats = self._clock.beats_ns(steps)
-            facts |= steadiness(beats)
+            facts |= self._clock.steadiness(beats)
             late["extra/teleop/beat_ns"] = beats
         self._held.check()
         writer.seal(

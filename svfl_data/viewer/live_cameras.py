@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
+from svfl_data.schema.optics import mounted
 from svfl_data.schema.robot import Calibration, Observation
-from svfl_data.viewer.entities import cameras, images
+from svfl_data.viewer.entities import images
 from svfl_data.viewer.entities.names import PICTURES
 
 
@@ -64,5 +65,5 @@ class LiveCamera:
         pose = seen.frames[self._name].T_base_camera
         if pose is None:
             assert self._mount is not None
-            pose = cameras.mounted(np.asarray(seen.tcp)[None], self._mount)[0]
+            pose = mounted(np.asarray(seen.tcp)[None], self._mount)[0]
         return pose

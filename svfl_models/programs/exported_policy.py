@@ -187,7 +187,7 @@ class ExportedPolicy:
             FieldError: If the robot observes no wrench or no proprioception.
         """
         image = self._image(seen)
-        wrench, proprio = seen.at("streams/wrench/wrench"), seen.at("observations/proprio")
+        wrench, proprio = seen.at("streams/wrench/wrench")[-WINDOW:], seen.at("observations/proprio")
         inputs = (torch.from_numpy(np.array(part)[None]).to(DEVICE) for part in (image, wrench, proprio))
         action: NDArray[np.float32] = self.program(*inputs)[0][0].float().cpu().numpy()
         if not np.isfinite(action).all():

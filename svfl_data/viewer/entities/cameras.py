@@ -3,6 +3,7 @@
 import numpy as np
 import rerun as rr
 
+from svfl_data.schema.optics import mounted
 from svfl_data.system.printable import printable
 from svfl_data.system.progress import progress
 from svfl_data.viewer.entities import images
@@ -78,18 +79,6 @@ def poses(shown: EpisodeSource, camera: str, t_ns: np.ndarray) -> np.ndarray:
     return T_base_camera
 
 
-def mounted(tcp: np.ndarray, T_tcp_camera: np.ndarray) -> np.ndarray:
-    """Return the poses of a camera that is mounted on the gripper, shape (F, 4, 4), [m], base axes.
-
-    Args:
-        tcp: Poses of the TCP in base, position [m] and quat_xyzw, shape (F, 7).
-        T_tcp_camera: Pose of the camera relative to the TCP, shape (4, 4), [m].
-    """
-    T_base_tcp = np.tile(np.eye(4), (len(tcp), 1, 1))
-    T_base_tcp[:, :3, :3], T_base_tcp[:, :3, 3] = rotations(tcp[:, 3:]), tcp[:, :3]
-    return np.asarray(T_base_tcp @ T_tcp_camera)
-
-
 def _log_pose(recording: rr.RecordingStream, shown: EpisodeSource, camera: str, t_ns: np.ndarray) -> None:
     entity, group = shown.camera_entity(camera), f"cameras/{camera}"
     if f"{group}/T_base_camera" in shown:
@@ -97,19 +86,6 @@ def _log_pose(recording: rr.RecordingStream, shown: EpisodeSource, camera: str, 
         recording.log(entity, rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]), static=True)
     else:
         images.send_poses(recording, entity, t_ns, poses(shown, camera, t_ns))
-
-
-def rotations(quat_xyzw: np.ndarray) -> np.ndarray:
-    """Return the matrices of rotations, shape (F, 3, 3).
-
-    Args:
-        quat_xyzw: Unit quaternions, shape (F, 4).
-    """
-    vector, w = quat_xyzw[:, :3], quat_xyzw[:, 3:, None]
-    x, y, z = vector.T
-    zero = np.zeros_like(x)
-    cross = np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), -1, 0)
-    return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
 
 
 def _bytes(shown: EpisodeSource, path: str) -> int:

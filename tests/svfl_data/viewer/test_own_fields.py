@@ -13,9 +13,10 @@ from rerun.chunk import RrdReader
 from svfl_data.schema.declarations import Declarations, wrench_stream
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.schema.field import Field
+from svfl_data.schema.optics import rotations
 from svfl_data.viewer import show
 from svfl_data.viewer.entities import fields, images, scene
-from svfl_data.viewer.entities.cameras import poses, rotations
+from svfl_data.viewer.entities.cameras import poses
 from svfl_data.viewer.entities.episode_source import EpisodeSource
 from svfl_data.viewer.summary_text import summary_text
 from tests.helpers.builders import make_episode
