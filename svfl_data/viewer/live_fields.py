@@ -54,10 +54,12 @@ class LiveFields:
         Args:
             t_ns: Time of the interruption on the recording's clock, [ns].
         """
+        widths: dict[str, int] = {}
         for view in self.views:
             if view.kind == "curves":
-                width = max(max(one.columns) for one in self.views if one.path == view.path) + 1
-                self._waiting[view.path].append((np.array([t_ns]), np.full((1, width), np.nan)))
+                widths[view.path] = max(widths.get(view.path, 0), *(column + 1 for column in view.columns))
+        for path, width in widths.items():
+            self._waiting[path].append((np.array([t_ns]), np.full((1, width), np.nan)))
 
     def add(self, begin_ns: int, seen: Observation, action: np.ndarray | None, before_ns: int, now: Readings) -> None:
         """Keep the rows of a step until they are sent.

@@ -27,7 +27,7 @@ from svfl_data.viewer.live import GAP_NS, Live
 from svfl_data.viewer.predictions import Prediction
 from tests.helpers.builders import make_episode
 from tests.helpers.patience import PATIENCE
-from tests.helpers.rerun_files import entities, logged
+from tests.helpers.rerun_files import entities, gathered, logged
 
 pytestmark = pytest.mark.slow
 
@@ -141,18 +141,6 @@ def test_live_sends_every_reading_and_step_once_however_often_it_sends(monkeypat
             t_ns, rows = t_ns[~breaks], np.array(rows)[~breaks]
             np.testing.assert_allclose(rows, np.concatenate([values, values]), atol=1e-6)
         np.testing.assert_array_equal(t_ns, [*(clock + offset), *(clock + later)])
-
-
-def gathered(path, entity, component):
-    """Rows of a component over all pieces, by time."""
-    times, rows = [], []
-    for chunk in RrdReader(path).stream().to_chunks():
-        batch = chunk.to_record_batch()
-        if chunk.entity_path == f"/{entity}" and component in batch.schema.names and not chunk.is_static:
-            times += batch.column("time").cast("int64").to_pylist()
-            rows += batch.column(component).to_pylist()
-    order = np.argsort(times)
-    return np.array(times)[order], [rows[row] for row in order]
 
 
 def test_live_without_a_viewer_is_one_line():
