@@ -108,7 +108,7 @@ def test_a_person_moves_it(package, tmp_path, run):
     (robot,) = package.robots
     assert robot.calls[0] == "connect"
     assert robot.calls[-2:] == ["stop", "close"]
-    assert robot.calls.count("home") == 4
+    assert robot.calls.count("home") == 3
 
 
 def test_a_policy_moves_it(package, tmp_path, run):
