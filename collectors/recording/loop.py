@@ -87,11 +87,13 @@ def record_into(
     Raises:
         CollectError: If the policy's action has another shape than the robot's.
     """
-    cameras, latest_ns = robot.cameras, dict[str, int]()
+    cameras, latest_ns, streamed = robot.cameras, dict[str, int](), set[str]()
 
     def observe(action: NDArray[np.float32] | None) -> Observation:
         seen, readings = robot.observe(), robot.readings()
-        for group, columns in {**rows(seen, cameras), **readings}.items():
+        streamed.update(readings)
+        observed = {group: columns for group, columns in rows(seen, cameras).items() if group not in streamed}
+        for group, columns in {**observed, **readings}.items():
             t_ns = columns["t_ns"]
             if len(t_ns) and t_ns[0] > latest_ns.get(group, t_ns[0] - 1):  # a slow camera's frame is seen twice
                 latest_ns[group] = t_ns[-1]
