@@ -16,7 +16,7 @@ from svfl_data.system.lazy_names import lazy_names
 if TYPE_CHECKING:
     from collectors.environment import Environment as Environment
     from collectors.environment import make as make
-    from svfl_data.schema.robot import Robot as Robot
+    from collectors.recording.loop import Robot as Robot
     from collectors.recording.loop import record as record
     from collectors.tasks import TASKS as TASKS
 

@@ -51,7 +51,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
 
     With `inputs`, an observation is instead a dictionary of what `svfl_data.sampling.samples.Samples` gives for the
     same inputs at a step, by the same keys, such as ``cameras/wrist/color`` (1, H, W, 3) uint8,
-    ``cameras/wrist/image_axes`` (1, 2, 2) and ``streams/wrench/wrench`` (T, 6), without ``.../padding`` and ``.../age``.
+    ``cameras/wrist/image_axes`` (1, 2, 2) and ``streams/wrench/wrench`` (T, 6), but no ``.../padding``, ``.../age``.
 
     An action is float32 (5,): gripper opening 0..1, dx, dy, dz [m], dtheta [rad], base axes, within the paper's bounds
     (0.025 m, pi/16). One step takes 50 ms. An action outside the bounds is clipped to them. An action that is not five
@@ -241,7 +241,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         self._seen = None
         limits = {path: _limits(values.dtype) for path, values in found.items()}
         return spaces.Dict(
-            {path: spaces.Box(*limits[path], values.shape, values.dtype.type) for path, values in found.items()}  # type: ignore[arg-type]
+            {path: spaces.Box(*limits[path], values.shape, values.dtype.type) for path, values in found.items()}
         )
 
     def _observe(self) -> dict[str, NDArray[Any]]:
@@ -249,11 +249,14 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         if self._cut:
             values = self._cut(seen)
             return {path: rows[0] for path, rows in values.items() if not path.endswith(("/padding", "/age"))}
-        return {"image": self._image(seen), "wrench": seen.wrench, "proprio": seen.proprio}
+        wrench, proprio = seen.wrench, seen.at("observations/proprio")
+        assert wrench is not None
+        return {"image": self._image(seen), "wrench": wrench, "proprio": proprio}
 
     def _image(self, seen: Observation) -> NDArray[np.float32]:
         frame, calibration = seen.frames[self.camera], self.world.cameras[self.camera]
         color, depth = frame.color, frame.depth
+        assert depth is not None  # a simulated camera measures depth
         if self.view == "top":
             color, depth = topdown_frame(frame, calibration, self.world.workspace, size=len(color), eye=self.eye)
         image = np.empty((4, *depth.shape), np.float32)

@@ -68,10 +68,7 @@ def shown(address: str, index: int) -> Iterator[Watcher]:
     """
     live = viewer(address)
     live.name = f"episode {index}"
-    try:
-        yield live
-    finally:
-        live.finish()
+    yield live
 
 
 @cache

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from collectors.recording.observed import rows
 from collectors.recording.sinks import Memory, Sink
 from svfl_data.errors import CollectError
-from svfl_data.schema.field import Field
-from svfl_data.schema.robot import Observation, Policy, Readings, Robot, Watcher
+from svfl_data.schema.robot import Observation, Policy, Readings, Watcher
+from svfl_data.schema.robot import Robot as Robot  # one of the public names of this package
 
 State = Mapping[str, np.ndarray]
 """True values that only a simulation knows, by name."""
@@ -54,8 +54,8 @@ def record(
     """
     memory = Memory()
     record_into(memory, robot, policy, max_steps, done, state, watch)
-    without_actions = {robot.action.path: np.zeros((0, *robot.action.shape[1:]), robot.action.dtype)}  # type: ignore[arg-type]
-    return without_actions | dict(robot.constants()) | memory.arrays()
+    none = np.zeros((0, int(robot.action.shape[1])), robot.action.dtype)
+    return {"actions/action": none} | dict(robot.constants()) | memory.arrays()
 
 
 def record_into(
@@ -87,11 +87,13 @@ def record_into(
     Raises:
         CollectError: If the policy's action has another shape than the robot's.
     """
-    cameras, latest_ns = robot.cameras, dict[str, int]()
+    cameras, latest_ns, streamed = robot.cameras, dict[str, int](), set[str]()
 
     def observe(action: NDArray[np.float32] | None) -> Observation:
         seen, readings = robot.observe(), robot.readings()
-        for group, columns in {**rows(seen, cameras), **readings}.items():
+        streamed.update(readings)
+        observed = {group: columns for group, columns in rows(seen, cameras).items() if group not in streamed}
+        for group, columns in {**observed, **readings}.items():
             t_ns = columns["t_ns"]
             if len(t_ns) and t_ns[0] > latest_ns.get(group, t_ns[0] - 1):  # a slow camera's frame is seen twice
                 latest_ns[group] = t_ns[-1]
@@ -118,13 +120,12 @@ def record_into(
 
 def _checked(action: NDArray[np.float32], robot: Robot) -> NDArray[np.float32]:
     """Return an action with the dtype of the robot's actions."""
-    declared: Field = robot.action
-    made: NDArray[np.float32] = np.asarray(action, dtype=declared.dtype)
-    if made.shape != declared.shape[1:]:
-        names = ", ".join(declared.components) or "without names"
+    made: NDArray[np.float32] = np.asarray(action, dtype=robot.action.dtype)
+    if made.shape != robot.action.shape[1:]:
+        names = ", ".join(robot.action.components) or "without names"
         raise CollectError(
-            f"the policy gives an action of shape {made.shape}; robot {robot.name} takes {declared.shape[1]} numbers "
-            f"({names})"
+            f"the policy gives an action of shape {made.shape}; robot {robot.name} takes {robot.action.shape[1]} "
+            f"numbers ({names})"
         )
     return made
 

@@ -1,7 +1,7 @@
 """Sinks that take the rows of an episode while it is recorded: memory, or the writer of an episode's file."""
 
 from collections import defaultdict
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -9,7 +9,7 @@ import numpy as np
 class Sink(Protocol):
     """Object that takes rows. `Memory` is one, and `svfl_data.recording.writer.EpisodeWriter` is another."""
 
-    def append(self, group: str, **columns: np.ndarray) -> object:
+    def append(self, group: str, **columns: Any) -> object:  # noqa: ANN401 - a writer has further options
         """Append rows to a group.
 
         Args:

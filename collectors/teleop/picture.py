@@ -28,7 +28,7 @@ def draw_picture(target: pygame.Surface, place: pygame.Rect, view: View, font: p
         view: View to draw.
         font: Font for the names of the axes.
     """
-    if view.camera not in view.observation.frames:
+    if view.camera is None or view.camera not in view.observation.frames:
         word = font.render("no picture", True, FLOOR)
         target.blit(word, word.get_rect(center=place.center))
         return

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from collectors.recording.collection import software_versions
 from collectors.recording.live_view import shown
 from collectors.recording.loop import record_into, unwatched
-from collectors.sources.simulated import VERSIONS
 from collectors.teleop.action_mapper import ActionMapper
-from collectors.teleop.clock import Clock, steadiness
+from collectors.teleop.clock import Clock
 from collectors.teleop.devices.device import Command, Device, DeviceLostError
 from collectors.teleop.devices.script import InputLog
 from collectors.teleop.screen import Screen
@@ -63,8 +62,10 @@ class Session:
         self._dataset, self._what, self._device, self._screen, self._clock = dataset, what, device, screen, clock
         self._robot, self._max_steps, self._log, self._viewer = what.opened, max_steps, log, viewer
         self._about = {"device": device.name, "pace": pace, **about}
-        self._camera, calibration = next(iter(self._robot.cameras.items()), (None, None))
-        axes = np.eye(2) if calibration is None else calibration.image_axes  # without a picture, as seen from the base
+        cameras = self._robot.cameras
+        self._camera = next(iter(cameras), None)
+        seen = None if self._camera is None else cameras[self._camera]
+        axes = np.eye(2) if seen is None else seen.image_axes  # without a known picture, as seen along the base axes
         self._mapper = ActionMapper(self._robot.action, axes, pace)
         self._message = "press enter to start"
         self._again: int | None = None  # index of the saved episode that the next one replaces
@@ -135,7 +136,7 @@ class Session:
         what, robot, begun = self._what, self._robot, self._begun
         config = what.config() | begun.facts | {"teleop": self._about}
         index = self._scene if self._again is None else NEXT
-        software = software_versions(*VERSIONS)
+        software = software_versions(*what.versions)
         meta = Meta(what.task, index, what.seed, "teleop", False, config, software, robot=robot.name)
         self._end, self._tares = "time was up", list[int]()
         self._steps, self._message = 0, "recording"
@@ -163,7 +164,7 @@ class Session:
         }
         if self._clock.paced:
             beats = self._clock.beats_ns(steps)
-            facts |= steadiness(beats)
+            facts |= self._clock.steadiness(beats)
             late["extra/teleop/beat_ns"] = beats
         self._held.check()
         writer.seal(

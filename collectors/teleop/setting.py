@@ -1,11 +1,13 @@
 """Settings of teleoperated episodes: the robot, and how an episode on it begins and is known to be achieved."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from collectors.recording.loop import State
 from collectors.simulation.config import WorldConfig
+from collectors.sources import connected, simulated
+from collectors.sources.connected import Connected
 from collectors.sources.simulated import Simulated
 from collectors.tasks import task_class
 from collectors.tasks.task import POLICY_ATTEMPT, attempt_seed
@@ -44,6 +46,10 @@ class Setting(Protocol):
         """Name of the task."""
 
     @property
+    def versions(self) -> Sequence[str]:
+        """Packages whose versions every episode stores."""
+
+    @property
     def opened(self) -> Robot:
         """The robot, connected."""
 
@@ -56,6 +62,9 @@ class Setting(Protocol):
         Args:
             index: Number of the episode in the dataset.
         """
+
+    def close(self) -> None:
+        """Close what is open."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +80,7 @@ class Teleoperation(Simulated):
     seed: int
     task: str
     world: WorldConfig = field(default_factory=WorldConfig)
+    versions: ClassVar[Sequence[str]] = simulated.VERSIONS
 
     def config(self) -> dict[str, Any]:
         """Return all settings except the seed, as JSON values."""
@@ -86,3 +96,33 @@ class Teleoperation(Simulated):
         task = task_class(self.task).begin(world, attempt_seed(self.seed, index, ATTEMPT))
         facts = {"drawn": task.drawn(), "index": index, "attempt": ATTEMPT, "rejected": []}
         return Begun(not world.holds(task.body), facts, task.success, task.state)
+
+
+@dataclass(frozen=True)
+class RobotTeleoperation(Connected):
+    """Settings of episodes on a robot that is not simulated: only the person knows when the task is achieved.
+
+    Attributes:
+        seed: Seed of the dataset, which changes nothing.
+        task: Name of the task, which is free.
+        robot: Name of the robot.
+    """
+
+    seed: int
+    task: str
+    robot: str
+    versions: ClassVar[Sequence[str]] = connected.VERSIONS
+
+    def config(self) -> dict[str, Any]:
+        """Return all settings except the seed, as JSON values."""
+        return {"task": self.task, "robot": self.robot}
+
+    def begin(self, index: int) -> Begun:
+        """Bring the robot home, and tare.
+
+        Args:
+            index: Number of the episode in the dataset.
+        """
+        self.opened.home()
+        self.opened.tare()
+        return Begun(True, {"index": index})

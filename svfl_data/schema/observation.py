@@ -63,7 +63,8 @@ class Observation:
         tcp: Measured pose of the TCP in base, position [m], then quat_xyzw, shape (7,).
         values: Further arrays by dataset path: of ``observations/NAME`` the row of this step, of ``streams/NAME/...``
             the latest rows, shape (M, ...), with their times ``streams/NAME/t_ns``, shape (M,), [ns]. The times of
-            `wrench` are ``streams/wrench/t_ns``.
+            `wrench` are ``streams/wrench/t_ns``. What is here comes before the attributes above, so that a robot can
+            give more readings than the last 64, or joints at their own rate.
 
     Example:
         >>> seen = Observation(0, {}, np.zeros((64, 6)), proprio=np.zeros(5), joints=np.zeros(9))

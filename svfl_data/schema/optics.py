@@ -67,6 +67,31 @@ def image_axes(T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array([[x, y], [-above * y, above * x]])
 
 
+def mounted(tcp: np.ndarray, T_tcp_camera: np.ndarray) -> np.ndarray:
+    """Return the poses of a camera that is mounted on the gripper, shape (F, 4, 4), [m], base axes.
+
+    Args:
+        tcp: Poses of the TCP in base, position [m] and quat_xyzw, shape (F, 7).
+        T_tcp_camera: Pose of the camera relative to the TCP, shape (4, 4), [m].
+    """
+    T_base_tcp = np.tile(np.eye(4), (len(tcp), 1, 1))
+    T_base_tcp[:, :3, :3], T_base_tcp[:, :3, 3] = rotations(tcp[:, 3:]), tcp[:, :3]
+    return np.asarray(T_base_tcp @ T_tcp_camera)
+
+
+def rotations(quat_xyzw: np.ndarray) -> np.ndarray:
+    """Return the matrices of rotations, shape (F, 3, 3).
+
+    Args:
+        quat_xyzw: Unit quaternions, shape (F, 4).
+    """
+    vector, w = quat_xyzw[:, :3], quat_xyzw[:, 3:, None]
+    x, y, z = vector.T
+    zero = np.zeros_like(x)
+    cross = np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), -1, 0)
+    return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
+
+
 class Optics(Protocol):
     """Geometry of a camera, as in a `Calibration` or a recorded `svfl_data.schema.episode.Camera`."""
 

@@ -80,9 +80,9 @@ class Robot(Protocol):
     def readings(self) -> Readings:
         """Return the rows that the streams have got since the last call, raw, by group.
 
-        The groups are the same at each call; a stream without new rows has empty arrays. The times of each group ascend
-        over all calls. A group that is here is recorded from here, and not from the observations: cameras and joints
-        with a clock of their own can be here as well.
+        The times of each group ascend over all calls. A stream without new rows is absent or has empty arrays. A group
+        that has been here is recorded from here, and no longer from the observations: cameras and joints with a clock
+        of their own can be here as well.
         """
 
     def step(self, action: NDArray[np.float32]) -> None:

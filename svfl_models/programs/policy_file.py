@@ -12,7 +12,6 @@ from svfl_data.schema.observation import Observation
 from svfl_data.schema.robot import Policy
 from svfl_models.programs import exported_policy, own_policy
 from svfl_models.programs.own_policy import InputFacts, OwnPolicy
-from svfl_models.programs.program import holds
 
 
 def load(file: Path) -> Policy:
@@ -24,7 +23,7 @@ def load(file: Path) -> Policy:
     Raises:
         FormatError: If the file is missing, damaged, or not a policy.
     """
-    return RobotPolicy(own_policy.load(file)) if holds(file, own_policy.FACTS) else exported_policy.load(file)
+    return RobotPolicy(own_policy.load(file)) if own_policy.is_own(file) else exported_policy.load(file)
 
 
 class RobotPolicy:

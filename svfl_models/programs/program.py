@@ -6,7 +6,6 @@ this package.
 
 import io
 import math
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from svfl_data.errors import FormatError, TrainingError
 from svfl_data.system.printable import printable
 from svfl_data.system.stored_zip import Stored, stored
 from svfl_models.programs.operators import is_check, operator
-from svfl_models.programs.program_file import DTYPES, EXTRA, Input, Named, ProgramFile, Size, Step
+from svfl_models.programs.program_file import DTYPES, Input, Named, ProgramFile, Size, Step
 
 LARGEST = 2**28
 """Most numbers that the tensors of a program may hold at the same time, for one sample."""
@@ -165,20 +164,6 @@ def read(path: Path | str, text: str) -> tuple[Program, str]:
         raise
     except Exception as error:  # operators raise nearly anything
         raise FormatError(f"{path}: not an exported program that can be run: {_words(error)}") from error
-
-
-def holds(path: Path | str, text: str) -> bool:
-    """Return whether a file is an archive that holds a text of a name; false also if it cannot be read.
-
-    Args:
-        path: File that may be a program (``.pt2``).
-        text: Name of the text inside the file.
-    """
-    try:
-        with stored(Path(path)) as archive:
-            return any(name.partition("/")[2] == EXTRA + text for name in archive.members)
-    except (OSError, zipfile.BadZipFile, FormatError):
-        return False
 
 
 def from_bytes(content: bytes, text: str) -> tuple[Program, str]:

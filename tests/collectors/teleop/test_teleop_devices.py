@@ -23,8 +23,10 @@ from collectors.teleop.devices.sdl import pygame
 from collectors.teleop.devices.spacemouse import SpaceMouse, is_spacemouse
 from collectors.teleop.view import in_contact, pixel
 from svfl_data.errors import CollectError, FormatError
+from svfl_data.schema.action_fields import planar_action
 
 BOUND = np.array([0.025, 0.025, 0.025, np.pi / 16])
+ACTION = planar_action()
 FRONT = calibration(CAMERAS["front"])
 readings = arrays(np.float32, 5, elements=st.floats(-1, 1, width=32))
 
@@ -68,17 +70,17 @@ def test_space_opens_and_closes():
 
 def test_the_pilot_moves_as_the_picture_shows():
     """Away is -x and right is +y for the front camera, which looks back at the robot."""
-    assert ActionMapper(BOUND, FRONT.image_axes, 0.2).action(np.array([1, 1, 0, 0, 0], np.float32)) == pytest.approx(
+    assert ActionMapper(ACTION, FRONT.image_axes, 0.2).action(np.array([1, 1, 0, 0, 0], np.float32)) == pytest.approx(
         [1, 0, 0.2 * 0.025, 0, 0], abs=1e-9
     )
-    assert ActionMapper(BOUND, FRONT.image_axes, 0.2).action(np.array([0, 0, 1, -1, 1], np.float32)) == pytest.approx(
+    assert ActionMapper(ACTION, FRONT.image_axes, 0.2).action(np.array([0, 0, 1, -1, 1], np.float32)) == pytest.approx(
         [0, -0.2 * 0.025, 0, -0.2 * 0.025, 0.2 * TURN * np.pi / 16], abs=1e-9
     )
 
 
 @given(st.lists(readings, min_size=1, max_size=12), st.floats(0.05, 1), st.sampled_from([*CAMERAS]))
 def test_actions_stay_in_their_bounds_and_change_softly(ticks, pace, camera):
-    mapper = ActionMapper(BOUND, calibration(CAMERAS[camera]).image_axes, pace)
+    mapper = ActionMapper(ACTION, calibration(CAMERAS[camera]).image_axes, pace)
     last = np.zeros(4)
     for told in ticks:
         action = mapper.action(told)
