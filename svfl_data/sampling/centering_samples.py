@@ -170,7 +170,7 @@ def camera_of_axes(episode: Episode, name: str | None) -> Camera:
     """
     if name is not None or not (episode.has("label_offset") and episode.has("label_direction")):
         return episode.cameras[named_camera(episode.cameras, name, episode.name)]
-    for camera in episode.cameras.values():
+    for camera in (camera for camera in episode.cameras.values() if camera.has("image_axes")):
         if points_towards(int(episode.label_direction), act(camera.image_axes, episode.label_offset, OFFSET_PARTS)):
             return camera
     raise DatasetError(f"{episode.name}: recorded without a camera in whose image its direction points to its offset")

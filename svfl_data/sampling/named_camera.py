@@ -67,10 +67,10 @@ def camera_with_depth(episode: Episode, name: str | None) -> Camera:
 
     Raises:
         DatasetError: If the episode has no such camera, or several where none was asked for.
-        FieldError: If the camera was recorded without depth.
+        FieldError: If the camera was recorded without depth, or without image axes, as one that moves.
     """
     camera = episode.cameras[named_camera(episode.cameras, name, episode.name)]
-    for field in ("depth", "depth_scale"):
+    for field in ("depth", "depth_scale", "image_axes"):
         if not camera.has(field):
             raise FieldError(f"{episode.name}: camera {camera.name} was recorded without {field}")
     return camera

@@ -8,7 +8,7 @@ import torch
 from rich.console import Console
 
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import DatasetError
+from svfl_data.errors import DatasetError, FieldError
 from svfl_data.sampling.centering_samples import load_centering
 from svfl_data.schema.episode import Episode
 from svfl_data.storage.store import write_episode
@@ -129,6 +129,23 @@ def test_a_network_without_images_needs_no_camera(folder, tmp_path):
     train.train_centering(config(folder, "f"), tmp_path / "f", console=QUIET)
     found = predictions.load(tmp_path / "f" / run_folder.CHECKPOINT)(seen_by_two(0))
     assert (found.seen, found.probabilities.shape) == (None, (3, 4))
+
+
+def test_a_camera_that_moves_has_no_axes_to_learn_in(tmp_path):
+    """It is in nobody's way without images, although its name comes first."""
+
+    def moving(episode):
+        arrays = {path: array for path, array in episode.arrays.items() if path != "cameras/above/image_axes"}
+        pose = arrays.pop("cameras/above/T_base_camera")
+        frames = len(arrays["cameras/above/t_ns"])
+        return replace(
+            episode, arrays=arrays | {"cameras/above/T_base_camera_per_frame": np.tile(pose, (frames, 1, 1))}
+        )
+
+    folder = written(tmp_path / "moving", moving)
+    assert len(load_centering(folder, inputs=("wrench",))) == COUNT
+    with pytest.raises(FieldError, match=r"episode_000000\.hdf5.*camera above was recorded without image_axes"):
+        load_centering(folder, camera="above")
 
 
 def test_the_only_camera_needs_no_name(tmp_path):
