@@ -10,14 +10,14 @@ import numpy as np
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, UsageError
 from svfl_data.replay import demos, saving
-from svfl_data.replay.batches import Batch, images, rotated, vectors
+from svfl_data.replay.batches import Cuts
 from svfl_data.replay.config import ReplayConfig
 from svfl_data.replay.episode_builder import EpisodeBuilder, Observation
 from svfl_data.replay.priorities import Priorities
 from svfl_data.replay.replay_spec import ReplaySpec
 from svfl_data.replay.ring import Ring
-from svfl_data.replay.stored_episode import ARRAYS, StoredEpisode
-from svfl_data.replay.symmetry_augmentation import SymmetryAugmentation
+from svfl_data.replay.stored_episode import StoredEpisode
+from svfl_data.sampling.batch import Batch, transitions
 from svfl_data.sampling.frames import corners
 
 CAPACITY = 50_000
@@ -51,10 +51,10 @@ class ReplayBuffer:
         self.capacity, self.spec, self.config = operator.index(capacity), spec, config or ReplayConfig()
         if capacity < 1:
             raise UsageError(f"capacity is {capacity}; it must be at least 1")
-        if self.config.crop > min(spec.size):
-            raise UsageError(f"crop is {self.config.crop} px; the images have {spec.size[0]} x {spec.size[1]} px")
+        self.layout = spec.layout(self.config)
+        self.layout.require_crop(self.config.crop, self.config.rotate)
         self._ring, self._priorities = Ring(self.capacity), Priorities(self.capacity, self.config)
-        self._augmentation = SymmetryAugmentation(self.config.group_order)
+        self._cuts = Cuts(self.layout, self.config.crop, self.config.group_order)
         self._rng = np.random.default_rng(self.config.seed)
         self._powers = self.config.gamma ** np.arange(self.config.n_step + 1)
         self._builder: EpisodeBuilder | None = None
@@ -149,7 +149,7 @@ class ReplayBuffer:
                 f"the last episode has not ended after {len(self._builder)} steps; its last step must be terminated or "
                 "truncated"
             )
-        self._builder = EpisodeBuilder(self.spec, self.config.window, observation, expert)
+        self._builder = EpisodeBuilder(self.spec, self.layout, observation, expert)
 
     def add(
         self, action: np.ndarray, observation: Observation, reward: float, terminated: bool, truncated: bool
@@ -214,19 +214,17 @@ class ReplayBuffer:
 
         pairs, at = episodes * 2, [*steps, *later]  # s of all samples, then s' of all
         crop, where = self.config.crop, self._rng.random((batch_size, 2))
-        places = np.tile(corners(*self.spec.size, (crop, crop), where), (2, 1))
-        moves = self._rng.integers(len(self._augmentation) if self.config.rotate else 1, size=batch_size)
-        both = vectors(pairs, at, self.config.window)
-        acted = {"action": np.stack([episode.action[step] for episode, step in zip(episodes, steps, strict=True)])}
+        sizes = [(one.size, one.cut_size(crop)) for one in self.layout.pictures]
+        places = [np.tile(corners(*size, cut, where), (2, 1)) for size, cut in sizes]
+        moves = self._rng.integers(self._cuts.turns if self.config.rotate else 1, size=batch_size)
+        both, action = self._cuts.numbers(pairs, at), self.layout.action.name
+        acted = {action: np.stack([one.arrays[action][step] for one, step in zip(episodes, steps, strict=True)])}
         if self.config.rotate:
-            both = rotated(both, self._augmentation, np.tile(moves, 2))
-            acted = rotated(acted, self._augmentation, moves)
-        scale, frames = self.spec.depth_scale, self.config.frames
-        stacks = images(pairs, at, places, self._augmentation, np.tile(moves, 2), crop, frames, scale)
-        both["image"] = stacks if frames > 1 else stacks[:, 0]
-        now = {name: values[:batch_size] for name, values in both.items()}
-        after = {f"next_{name}": values[batch_size:] for name, values in both.items()}
-        return now | acted | after | {
+            both = self._cuts.rotated(both, np.tile(moves, 2))
+            acted = self._cuts.rotated(acted, moves)
+        both |= self._cuts.images(pairs, at, places, np.tile(moves, 2))
+        constants = {key: np.full(batch_size, value) for key, value in self.layout.constants.items()}
+        return transitions(both, batch_size) | acted | constants | {
             "reward": np.array(reward, np.float32), "discount": np.array(discount, np.float32), "weight": weight,
             "index": numbers, "expert": self._priorities.expert[slots],
         }  # fmt: skip
@@ -262,7 +260,7 @@ class ReplayBuffer:
         """
         ring, priorities = self._ring, self._priorities
         header = {
-            "capacity": self.capacity, "spec": asdict(self.spec), "config": asdict(self.config),
+            "capacity": self.capacity, "spec": self.spec.plain(), "config": asdict(self.config),
             "first": ring.first, "drawn": priorities.drawn, "largest": priorities.largest,
             "random": self._rng.bit_generator.state,
             "episodes": [{"terminated": one.terminated, "expert": one.expert} for one in ring.episodes],
@@ -287,9 +285,9 @@ class ReplayBuffer:
             buffer = cls(saved.count("capacity"), spec, ReplayConfig(**header["config"]))
             buffer._ring = Ring(buffer.capacity, saved.count("first"))
             for number, one in enumerate(header["episodes"]):
-                arrays = {name: saved.array(f"{number}/{name}") for name in ARRAYS}
-                recorded = StoredEpisode(**arrays, terminated=one["terminated"], expert=one["expert"])
-                recorded.require_fit(spec)
+                arrays = {name: saved.array(f"{number}/{name}") for name in buffer.layout.names()}
+                recorded = StoredEpisode(arrays, terminated=one["terminated"], expert=one["expert"])
+                recorded.require_fit(buffer.layout)
                 buffer._append(recorded)
             slots = np.arange(buffer._ring.first, buffer._ring.next) % buffer.capacity
             buffer._priorities.restore(slots, saved.array("priority"), saved.count("drawn"), header["largest"])

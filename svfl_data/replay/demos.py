@@ -84,7 +84,7 @@ def read(dataset: Dataset, indices: Sequence[int], camera: str | None) -> Iterat
         if first is not None:
             first.require_equal(spec, f"episode {indices[0]}", episode.name)
         first = first or spec
-        yield spec, StoredEpisode.of_episode(episode, seen, spec)
+        yield spec, spec.recorded(episode, seen)
 
 
 def _camera(episode: Episode, name: str | None) -> Camera:
