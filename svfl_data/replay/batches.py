@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from svfl_data.replay.layout import Array, Layout, Picture
+from svfl_data.replay.specs.layout import Array, Layout, Picture
 from svfl_data.replay.stored_episode import StoredEpisode
 from svfl_data.replay.symmetry_augmentation import SymmetryAugmentation
 from svfl_data.sampling.batch import Batch, age_key, padding_key

@@ -1,7 +1,7 @@
 """The replay buffer: the agent's own episodes and demonstrations, sampled by priorities from the TD errors."""
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -12,13 +12,17 @@ from svfl_data.errors import DatasetError, UsageError
 from svfl_data.replay import demos, saving
 from svfl_data.replay.batches import Cuts
 from svfl_data.replay.config import ReplayConfig
-from svfl_data.replay.episode_builder import EpisodeBuilder, Observation
+from svfl_data.replay.episode_builder import EpisodeBuilder
 from svfl_data.replay.priorities import Priorities
-from svfl_data.replay.replay_spec import ReplaySpec
 from svfl_data.replay.ring import Ring
+from svfl_data.replay.specs.recorded_spec import RecordedSpec
+from svfl_data.replay.specs.replay_spec import ReplaySpec
+from svfl_data.replay.specs.spec import Observation, Spec
 from svfl_data.replay.stored_episode import StoredEpisode
 from svfl_data.sampling.batch import Batch, transitions
 from svfl_data.sampling.frames import corners
+from svfl_data.schema.action_fields import ACTION
+from svfl_data.schema.input_spec import InputSpec
 
 CAPACITY = 50_000
 """Default capacity, in transitions; with images of 76 x 76 pixels, a full buffer takes 1.5 GB."""
@@ -47,7 +51,7 @@ class ReplayBuffer:
         (40, (8, 5))
     """
 
-    def __init__(self, capacity: int, spec: ReplaySpec, config: ReplayConfig | None = None) -> None:
+    def __init__(self, capacity: int, spec: Spec, config: ReplayConfig | None = None) -> None:
         self.capacity, self.spec, self.config = operator.index(capacity), spec, config or ReplayConfig()
         if capacity < 1:
             raise UsageError(f"capacity is {capacity}; it must be at least 1")
@@ -68,6 +72,9 @@ class ReplayBuffer:
         config: ReplayConfig | None = None,
         failures: bool = False,
         camera: str | None = None,
+        inputs: InputSpec | None = None,
+        action: str = ACTION,
+        invariant: Collection[str] = (),
     ) -> "ReplayBuffer":
         """Create a buffer that holds demonstrations, which count as expert transitions.
 
@@ -78,14 +85,20 @@ class ReplayBuffer:
             capacity: Largest number of transitions in the buffer.
             config: Settings of the priorities and of the batches; the defaults of `ReplayConfig` if None.
             failures: Whether to take episodes without success as well.
-            camera: Name of the camera whose images are kept. May be None if the episodes have only one camera.
+            camera: Name of the camera of the paper's inputs. May be None if the episodes have only one camera.
+            inputs: What is taken at each observation, as in `Samples`; then images are whole by default
+                (``ReplayConfig(crop=None)``), and all values are as recorded. None for the paper's inputs: an image of
+                one RGB-D camera, the last readings of the wrench, and proprioception.
+            action: Path of the action, if `inputs` are given.
+            invariant: Paths of inputs, or ``cameras/NAME``, that stay as they are when a transition is rotated: sensors
+                and cameras on the gripper, and what has no direction.
 
         Raises:
-            UsageError: If the demonstrations do not fit into the capacity, the crops do not fit into the images, or an
-                episode is named twice.
+            UsageError: If the demonstrations do not fit into the capacity, the crops do not fit into the images, an
+                episode is named twice, or transitions are to be rotated, but an input does not say how it turns.
             DatasetError: If there are too few episodes, an episode is unfit for training or has several cameras while
-                `camera` is None, or two episodes differ in task, image size, depth scale, camera, workspace or action
-                bounds.
+                `camera` is None, a stream has another rate than its window, or two episodes differ in task, image size,
+                depth scale, camera, workspace, declarations or action bounds.
             FieldError: If an episode lacks a field or the camera.
             FormatError: If an episode is damaged.
         """
@@ -96,11 +109,13 @@ class ReplayBuffer:
                 f"{dataset.path}: {len(chosen)} demonstrations have {steps} steps, the capacity is {capacity}; "
                 "choose a larger capacity or fewer demonstrations"
             )
+        source = demos.source(dataset, chosen[0], camera, inputs, action, invariant)
+        config = config or ReplayConfig(crop=None if inputs else ReplayConfig.crop)
         buffer: ReplayBuffer | None = None
-        for spec, recorded in demos.read(dataset, chosen, camera):
+        for spec, stored in demos.read(dataset, chosen, source):
             if buffer is None:
                 buffer = cls(capacity, spec, config)
-            buffer._append(recorded)
+            buffer._append(stored(buffer.layout))
         assert buffer is not None, "at least one was chosen"
         return buffer
 
@@ -126,7 +141,7 @@ class ReplayBuffer:
         """Current exponent of the importance weights, which grows from `ReplayConfig.beta` to 1."""
         return self._priorities.beta
 
-    def begin_episode(self, observation: Observation, expert: bool = False, spec: ReplaySpec | None = None) -> None:
+    def begin_episode(self, observation: Observation, expert: bool = False, spec: Spec | None = None) -> None:
         """Begin to add an episode.
 
         Args:
@@ -271,18 +286,23 @@ class ReplayBuffer:
         saving.write(Path(path), header, arrays)
 
     @classmethod
-    def load(cls, path: Path | str) -> "ReplayBuffer":
+    def load(cls, path: Path | str, spec: Spec | None = None) -> "ReplayBuffer":
         """Load a saved buffer, which draws the same batches as the buffer that was saved would have drawn.
 
         Args:
             path: File from `save`.
+            spec: Spec that the saved buffer must have; None accepts every spec.
 
         Raises:
+            DatasetError: If the saved buffer has another spec, such as other inputs.
             FormatError: If the file is missing, damaged, not a saved replay buffer, or has another format version.
         """
         with saving.reading(Path(path)) as saved:
-            header, spec = saved.header, ReplaySpec.of_json(saved.header["spec"])
-            buffer = cls(saved.count("capacity"), spec, ReplayConfig(**header["config"]))
+            header, kind = saved.header, RecordedSpec if "inputs" in saved.header["spec"] else ReplaySpec
+            found: Spec = kind.of_json(header["spec"])
+            if spec is not None:
+                spec.require_equal(found, "the spec asked for", str(path))
+            buffer = cls(saved.count("capacity"), found, ReplayConfig(**header["config"]))
             buffer._ring = Ring(buffer.capacity, saved.count("first"))
             for number, one in enumerate(header["episodes"]):
                 arrays = {name: saved.array(f"{number}/{name}") for name in buffer.layout.names()}

@@ -1,39 +1,13 @@
 """The current episode of an agent, stored stream by stream until the episode ends."""
 
-from collections.abc import Mapping, Sequence
-from typing import Protocol
+from collections.abc import Sequence
 
 import numpy as np
 
 from svfl_data.errors import FieldError
-from svfl_data.replay.layout import REWARD, Layout, Stream
+from svfl_data.replay.specs.layout import REWARD, Layout, Stream
+from svfl_data.replay.specs.spec import Observation, Spec
 from svfl_data.replay.stored_episode import StoredEpisode
-
-Observation = Mapping[str, np.ndarray]
-
-
-class Spec(Protocol):
-    """Part of a specification that takes what an agent has observed and done."""
-
-    def observed(self, observation: Observation, layout: Layout) -> dict[str, np.ndarray]:
-        """Return the rows of an observation by the names of a layout, as copies.
-
-        They are the last rows of each stream (T, ...), and the row of each vector; for streams that keep them also the
-        number of padded rows and the age.
-
-        Raises:
-            FieldError: If an array of the observation is missing or has a wrong shape or value.
-        """
-
-    def acted(self, action: np.ndarray) -> np.ndarray:
-        """Return an action as a batch gives it.
-
-        Raises:
-            FieldError: If the action has a wrong shape or value.
-        """
-
-    def kept(self, name: str, values: np.ndarray) -> np.ndarray:
-        """Return observed rows as a batch gives them."""
 
 
 class EpisodeBuilder:

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from svfl_data.replay.layout import REWARD, Layout
+from svfl_data.errors import DatasetError
+from svfl_data.replay.specs.layout import REWARD, Layout
+from svfl_data.schema.episode import Episode
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,3 +79,22 @@ class StoredEpisode:
         later = step + len(rewards)
         final = self.terminated and later == len(self)
         return later, float(powers[: len(rewards)] @ rewards), 0.0 if final else float(powers[len(rewards)])
+
+
+def sparse_reward(episode: Episode) -> np.ndarray:
+    """Return the reward of each action of a recorded episode, shape (N,), float32.
+
+    The last action, which achieved the task, has the reward 1, all before have 0. An episode without success has no
+    reward and counts as truncated, because the recording was stopped.
+
+    Args:
+        episode: Recorded episode.
+
+    Raises:
+        DatasetError: If the episode has no actions.
+    """
+    if not len(episode):
+        raise DatasetError(f"{episode.name}: has no actions, so no transitions")
+    reward = np.zeros(len(episode), np.float32)
+    reward[-1] = episode.meta.success
+    return reward

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from svfl_data.replay import ReplayBuffer
-from svfl_data.replay.replay_spec import PARTS
+from svfl_data.replay.specs.replay_spec import PARTS
 from svfl_data.replay.stored_episode import StoredEpisode
 from svfl_data.sampling.windows import wrench_window
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act, act_on_image, dihedral

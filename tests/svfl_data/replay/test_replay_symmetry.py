@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from svfl_data.replay import ReplayBuffer
-from svfl_data.replay.replay_spec import PARTS
+from svfl_data.replay.specs.replay_spec import PARTS
 from svfl_data.replay.symmetry_augmentation import Between, SymmetryAugmentation, seen
 from svfl_data.sampling.samples import Samples
 from svfl_data.symmetry import act, act_on_image, dihedral, element

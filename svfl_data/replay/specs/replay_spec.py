@@ -7,9 +7,10 @@ import numpy as np
 
 from svfl_data.errors import DatasetError, FieldError
 from svfl_data.replay.config import ReplayConfig
-from svfl_data.replay.episode_builder import Observation, finite
-from svfl_data.replay.layout import REWARD, Array, Layout, Picture, Plane, Stream
-from svfl_data.replay.stored_episode import StoredEpisode
+from svfl_data.replay.episode_builder import finite
+from svfl_data.replay.specs.layout import REWARD, Array, Layout, Picture, Plane, Stream
+from svfl_data.replay.specs.spec import Observation, Spec, difference
+from svfl_data.replay.stored_episode import StoredEpisode, sparse_reward
 from svfl_data.schema.action_bounds import ActionBounds, planar_limits
 from svfl_data.schema.action_fields import ACTION, MAX_MOVE_M, MAX_TURN_RAD, planar_action
 from svfl_data.schema.episode import Camera, Episode
@@ -153,7 +154,7 @@ class ReplaySpec:
             str(found["task"]), (height, width), scale, axes, (x, y), lens, pose, str(found["view"]), (move, turn)
         )  # fmt: skip
 
-    def require_equal(self, other: "ReplaySpec", where: str, there: str) -> None:
+    def require_equal(self, other: Spec, where: str, there: str) -> None:
         """Refuse another spec if it differs from this spec.
 
         Args:
@@ -164,6 +165,8 @@ class ReplaySpec:
         Raises:
             DatasetError: If the two specs differ.
         """
+        if not isinstance(other, ReplaySpec):
+            raise difference("input", "the paper's (image, wrench, proprio)", "any input by its path", where, there)
         for field in fields(self):
             name, mine, its = field.name, getattr(self, field.name), getattr(other, field.name)
             if mine == its:
@@ -171,7 +174,7 @@ class ReplaySpec:
             if name in MATRICES:  # one row that differs is enough for the message
                 row = next(row for row, (a, b) in enumerate(zip(mine, its, strict=True)) if a != b)
                 name, mine, its = f"{name}[{row}]", mine[row], its[row]
-            raise DatasetError(f"{there}: its {name} is {its}, but {mine} in {where}; one replay buffer holds one kind")
+            raise difference(name, mine, its, where, there)
 
     @property
     def bounds(self) -> ActionBounds:
@@ -290,25 +293,6 @@ class ReplaySpec:
                 unit = "255" if name == "colour" else f"1 / {self.depth_scale:g} m"
                 raise FieldError(f"image: {name} from {low:g} to {high:g} in units of {unit}; 0 to {most} are possible")
         return color.astype(np.uint8), depth.astype(np.uint16)
-
-
-def sparse_reward(episode: Episode) -> np.ndarray:
-    """Return the reward of each action of a recorded episode, shape (N,), float32.
-
-    The last action, which achieved the task, has the reward 1, all before have 0. An episode without success has no
-    reward and counts as truncated, because the recording was stopped.
-
-    Args:
-        episode: Recorded episode.
-
-    Raises:
-        DatasetError: If the episode has no actions.
-    """
-    if not len(episode):
-        raise DatasetError(f"{episode.name}: has no actions, so no transitions")
-    reward = np.zeros(len(episode), np.float32)
-    reward[-1] = episode.meta.success
-    return reward
 
 
 def _rows(matrix: np.ndarray | list[list[float]]) -> Rows:

@@ -1,7 +1,8 @@
 """What a replay buffer keeps of an episode and gives in a batch, for any inputs and any action.
 
-A specification (`svfl_data.replay.replay_spec`, `svfl_data.replay.recorded_spec`) says it once as a `Layout`. Episodes,
-batches, rotations and saved files follow the layout, and know nothing of particular cameras or sensors.
+A specification (`svfl_data.replay.specs.replay_spec`, `svfl_data.replay.specs.recorded_spec`) says it once as a
+`Layout`. Episodes, batches, rotations and saved files follow the layout, and know nothing of particular cameras or
+sensors.
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,6 +16,7 @@ from svfl_data.symmetry import Part
 
 REWARD = "reward"
 Where = int | slice | EllipsisType
+Axes = tuple[tuple[float, float], tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,7 @@ class Picture:
     shape: tuple[int, ...]
     dtype: str
     size: tuple[int, int]
-    axes: tuple[tuple[float, float], tuple[float, float]] | None = ((1.0, 0.0), (0.0, 1.0))
+    axes: Axes | None = ((1.0, 0.0), (0.0, 1.0))
     flat: bool = False
 
     def cut_size(self, crop: int | None) -> tuple[int, int]:
@@ -136,7 +138,7 @@ class Layout:
     vectors: tuple[Array, ...]
     action: Array
     pictures: tuple[Picture, ...]
-    axes: tuple[tuple[float, float], tuple[float, float]] | None = None
+    axes: Axes | None = None
     constants: Mapping[str, float] = field(default_factory=dict)
 
     @property
