@@ -209,7 +209,11 @@ def _declared(episode: Episode, path: str) -> Field:
     field, array = episode.declarations.at(path), episode.arrays[path]
     if field is None or not field.grows or not _numeric(str(array.dtype)):
         raise FieldError(f"{episode.name}: {path} is not a declared array of numbers with a row for each reading")
-    return replace(field, shape=("rows", *array.shape[1:]), dtype=str(array.dtype), doc="", name="", assumed=())
+    bounds = tuple((float(low), float(high)) for low, high in field.bounds)
+    return replace(
+        field, shape=("rows", *array.shape[1:]), dtype=str(array.dtype), doc="", name="", assumed=(), bounds=bounds,
+        possible=(float(field.possible[0]), float(field.possible[1])),
+    )  # fmt: skip
 
 
 def _numeric(dtype: str) -> bool:
@@ -224,8 +228,12 @@ def _row(field: Field) -> tuple[int, ...]:
 
 
 def _ordered(inputs: InputSpec) -> InputSpec:
-    """Return the inputs with windows in the order of their paths, as in a file."""
-    return replace(inputs, windows=dict(sorted(inputs.windows.items())))
+    """Return the inputs as they are after reading them from a file: windows in the order of their paths."""
+    windows = {
+        path: replace(one, rate_hz=None if one.rate_hz is None else float(one.rate_hz))
+        for path, one in sorted(inputs.windows.items())
+    }
+    return replace(inputs, cameras=tuple(inputs.cameras), windows=windows, vectors=tuple(inputs.vectors))
 
 
 def _value(observation: Observation, array: Array, rows: tuple[int, ...] = ()) -> np.ndarray:
