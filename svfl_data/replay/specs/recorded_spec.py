@@ -16,7 +16,7 @@ from svfl_data.replay.specs.spec import Observation, Spec, difference
 from svfl_data.sampling.batch import age_key, padding_key
 from svfl_data.schema.action_bounds import ActionBounds
 from svfl_data.schema.episode import Episode
-from svfl_data.schema.field import Field, field_fault
+from svfl_data.schema.field import LARGEST, Field, field_fault
 from svfl_data.schema.input_spec import ACTIONS, InputSpec
 
 CAMERA_FACTS = ("intrinsics", "T_base_camera", "T_tcp_camera", "image_axes", "depth_scale")
@@ -111,9 +111,14 @@ class RecordedSpec:
                 raise ValueError(f"{field.path} has the shape {field.shape_words} and dtype {field.dtype}")
         if max([spec.inputs.frames, *(one.length for one in spec.inputs.windows.values())]) > LONGEST:
             raise ValueError(f"a window of more than {LONGEST} rows")
-        values = [np.asarray(one, np.float64).ravel() for one in (*spec.constants.values(), spec.centre or ())]
-        if not all(np.isfinite(one).all() for one in values):
-            raise ValueError("its spec has impossible numbers")
+        for path, numbers in [*spec.constants.items(), ("centre", spec.centre or ())]:
+            value = np.asarray(numbers, np.float64)
+            if not (np.abs(value) <= LARGEST).all():
+                raise ValueError(f"{path} has impossible numbers")
+            if path.endswith("/image_axes") and not np.allclose(value @ value.T, np.eye(2), atol=1e-6):
+                raise ValueError(f"{path} is no orthogonal matrix")
+            if path.endswith("/depth_scale") and (value.shape != () or value <= 0):
+                raise ValueError(f"{path} is {value}")
         return replace(spec, inputs=_ordered(spec.inputs))
 
     def plain(self) -> dict[str, Any]:
@@ -121,8 +126,15 @@ class RecordedSpec:
         return asdict(self)
 
     def field(self, path: str) -> Field:
-        """Return the declaration of an input or of the action."""
-        return next(field for field in self.fields if field.path == path)
+        """Return the declaration of an input or of the action.
+
+        Raises:
+            ValueError: If there is none at the path.
+        """
+        found = [field for field in self.fields if field.path == path]
+        if not found:
+            raise ValueError(f"{path} is not declared")
+        return found[0]
 
     def layout(self, config: ReplayConfig) -> Layout:
         """Return what is kept of an episode and given in a batch (`svfl_data.replay.specs.recorded_layout`).
