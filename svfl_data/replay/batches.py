@@ -6,7 +6,7 @@ import numpy as np
 
 from svfl_data.replay.specs.layout import Array, Layout, Picture
 from svfl_data.replay.stored_episode import StoredEpisode
-from svfl_data.replay.symmetry_augmentation import SymmetryAugmentation
+from svfl_data.replay.symmetry_augmentation import Between, SymmetryAugmentation
 from svfl_data.sampling.batch import Batch, age_key, padding_key
 
 
@@ -44,9 +44,8 @@ class Cuts:
         """
         out: Batch = {}
         places = list(zip(episodes, steps, strict=True))
-        shown = [picture.stream for picture in self._layout.pictures]
         for stream in self._layout.streams:
-            if stream not in shown:
+            if not stream.shown:
                 ends = [int(episode.arrays[stream.end][step]) for episode, step in places]
                 for one in stream.arrays:
                     windows = zip(episodes, ends, strict=True)
@@ -115,8 +114,10 @@ class Cuts:
                     row = max(0, row)
                     for name, where, smooth, last, scale, number in planes:
                         target, pixels = image[where], episode.arrays[name][row]
-                        if last:
+                        if last and isinstance(cut, Between):
                             target, pixels = target.transpose(2, 0, 1), pixels.transpose(2, 0, 1)
+                        elif last:
+                            target, pixels = _whole_pixels(target), _whole_pixels(pixels)
                         pixels = cut(pixels, smooth)
                         if scale:
                             target[...] = pixels
@@ -136,3 +137,8 @@ class Cuts:
             return self._augmentation.numbers(values, array.parts, elements)
         centred = self._augmentation.numbers(values - np.array(array.offset), array.parts, elements)
         return (centred + np.array(array.offset)).astype(values.dtype)
+
+
+def _whole_pixels(image: np.ndarray) -> np.ndarray:
+    """Return an image (H, W, C) as (H, W), whose pixels are moved as one item: twice as fast as channel by channel."""
+    return image.view(f"V{image.strides[-2]}")[..., 0]

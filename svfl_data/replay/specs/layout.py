@@ -51,6 +51,7 @@ class Stream:
         padded: Name of the array (N+1,) that has the number of leading rows that are padding; empty if it is not kept.
         age: Name of the array (N+1,) that has the age of the newest row, [s]; empty if it is not kept.
         group: Group that the padding and the age belong to (`svfl_data.sampling.batch`).
+        shown: Whether the arrays are images, which a batch has as pictures.
     """
 
     arrays: tuple[Array, ...]
@@ -59,6 +60,7 @@ class Stream:
     padded: str = ""
     age: str = ""
     group: str = ""
+    shown: bool = False
 
 
 @dataclass(frozen=True)
@@ -140,12 +142,6 @@ class Layout:
     pictures: tuple[Picture, ...]
     axes: Axes | None = None
     constants: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def numeric(self) -> list[Stream]:
-        """Streams that are not of pictures."""
-        shown = [picture.stream for picture in self.pictures]
-        return [stream for stream in self.streams if stream not in shown]
 
     def names(self) -> list[str]:
         """Return the names of all arrays of a stored episode, in the order of its file."""

@@ -66,7 +66,9 @@ def _axes(spec: "RecordedSpec", camera: str, rotate: bool) -> np.ndarray | None:
 
 def _stream(group: str, fields: list[Field], length: int, spec: "RecordedSpec", rotate: bool) -> Stream:
     arrays = tuple(_array(field, spec, rotate) for field in fields)
-    return Stream(arrays, length, f"rows/{group}", f"padded/{group}", f"age/{group}", group)
+    return Stream(
+        arrays, length, f"rows/{group}", f"padded/{group}", f"age/{group}", group, group.startswith("cameras/")
+    )
 
 
 def _array(field: Field, spec: "RecordedSpec", rotate: bool) -> Array:
