@@ -4,10 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from svfl_data.replay.config import ReplayConfig
 from svfl_data.replay.specs.layout import Array, Layout, Picture
 from svfl_data.replay.stored_episode import StoredEpisode
 from svfl_data.replay.symmetry_augmentation import Between, SymmetryAugmentation
-from svfl_data.sampling.batch import Batch, age_key, padding_key
+from svfl_data.sampling.batch import Batch, age_key, padding_key, transitions
+from svfl_data.sampling.frames import corners
 
 
 class Cuts:
@@ -15,21 +17,49 @@ class Cuts:
 
     Args:
         layout: Layout of the episodes.
-        crop: Height and width of the images of a batch, [px]; None for whole images.
-        order: Number N of the rotations of D_N.
+        config: Settings of the replay buffer, of which `crop`, `rotate` and `group_order` are used.
 
     Attributes:
-        turns: Number of elements of D_N.
+        turns: Number of elements of D_N that are drawn from; 1 if nothing is rotated.
     """
 
-    def __init__(self, layout: Layout, crop: int | None, order: int) -> None:
-        self._layout, self._crop = layout, crop
+    def __init__(self, layout: Layout, config: ReplayConfig) -> None:
+        self._layout, self._crop, self._rotate = layout, config.crop, config.rotate
+        order = config.group_order
         self._augmentation = SymmetryAugmentation(order, None if layout.axes is None else np.array(layout.axes))
-        self.turns = len(self._augmentation)
+        self.turns = len(self._augmentation) if config.rotate else 1
         self._augmentations = [
             SymmetryAugmentation(order, np.array(one.axes)) if one.axes else SymmetryAugmentation(1)
             for one in layout.pictures
         ]
+
+    def transitions(
+        self,
+        episodes: Sequence[StoredEpisode],
+        steps: Sequence[int],
+        later: Sequence[int],
+        fraction: np.ndarray,
+        elements: np.ndarray,
+    ) -> Batch:
+        """Return observations s, actions and observations s'.
+
+        Args:
+            episodes: Episode of each transition, B in all.
+            steps: Number of the observation s of each transition.
+            later: Number of its observation s'.
+            fraction: Place of the crops of each transition, shape (B, 2), as for `svfl_data.sampling.frames.corners`.
+            elements: Number of the element that is applied to each transition, shape (B,), below `turns`.
+        """
+        pairs, at = [*episodes, *episodes], [*steps, *later]
+        sizes = [(one.size, one.cut_size(self._crop)) for one in self._layout.pictures]
+        places = [corners(*size, cut, fraction) for size, cut in sizes]
+        both, name = self.numbers(pairs, at), self._layout.action.name
+        acted = {name: np.stack([one.arrays[name][step] for one, step in zip(episodes, steps, strict=True)])}
+        if self._rotate:
+            both, acted = self.rotated(both, np.tile(elements, 2)), self.rotated(acted, elements)
+        both |= self.images(pairs, at, places, elements)
+        constants = {key: np.full(len(steps), value) for key, value in self._layout.constants.items()}
+        return transitions(both, len(steps)) | acted | constants
 
     def numbers(self, episodes: Sequence[StoredEpisode], steps: Sequence[int]) -> Batch:
         """Return windows, vectors, and padding and age of streams.
@@ -83,14 +113,14 @@ class Cuts:
         corners: Sequence[np.ndarray],
         elements: np.ndarray,
     ) -> Batch:
-        """Cut, and rotate or reflect, the images of observations; all images of one observation are treated alike.
+        """Cut, and rotate or reflect, the images of observations; all images of one transition are treated alike.
 
         Args:
-            episodes: Episode of each observation, B in all.
-            steps: Number of each observation in its episode, B in all.
-            corners: For each picture of the layout the upper left pixel (row, column) of each observation's crop, shape
+            episodes: Episode of each observation: of the observations s of B transitions, then of their s'.
+            steps: Number of each observation in its episode.
+            corners: For each picture of the layout the upper left pixel (row, column) of each transition's crop, shape
                 (B, 2).
-            elements: Number of the element that is applied to each observation, shape (B,).
+            elements: Number of the element that is applied to each transition, shape (B,).
 
         Returns:
             Pictures by key, latest image last: those of the last K rows at or before the observation. Where the episode
@@ -103,8 +133,8 @@ class Cuts:
                 int(one.arrays[stream.end][step]) if stream.end else step + 1
                 for one, step in zip(episodes, steps, strict=True)
             ]
-            marks = places.tolist(), elements.tolist() if picture.axes else [0] * len(steps)
-            cutters = [augmentation.cutter(corner, element, size) for corner, element in zip(*marks, strict=True)]
+            marks = places.tolist(), elements.tolist() if picture.axes else [0] * len(elements)
+            cutters = [augmentation.cutter(corner, element, size) for corner, element in zip(*marks, strict=True)] * 2
             stacks = self._empty(picture, len(episodes), size)
             for stack, episode, end, cut in zip(stacks, episodes, ends, cutters, strict=True):
                 if not end:

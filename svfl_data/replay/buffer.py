@@ -19,8 +19,7 @@ from svfl_data.replay.specs.recorded_spec import RecordedSpec
 from svfl_data.replay.specs.replay_spec import ReplaySpec
 from svfl_data.replay.specs.spec import Observation, Spec
 from svfl_data.replay.stored_episode import StoredEpisode
-from svfl_data.sampling.batch import Batch, transitions
-from svfl_data.sampling.frames import corners
+from svfl_data.sampling.batch import Batch
 from svfl_data.schema.action_fields import ACTION
 from svfl_data.schema.input_spec import InputSpec
 
@@ -39,7 +38,8 @@ class ReplayBuffer:
     Args:
         capacity: Largest number of transitions. When further transitions would exceed it, the oldest episodes are
             removed as a whole.
-        spec: Properties that all episodes of the buffer have in common.
+        spec: Properties that all episodes of the buffer have in common: a `ReplaySpec` of the paper's inputs, or a
+            `RecordedSpec` of any others.
         config: Settings of the priorities and of the batches; the defaults of `ReplayConfig` if None.
 
     Raises:
@@ -58,7 +58,7 @@ class ReplayBuffer:
         self.layout = spec.layout(self.config)
         self.layout.require_crop(self.config.crop, self.config.rotate)
         self._ring, self._priorities = Ring(self.capacity), Priorities(self.capacity, self.config)
-        self._cuts = Cuts(self.layout, self.config.crop, self.config.group_order)
+        self._cuts = Cuts(self.layout, self.config)
         self._rng = np.random.default_rng(self.config.seed)
         self._powers = self.config.gamma ** np.arange(self.config.n_step + 1)
         self._builder: EpisodeBuilder | None = None
@@ -145,12 +145,13 @@ class ReplayBuffer:
         """Begin to add an episode.
 
         Args:
-            observation: Observation after the reset, in base axes, as the environments of `collectors.environment`
-                give it: ``image`` (4, H, W), RGB 0..1 and depth in [m]; ``wrench`` (T, 6), the last readings, tared;
-                ``proprio`` (5,).
+            observation: Observation after the reset, in base axes. Of the paper's inputs as the environments of
+                `collectors.environment` give it: ``image`` (4, H, W), RGB 0..1 and depth in [m]; ``wrench`` (T, 6), the
+                last readings, tared; ``proprio`` (5,). Of any other inputs one row of what `cut_steps` gives, by
+                dataset path; the padding and the age of streams may be missing.
             expert: Whether the episode is a demonstration.
-            spec: Spec of the observations, from `ReplaySpec.of_environment`, which must equal the spec of the buffer.
-                None skips this check.
+            spec: Spec of the observations, such as `ReplaySpec.of_environment`, which must equal the spec of the
+                buffer. None skips this check.
 
         Raises:
             DatasetError: If `spec` differs from the spec of the buffer, such as in view, camera, task or action bounds.
@@ -174,7 +175,7 @@ class ReplayBuffer:
         The transitions of an episode can be sampled once the episode has ended.
 
         Args:
-            action: Commanded action, shape (5,), base axes.
+            action: Commanded action, shape (C,), base axes.
             observation: Observation after the action, as for `begin_episode`.
             reward: Reward of the action.
             terminated: Whether the task ended with this step, so that the value of the next observation is 0.
@@ -198,20 +199,21 @@ class ReplayBuffer:
         """Draw transitions by their priorities, with replacement.
 
         Each transition leads from an observation s to s', the observation `n_step` steps after s or the last one of the
-        episode. All vectors are in image-aligned axes, and positions are relative to the workspace centre. All images
-        of s and s' of one transition have the same random crop and the same rotation or reflection.
+        episode. All images of s and s' of one transition have the same random crop and the same rotation or reflection.
+        Of the paper's inputs, all vectors are in image-aligned axes, and positions are relative to the workspace
+        centre. Of any other inputs, all values are as recorded, by the keys of `Samples`.
 
         Args:
             batch_size: Number of transitions, B.
 
         Returns:
-            Arrays by key. The observation s: ``image`` (B, 4, h, h), or (B, K, 4, h, h), latest last, with K > 1
-            ``frames``, RGB 0..1 and depth in [m]; ``wrench`` (B, T, 6); ``proprio`` (B, 5). The observation s': the
-            same keys with the prefix ``next_``. ``action`` (B, 5); ``reward`` (B,): discounted sum of the rewards from
-            s to s'; ``discount`` (B,): gamma^m where s' is m steps after s, or 0 where the task ended at s' (not where
-            the episode was truncated there); ``weight`` (B,): importance weights, of which the largest is 1. All of
-            these are float32. ``index`` (B,) int64: number of each transition, for `update_priorities`; ``expert``
-            (B,) bool: true for transitions of demonstrations.
+            Arrays by key. The observation s of the paper's inputs: ``image`` (B, 4, h, h), or (B, K, 4, h, h), latest
+            last, with K > 1 ``frames``, RGB 0..1 and depth in [m]; ``wrench`` (B, T, 6); ``proprio`` (B, 5). The
+            observation s': the same keys with the prefix ``next_``. The action (B, C): ``action``, or its path.
+            ``reward`` (B,): discounted sum of the rewards from s to s'; ``discount`` (B,): gamma^m where s' is m steps
+            after s, or 0 where the task ended at s' (not where the episode was truncated there); ``weight`` (B,):
+            importance weights, of which the largest is 1. All of these are float32. ``index`` (B,) int64: number of
+            each transition, for `update_priorities`; ``expert`` (B,) bool: true for transitions of demonstrations.
 
         Raises:
             UsageError: If `batch_size` is not positive.
@@ -227,19 +229,9 @@ class ReplayBuffer:
         outcomes = [episode.outcome(step, self._powers) for episode, step in zip(episodes, steps, strict=True)]
         later, reward, discount = zip(*outcomes, strict=True)
 
-        pairs, at = episodes * 2, [*steps, *later]  # s of all samples, then s' of all
-        crop, where = self.config.crop, self._rng.random((batch_size, 2))
-        sizes = [(one.size, one.cut_size(crop)) for one in self.layout.pictures]
-        places = [np.tile(corners(*size, cut, where), (2, 1)) for size, cut in sizes]
-        moves = self._rng.integers(self._cuts.turns if self.config.rotate else 1, size=batch_size)
-        both, action = self._cuts.numbers(pairs, at), self.layout.action.name
-        acted = {action: np.stack([one.arrays[action][step] for one, step in zip(episodes, steps, strict=True)])}
-        if self.config.rotate:
-            both = self._cuts.rotated(both, np.tile(moves, 2))
-            acted = self._cuts.rotated(acted, moves)
-        both |= self._cuts.images(pairs, at, places, np.tile(moves, 2))
-        constants = {key: np.full(batch_size, value) for key, value in self.layout.constants.items()}
-        return transitions(both, batch_size) | acted | constants | {
+        where = self._rng.random((batch_size, 2))
+        moves = self._rng.integers(self._cuts.turns, size=batch_size)
+        return self._cuts.transitions(episodes, steps, later, where, moves) | {
             "reward": np.array(reward, np.float32), "discount": np.array(discount, np.float32), "weight": weight,
             "index": numbers, "expert": self._priorities.expert[slots],
         }  # fmt: skip
