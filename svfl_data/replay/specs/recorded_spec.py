@@ -20,7 +20,7 @@ from svfl_data.schema.field import LARGEST, Field, field_fault
 from svfl_data.schema.input_spec import ACTIONS, InputSpec
 
 CAMERA_FACTS = ("intrinsics", "T_base_camera", "T_tcp_camera", "image_axes", "depth_scale")
-COMPARED = ("dtype", "shape", "unit", "axes", "about", "components", "parts", "bounds", "delta")
+COMPARED = ("dtype", "shape", "unit", "axes", "about", "components", "parts", "bounds", "delta", "image")
 """Attributes of a declaration that must be equal for episodes to be mixed in one batch."""
 
 
@@ -77,11 +77,9 @@ class RecordedSpec:
         for path, folder in [(path, "observations/") for path in inputs.vectors] + [(action, ACTIONS)]:
             if not path.startswith(folder):
                 raise UsageError(f"{path} is not below {folder}")
-        groups = {f"cameras/{camera}" for camera in inputs.cameras}
-        if unknown := set(invariant) - {*paths, *groups} | {action} & set(invariant):
-            raise UsageError(
-                f"invariant names {min(unknown)}, but the inputs are {', '.join(sorted({*paths, *groups} - {action}))}"
-            )
+        named = {*inputs.windows, *inputs.vectors, *(f"cameras/{camera}" for camera in inputs.cameras)}
+        if unknown := set(invariant) - named:
+            raise UsageError(f"invariant names {min(unknown)}, but the inputs are {', '.join(sorted(named))}")
         found = {f"cameras/{camera}/{leaf}" for camera in inputs.cameras for leaf in CAMERA_FACTS} & set(episode.arrays)
         constants = {path: np.asarray(episode.arrays[path], np.float64).tolist() for path in sorted(found)}
         centre: tuple[float, float] | None = None
@@ -167,7 +165,8 @@ class RecordedSpec:
                 mine, its = getattr(field, name), getattr(theirs[field.path], name)
                 if mine != its:
                     raise difference(f"{name} of {field.path}", mine, its, where, there)
-        raise difference("inputs", len(self.fields), len(other.fields), where, there)
+        extra = sorted(theirs.keys() - {field.path for field in self.fields})
+        raise difference("input", "without it", ", ".join(extra), where, there)
 
     def kept(self, name: str, values: np.ndarray) -> np.ndarray:
         """Return the values unchanged."""
@@ -215,7 +214,7 @@ class RecordedSpec:
 
 
 def _declared(episode: Episode, path: str) -> Field:
-    """Return the declaration of an array with the sizes that were recorded, and without its description."""
+    """Return the declaration of an array with the sizes that were recorded, reduced to what must be equal."""
     if path not in episode.arrays:
         raise FieldError(f"{episode.name}: has no {path}; it has {', '.join(episode.arrays)}")
     field, array = episode.declarations.at(path), episode.arrays[path]
@@ -224,7 +223,7 @@ def _declared(episode: Episode, path: str) -> Field:
     bounds = tuple((float(low), float(high)) for low, high in field.bounds)
     return replace(
         field, shape=("rows", *array.shape[1:]), dtype=str(array.dtype), doc="", name="", assumed=(), bounds=bounds,
-        possible=(float(field.possible[0]), float(field.possible[1])),
+        possible=(-LARGEST, LARGEST),
     )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from svfl_data.sampling.samples import Samples
 from svfl_data.schema.action_fields import joint_action, pose_action
 from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Episode
+from svfl_data.schema.field import Field
 from svfl_data.schema.input_spec import InputSpec, Window
 from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import act, act_on_image, dihedral
@@ -19,6 +20,7 @@ from tests.helpers.own_robot import ACTION, FIELDS, own_dataset, own_episode
 from tests.helpers.replay_inputs import INPUTS, INVARIANT, KINDS, OWN, PAPER, STEPS, T_SIDE, own_demo, row_of
 
 BEGIN = np.concatenate([[0], np.cumsum(STEPS)])
+TACTILE = Field(path="streams/skin/pressure", dtype="float32", shape=("rows", 2))
 SIMPLE = InputSpec(cameras=("front",), vectors=("observations/tcp_velocity",))
 
 
@@ -206,7 +208,8 @@ def test_priorities_know_nothing_of_the_inputs(tmp_path):
         ({"task": "pushing"}, r"task.*pushing.*wiping"),
         ({"centre": (0.0, 0.0)}, r"centre.*0\.0.*0\.5"),
         ({"constants": {}}, r"cameras/front/T_base_camera.*None"),
-        ({"fields": OWN.spec(own_demo(0)).fields[1:]}, r"input.*actions/action"),
+        ({"fields": OWN.spec(own_demo(0)).fields[1:]}, r"input.*without it.*actions/action"),
+        ({"fields": (*OWN.spec(own_demo(0)).fields, TACTILE)}, r"input.*streams/skin/pressure.*without it"),
     ],
 )
 def test_a_saved_buffer_of_other_inputs_is_refused(tmp_path, other, facts):
@@ -246,6 +249,7 @@ def without(episode: Episode, *paths: str) -> Episode:
         (SIMPLE, {"action": "actions/left"}, FieldError, r"episode_000000\.hdf5.*actions/left.*actions/action"),
         (SIMPLE, {"invariant": ["cameras/wrist"]}, UsageError, r"invariant.*cameras/wrist.*cameras/front"),
         (SIMPLE, {"invariant": ["actions/action"]}, UsageError, r"invariant.*actions/action"),
+        (SIMPLE, {"invariant": ["cameras/front/color"]}, UsageError, r"invariant.*cameras/front/color.*cameras/front,"),
         (SIMPLE, {"camera": "front"}, UsageError, r"front.*InputSpec"),
         (SIMPLE, {"config": ReplayConfig()}, UsageError, r"64 px.*cameras/front/color.*10 x 12"),
         (SIMPLE, {"config": ReplayConfig(crop=None, frames=2)}, UsageError, r"frames.*InputSpec"),
