@@ -93,6 +93,11 @@ def test_the_page_on_recording_can_be_followed_to_the_letter(tmp_path, monkeypat
     }  # fmt: skip
     assert {path: batch[path].shape for path in shapes} == shapes
     assert not batch["streams/joints/padding"].any()
+    transitions = names["transitions"]
+    shapes |= {path: (2, 1, 32, 32, *shapes[path][4:]) for path in shapes if path.startswith("cameras/")}
+    after = {f"next_{path}": shape for path, shape in shapes.items() if path != "actions/action"}
+    for path, shape in (shapes | after | {"actions/action": (2, 7)}).items():
+        assert transitions[path].shape == (8, *shape[1:]), path
     assert names["in_base"](np.diag([1.0, -1.0, -1.0]), np.arange(6.0)).tolist() == [0, -1, -2, 3, -4, -5]
     commands = re.findall(r"^    (svfl-.*)$", (ROOT / "docs" / "recording.md").read_text(), re.M)
     assert len(commands) >= 5

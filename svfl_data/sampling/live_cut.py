@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from svfl_data.sampling.batch import Batch
 from svfl_data.sampling.cut import cut
 from svfl_data.schema.declarations import STANDARD, Declarations
 from svfl_data.schema.input_spec import InputSpec, Window
@@ -39,7 +40,7 @@ class LiveCut:
         self._past: dict[str, dict[str, np.ndarray]] = {}
         self._now_ns: int | None = None
 
-    def __call__(self, seen: Observation) -> dict[str, np.ndarray]:
+    def __call__(self, seen: Observation) -> Batch:
         """Return the values at an observation, each of shape (1, ...), by the keys of `cut`.
 
         Args:

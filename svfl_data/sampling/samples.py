@@ -15,6 +15,7 @@ from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, UsageError
 from svfl_data.recording.consistency import check_agreement
+from svfl_data.sampling.batch import Batch, age_key, padding_key
 from svfl_data.sampling.frames import Frames, corners, draws
 from svfl_data.sampling.named_camera import named_camera
 from svfl_data.sampling.ragged import join, rows_of, starts
@@ -28,7 +29,6 @@ from svfl_data.storage.reader import StoredArray
 from svfl_data.system.progress import progress
 
 TIMES = "observations/t_ns"
-Batch = dict[str, np.ndarray]
 Values = TypeVar("Values", bound=Any)
 
 
@@ -174,19 +174,19 @@ class Samples:
         for path in self.inputs.vectors:
             out[path] = self._values[path][self._observation[chosen]]
         for group, window in self.inputs.groups.items():
-            rows, out[f"{group}/padding"] = self._rows[group].last(chosen, window.length)
-            out[f"{group}/age"] = self._rows[group].age[chosen]
+            rows, out[padding_key(group)] = self._rows[group].last(chosen, window.length)
+            out[age_key(group)] = self._rows[group].age[chosen]
             for path in self.inputs.windows:
                 if path.rpartition("/")[0] == group:
                     out[path] = self._values[path][rows]
-        rows, out["actions/padding"] = self._action_rows(chosen)
+        rows, out[padding_key("actions")] = self._action_rows(chosen)
         for path in self.actions:
             out[path] = self._values[path][rows]
         fraction = draws(self.seed, epoch, chosen) if self.crop_at == "random" else None
         for camera in self.inputs.cameras:
             group = f"cameras/{camera}"
-            rows, out[f"{group}/padding"] = self._rows[group].last(chosen, self.inputs.frames)
-            out[f"{group}/age"] = self._rows[group].age[chosen]
+            rows, out[padding_key(group)] = self._rows[group].last(chosen, self.inputs.frames)
+            out[age_key(group)] = self._rows[group].age[chosen]
             if group in self._axes:
                 out[f"{group}/image_axes"] = self._axes[group][rows]
             for path, images in self._images.items():
