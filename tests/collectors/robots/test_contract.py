@@ -239,6 +239,24 @@ def test_a_slow_camera_gives_each_frame_once():
     assert "observations/proprio" not in arrays
 
 
+def test_a_reading_that_comes_late_is_a_fault_and_not_lost_in_silence(tmp_path):
+    class Late(FingerRobot):
+        """Its tactile array repeats itself."""
+
+        def readings(self):
+            return {**super().readings(), "streams/tactile": self.rows(-1)["streams/tactile"]}
+
+    robot = Late()
+    dataset = Dataset.create_or_resume(tmp_path, "wiping", 0, {})
+    meta = Meta("wiping", 0, 0, "robot", success=False)
+    with (
+        EpisodeWriter(dataset, meta, robot.constants(), robot.declarations.own) as writer,
+        pytest.raises(FieldError, match="streams/tactile: row .* ascend"),
+    ):
+        record_into(writer, robot, commands(robot), STEPS)
+    assert robot.calls == ["stop"]
+
+
 def test_an_episode_without_actions_has_the_width_of_the_robots():
     arrays = record(FingerRobot(), lambda _: None, STEPS)
     assert (arrays["actions/action"].shape, arrays["actions/action"].dtype) == ((0, 7), np.float32)
