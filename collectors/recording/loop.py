@@ -97,9 +97,9 @@ def record_into(
             if group not in streamed and t_ns != latest_ns.get(group):  # a slow camera's frame is seen twice
                 latest_ns[group] = t_ns
                 sink.append(group, **columns)
-        for group, columns in readings.items():
-            if len(columns["t_ns"]):
-                sink.append(group, **columns)
+        for group, new in readings.items():
+            if len(new["t_ns"]):
+                sink.append(group, **new)
         _append_state(sink, seen.t_ns, state())
         watch(robot, seen, action, readings)
         return seen

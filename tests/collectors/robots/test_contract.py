@@ -251,7 +251,7 @@ def test_a_reading_that_comes_late_is_a_fault_and_not_lost_in_silence(tmp_path):
     meta = Meta("wiping", 0, 0, "robot", success=False)
     with (
         EpisodeWriter(dataset, meta, robot.constants(), robot.declarations.own) as writer,
-        pytest.raises(FieldError, match="streams/tactile: row .* ascend"),
+        pytest.raises(FieldError, match=r"streams/tactile: row .* ascend"),
     ):
         record_into(writer, robot, commands(robot), STEPS)
     assert robot.calls == ["stop"]
