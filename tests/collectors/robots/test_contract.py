@@ -219,6 +219,30 @@ def test_an_action_of_another_length_is_refused_in_one_line(case):
         record(robot, lambda _: np.zeros(3, np.float32), STEPS)
 
 
+def test_home_begins_a_new_episode(case):
+    robot = case.begin()
+    first = record(robot, commands(robot), STEPS)
+    robot.home()
+    robot.tare()
+    again = record(robot, commands(robot), STEPS)
+    assert again.keys() == first.keys()
+    for path in first:
+        if path.endswith("/t_ns"):
+            np.testing.assert_array_equal(again[path], first[path], err_msg=path)
+
+
+def test_a_world_is_connected_again():
+    with World(SMALL) as world:
+        world.reset(seed=0)
+        before = world.observe()
+        for _ in range(2):
+            world.close()
+            world.connect()
+        world.connect()
+        world.reset(seed=0)
+        np.testing.assert_array_equal(world.observe().wrench, before.wrench)
+
+
 def test_the_robot_is_stopped_whatever_happens():
     def fails(_):
         raise RuntimeError
