@@ -92,12 +92,14 @@ def record_into(
     def observe(action: NDArray[np.float32] | None) -> Observation:
         seen, readings = robot.observe(), robot.readings()
         streamed.update(readings)
-        observed = {group: columns for group, columns in rows(seen, cameras).items() if group not in streamed}
-        for group, columns in {**observed, **readings}.items():
-            t_ns = columns["t_ns"]
-            if len(t_ns) and t_ns[0] > latest_ns.get(group, t_ns[0] - 1):  # a slow camera's frame is seen twice
-                latest_ns[group] = t_ns[-1]
+        for group, columns in rows(seen, cameras).items():
+            t_ns = int(columns["t_ns"][0])
+            if group not in streamed and t_ns != latest_ns.get(group):  # a slow camera's frame is seen twice
+                latest_ns[group] = t_ns
                 sink.append(group, **columns)
+        for group, new in readings.items():
+            if len(new["t_ns"]):
+                sink.append(group, **new)
         _append_state(sink, seen.t_ns, state())
         watch(robot, seen, action, readings)
         return seen

@@ -7,24 +7,21 @@ of its time. All episodes of a process are in one recording, one after the other
 
 import socket
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from multiprocessing.util import Finalize
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
 from svfl_data.errors import UsageError
 from svfl_data.schema.robot import Observation, Readings, Robot
 from svfl_data.system.own_process import OwnProcess
-from svfl_data.system.printable import printable
 from svfl_data.viewer.entities import names, plots, scene
 from svfl_data.viewer.entities.episode_source import PLANAR
-from svfl_data.viewer.entities.fields import FieldView
 from svfl_data.viewer.entities.robot import robot_for
 from svfl_data.viewer.live_cameras import LiveCamera
 from svfl_data.viewer.live_fields import LiveFields
+from svfl_data.viewer.live_layout import arrange
 
 PERIOD_S = 0.1
 """Shortest time between two sendings, [s]; a person sees this delay as immediate."""
@@ -32,13 +29,8 @@ SHARE = 0.03
 """Largest share of the time that sending may take."""
 GAP_NS = 500_000_000
 """Time between two episodes on the recording's clock, [ns]."""
-BEHIND_S = 4.0
-"""Time before the present that the plots show, [s]."""
 TIMEOUT_S = 2.0
-MOST_FIELDS = 6
-"""Largest number of plots of a robot's own fields that fit into the window; the others can be added in the viewer."""
 WRENCH = "streams/wrench"
-WORDS = {"color": "colour", "depth": "depth"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,52 +199,3 @@ def _moved(before: Observation, after: Observation) -> np.ndarray:
     if before.proprio is None or after.proprio is None:
         return np.full(3, np.nan)
     return np.asarray(after.proprio[1:4] - before.proprio[1:4])
-
-
-def arrange(
-    cameras: Mapping[str, LiveCamera], fields: Sequence[FieldView], wrench: bool, planar: bool
-) -> rrb.Blueprint:
-    """Return the layout of the window for live episodes, which follows the clock and shows the last seconds.
-
-    Args:
-        cameras: Cameras by name.
-        fields: Views of the robot's own fields.
-        wrench: Whether the robot has the wrench sensor of ``streams/wrench``.
-        planar: Whether its action is the planar one.
-    """
-    recent = rr.TimeRange(
-        start=rrb.TimeRangeBoundary.cursor_relative(seconds=-BEHIND_S), end=rrb.TimeRangeBoundary.cursor_relative()
-    )
-    curves = {"Force, N: x orange, y green, z blue": [names.FORCE_PLOT], "Torque, N m": [names.TORQUE_PLOT]}
-    curves = curves if wrench else {}
-    if planar:
-        curves["Move, m: thick commanded, thin achieved"] = [names.COMMANDED, names.ACHIEVED]
-    pictures = [
-        rrb.Spatial2DView(origin=camera.entity, contents=[f"$origin/{kind}"], name=printable(f"{name}: {WORDS[kind]}"))
-        for name, camera in cameras.items()
-        for kind in camera.kinds
-    ]
-    lines: list[rrb.View] = [
-        rrb.TimeSeriesView(
-            contents=[f"+ {path}" for path in paths], name=name, axis_x=rrb.TimeAxis(view_range=recent),
-            plot_legend=rrb.PlotLegend(visible=False),
-        )
-        for name, paths in curves.items()
-    ]  # fmt: skip
-    for view in fields[:MOST_FIELDS]:
-        if view.kind == "curves":
-            lines.append(rrb.TimeSeriesView(origin=view.entity, name=view.name, axis_x=rrb.TimeAxis(view_range=recent)))
-        else:
-            lines.append(rrb.TensorView(origin=view.entity, name=view.name))
-    left: list[rrb.View | rrb.Container] = [rrb.Spatial3DView(origin=names.SCENE, name="Live")]
-    left += [rrb.Horizontal(*pictures)] if pictures else []
-    shares = [4] * len(lines) + [1]
-    return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(*left, row_shares=[3, 2][: len(left)]),
-            rrb.Vertical(*lines, rrb.TextDocumentView(origin=names.ABOUT, name="Now"), row_shares=shares),
-        ),
-        rrb.BlueprintPanel(state="hidden"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.TimePanel(state="collapsed", timeline=names.TIMELINE, play_state="following"),
-    )

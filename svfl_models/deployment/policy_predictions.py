@@ -21,9 +21,7 @@ from svfl_models.programs.exported_policy import ExportedPolicy, only_camera
 
 AT_ONCE = 256
 """Number of observations whose images are converted to float and held in memory at a time."""
-NO_JOINTS = np.zeros(0, np.float32)
 WRENCH_WINDOW = InputSpec(windows={WRENCH: Window(WINDOW)})
-"""Empty joint positions, because no policy uses joints."""
 
 
 def of_module(module: CloningModule, name: str, at_once: int = AT_ONCE) -> Network:
@@ -82,7 +80,7 @@ def of_program(policy: ExportedPolicy, name: str) -> Network:
         for step, row in enumerate(_rows(episode, camera)):
             frames = {camera.name: Frame(camera.color[row], camera.depth[row])}
             wrench, proprio = wrench_window(episode, step)[0], episode.proprio[step]
-            actions.append(policy(Observation(int(episode.t_ns[step]), frames, wrench, proprio, NO_JOINTS)))
+            actions.append(policy(Observation(int(episode.t_ns[step]), frames, wrench, proprio)))
         return Prediction(name, camera.name, actions=np.stack(actions))
 
     return network

@@ -219,6 +219,30 @@ def test_an_action_of_another_length_is_refused_in_one_line(case):
         record(robot, lambda _: np.zeros(3, np.float32), STEPS)
 
 
+def test_home_begins_a_new_episode(case):
+    robot = case.begin()
+    first = record(robot, commands(robot), STEPS)
+    robot.home()
+    robot.tare()
+    again = record(robot, commands(robot), STEPS)
+    assert again.keys() == first.keys()
+    for path in first:
+        if path.endswith("/t_ns"):
+            np.testing.assert_array_equal(again[path], first[path], err_msg=path)
+
+
+def test_a_world_is_connected_again():
+    with World(SMALL) as world:
+        world.reset(seed=0)
+        before = world.observe()
+        for _ in range(2):
+            world.close()
+            world.connect()
+        world.connect()
+        world.reset(seed=0)
+        np.testing.assert_array_equal(world.observe().wrench, before.wrench)
+
+
 def test_the_robot_is_stopped_whatever_happens():
     def fails(_):
         raise RuntimeError
@@ -237,6 +261,24 @@ def test_a_slow_camera_gives_each_frame_once():
     assert arrays["cameras/eye/t_ns"].tolist() == [*range(500_000_000, 1_500_000_001, 250_000_000)]
     assert "cameras/eye/depth" not in arrays
     assert "observations/proprio" not in arrays
+
+
+def test_a_reading_that_comes_late_is_a_fault_and_not_lost_in_silence(tmp_path):
+    class Late(FingerRobot):
+        """Its tactile array repeats itself."""
+
+        def readings(self):
+            return {**super().readings(), "streams/tactile": self.rows(-1)["streams/tactile"]}
+
+    robot = Late()
+    dataset = Dataset.create_or_resume(tmp_path, "wiping", 0, {})
+    meta = Meta("wiping", 0, 0, "robot", success=False)
+    with (
+        EpisodeWriter(dataset, meta, robot.constants(), robot.declarations.own) as writer,
+        pytest.raises(FieldError, match=r"streams/tactile: row .* ascend"),
+    ):
+        record_into(writer, robot, commands(robot), STEPS)
+    assert robot.calls == ["stop"]
 
 
 def test_an_episode_without_actions_has_the_width_of_the_robots():

@@ -12,9 +12,11 @@ from collectors.recording.live_view import shown, viewer
 from collectors.recording.loop import record
 from collectors.robots import GROUP, connected, make, simulated
 from collectors.robots.playback import Playback
+from collectors.simulation import WorldConfig
 from collectors.sources import policy
+from collectors.sources.replay import from_json
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import UsageError
+from svfl_data.errors import FormatError, UsageError
 from tests.helpers.finger_robot import FingerRobot
 from tests.helpers.own_robot import own_episode
 from tests.helpers.rerun_files import entities, gathered
@@ -167,6 +169,8 @@ def test_a_robot_is_simulated_or_not(package):
         connected("panda_sim")
     with pytest.raises(UsageError, match="not simulated"):
         make("finger_arm")
+    with pytest.raises(FormatError, match=r"config\.world: .*finger_arm is not simulated"):  # a file that names it
+        from_json(WorldConfig, {"robot": {"name": "finger_arm"}}, "config.world")
 
 
 @pytest.mark.parametrize("robot", [FingerRobot, lambda: Playback(own_episode(0))], ids=["own", "record"])
