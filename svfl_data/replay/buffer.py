@@ -96,9 +96,9 @@ class ReplayBuffer:
         Raises:
             UsageError: If the demonstrations do not fit into the capacity, the crops do not fit into the images, an
                 episode is named twice, or transitions are to be rotated, but an input does not say how it turns.
-            DatasetError: If there are too few episodes, an episode is unfit for training lacks the camera or has
-                several while `camera` is None, a stream has another rate than its window, or two episodes differ in task, image size,
-                depth scale, camera, workspace, declarations or action bounds.
+            DatasetError: If there are too few episodes, an episode is unfit for training, lacks the camera or has
+                several while `camera` is None, a stream has another rate than its window, or two episodes differ in
+                task, image size, depth scale, camera, workspace, declarations or action bounds.
             FieldError: If an episode lacks a field.
             FormatError: If an episode is damaged.
         """
