@@ -25,7 +25,8 @@ class LiveCut:
 
     Example:
         >>> live = LiveCut(InputSpec(windows={"streams/wrench/wrench": Window(64)}, vectors=("observations/proprio",)))
-        >>> seen = Observation(0, wrench=np.zeros((64, 6), np.float32), proprio=np.zeros(5, np.float32))
+        >>> times = {"streams/wrench/t_ns": np.arange(64) * 2_000_000}
+        >>> seen = Observation(126_000_000, wrench=np.zeros((64, 6)), proprio=np.zeros(5), values=times)
         >>> sorted(live(seen))  # doctest: +ELLIPSIS
         ['observations/proprio', 'streams/wrench/age', ...]
     """
