@@ -147,17 +147,17 @@ def observations(episode: Episode) -> tuple[list[dict[str, np.ndarray]], np.ndar
     """Return each observation with arrays of its own, the actions and the depth scale, in image-aligned axes."""
     (camera,) = episode.cameras.values()
     spec = ReplaySpec.of_episode(episode, camera)
-    proprio = spec.proprio(episode.proprio)
+    proprio = spec.kept("proprio", episode.proprio)
     seen = [
         {
             "color": np.ascontiguousarray(camera.color[step].transpose(2, 0, 1)),
             "depth": camera.depth[step].copy(),
-            "wrench": spec.wrench(wrench_window(episode, step, WINDOW)[0]),
+            "wrench": spec.kept("wrench", wrench_window(episode, step, WINDOW)[0]),
             "proprio": proprio[step].copy(),
         }
         for step in range(len(episode.t_ns))
     ]
-    return seen, spec.action(episode.action), spec.depth_scale
+    return seen, spec.kept("action", episode.action), spec.depth_scale
 
 
 def cropped(batch: dict[str, np.ndarray], scale: float, rng: np.random.Generator) -> dict[str, np.ndarray]:

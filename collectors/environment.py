@@ -19,15 +19,17 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from collectors.robots import make as make_robot
-from collectors.simulation.camera import CAMERAS
+from collectors.simulation.camera import CAMERAS, cameras_named
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
 from collectors.tasks import TASKS, task_class
 from collectors.tasks.gripper import Gripper, Moves
 from collectors.tasks.task import MAX_STEPS, POLICY_ATTEMPT, Task, attempt_seed
 from svfl_data.errors import UsageError
+from svfl_data.sampling.live_cut import LiveCut
 from svfl_data.sampling.windows import WINDOW
-from svfl_data.schema.robot import Observation
+from svfl_data.schema.input_spec import InputSpec
+from svfl_data.schema.robot import Calibration, Observation
 from svfl_data.signals.top_view import EYE_M
 from svfl_data.signals.topdown import topdown_frame
 from svfl_data.system.own_process import OwnProcess
@@ -46,6 +48,10 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
     - ``wrench`` (64, 6): the last 64 readings at 500 Hz, the latest one last, tared, [N] and [N m], base axes, about
       the sensor origin.
     - ``proprio`` (5,): gripper opening 0..1, TCP x, y, z [m], yaw [rad], in base.
+
+    With `inputs`, an observation is instead a dictionary of what `svfl_data.sampling.samples.Samples` gives for the
+    same inputs at a step, by the same keys, such as ``cameras/wrist/color`` (1, H, W, 3) uint8,
+    ``cameras/wrist/image_axes`` (1, 2, 2) and ``streams/wrench/wrench`` (T, 6), but no ``.../padding``, ``.../age``.
 
     An action is float32 (5,): gripper opening 0..1, dx, dy, dz [m], dtheta [rad], base axes, within the paper's bounds
     (0.025 m, pi/16). One step takes 50 ms. An action outside the bounds is clipped to them. An action that is not five
@@ -76,6 +82,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         render_mode: str | None = None,
         camera: str | None = None,
         robot: str | None = None,
+        inputs: InputSpec | None = None,
     ) -> None:
         """Open the simulated world of a task.
 
@@ -91,35 +98,30 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
             camera: Name of the camera whose image is observed. May be None if the world has one camera.
             robot: Name of the simulated robot (`collectors.robots`), in place of that of `world`. None means the robot
                 of `world`, which is the Panda by default.
+            inputs: What is observed, by dataset path, in place of the paper's three arrays: cameras, windows of streams
+                and vectors. Without `world`, the world has the cameras of these inputs.
 
         Raises:
             UsageError: If no task, view, camera or robot has that name, or the world has several cameras and none is
                 named.
+            FieldError: If a simulated robot does not observe one of the inputs.
         """
         if view not in ("camera", "top"):
             raise UsageError(f"no view {view!r}; there are camera, top")
         self._task_class = task_class(task)
-        if world is None and camera in CAMERAS:
-            world = WorldConfig(cameras={camera: CAMERAS[camera]})
+        needed = inputs.cameras if inputs else (camera,) if camera in CAMERAS else ()
+        if world is None and needed:
+            world = WorldConfig(cameras=cameras_named(needed))
         if robot:
             world = replace(world or WorldConfig(), robot=make_robot(robot))
-        self.camera = _chosen(camera, world or WorldConfig())
+        self.camera = _chosen(camera, world or WorldConfig(), inputs)
         self.world = World(world)
         self.view, self.eye, self.render_mode = view, eye, render_mode
         self.task: Task | None = None
         self._steps = 0
         self._seen: Observation | None = None
-        seen = self.world.config.cameras[self.camera]
-        high = np.ones((4, seen.height, seen.width), np.float32)
-        high[3] = 2**16 * seen.depth_scale
-        reach = np.array([1.1, 2.0, 2.0, 2.0, np.pi], np.float32)  # farther than the arm can be
-        self.observation_space = spaces.Dict(
-            {
-                "image": spaces.Box(np.zeros_like(high), high, dtype=np.float32),
-                "wrench": spaces.Box(-np.inf, np.inf, (WINDOW, 6), np.float32),
-                "proprio": spaces.Box(-reach, reach, dtype=np.float32),
-            }
-        )
+        self._cut = LiveCut(inputs) if inputs else None
+        self.observation_space = self._paper_space() if inputs is None else self._space_of_inputs()
         bound = self.world.action_bound.astype(np.float32)
         self.action_space = spaces.Box(
             np.concatenate([[0], -bound]).astype(np.float32), np.concatenate([[1], bound]).astype(np.float32)
@@ -129,6 +131,11 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
     def image_axes(self) -> NDArray[np.float64]:
         """Matrix, (2, 2), that turns a vector (x, y) in base axes into (right, up) in the axes of the image."""
         return self.world.cameras[self.camera].image_axes
+
+    @property
+    def cameras(self) -> dict[str, Calibration]:
+        """Calibration of each camera of the world by name."""
+        return self.world.cameras
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -153,6 +160,8 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         if "scene" in chosen:
             policy_seed, index = chosen["scene"]
             drawn = attempt_seed(policy_seed, index, POLICY_ATTEMPT)
+        if self._cut:
+            self._cut.forget()
         self.task = self._task_class.begin(self.world, chosen.get("seed_sequence", drawn))
         self._steps = 0
         return self._observe(), {"success": self.task.success()}
@@ -212,13 +221,42 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         """Release the world. Closing it twice does no harm."""
         self.world.close()
 
-    def _observe(self) -> dict[str, NDArray[np.float32]]:
+    def _paper_space(self) -> spaces.Dict:
+        seen = self.world.config.cameras[self.camera]
+        high = np.ones((4, seen.height, seen.width), np.float32)
+        high[3] = 2**16 * seen.depth_scale
+        reach = np.array([1.1, 2.0, 2.0, 2.0, np.pi], np.float32)  # farther than the arm can be
+        return spaces.Dict(
+            {
+                "image": spaces.Box(np.zeros_like(high), high, dtype=np.float32),
+                "wrench": spaces.Box(-np.inf, np.inf, (WINDOW, 6), np.float32),
+                "proprio": spaces.Box(-reach, reach, dtype=np.float32),
+            }
+        )
+
+    def _space_of_inputs(self) -> spaces.Dict:
+        """Return the space of the inputs, whose shapes an observation of the empty table has."""
+        self.world.reset(seed=0)
+        found = self._observe()
+        self._seen = None
+        limits = {path: _limits(values.dtype) for path, values in found.items()}
+        return spaces.Dict(
+            {path: spaces.Box(*limits[path], values.shape, values.dtype.type) for path, values in found.items()}
+        )
+
+    def _observe(self) -> dict[str, NDArray[Any]]:
         seen = self._seen = self.world.observe()
-        return {"image": self._image(seen), "wrench": seen.wrench, "proprio": seen.proprio}
+        if self._cut:
+            values = self._cut(seen)
+            return {path: rows[0] for path, rows in values.items() if not path.endswith(("/padding", "/age"))}
+        wrench, proprio = seen.wrench, seen.at("observations/proprio")
+        assert wrench is not None
+        return {"image": self._image(seen), "wrench": wrench, "proprio": proprio}
 
     def _image(self, seen: Observation) -> NDArray[np.float32]:
         frame, calibration = seen.frames[self.camera], self.world.cameras[self.camera]
         color, depth = frame.color, frame.depth
+        assert depth is not None  # a simulated camera measures depth
         if self.view == "top":
             color, depth = topdown_frame(frame, calibration, self.world.workspace, size=len(color), eye=self.eye)
         image = np.empty((4, *depth.shape), np.float32)
@@ -227,13 +265,19 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         return image
 
 
-def _chosen(camera: str | None, world: WorldConfig) -> str:
-    """Return the name of the camera whose image is observed.
+def _limits(dtype: np.dtype) -> tuple[float, float]:
+    return (0, np.iinfo(dtype).max) if dtype.kind == "u" else (-np.inf, np.inf)
+
+
+def _chosen(camera: str | None, world: WorldConfig, inputs: InputSpec | None) -> str:
+    """Return the name of the camera whose image is observed, and which `Environment.render` shows.
 
     Raises:
         UsageError: If there is no such camera, or there are several and none is named.
     """
     have = ", ".join(world.cameras) or "none"
+    if camera is None and inputs is not None:
+        return inputs.cameras[0] if inputs.cameras else next(iter(world.cameras))
     if camera is None and len(world.cameras) == 1:
         return next(iter(world.cameras))
     if camera is None:

@@ -92,7 +92,7 @@ def main() -> None:
     # The samples have the units and axes that the facts name: vectors in image-aligned axes, depth in metres.
     shapes = {name: one["shape"] for name, one in facts["inputs"].items()}
     window = shapes["wrench"][1] if "wrench" in shapes else 1
-    samples = load_centering(options.data, window, facts["view"])
+    samples = load_centering(options.data, window, facts["view"], shapes, facts.get("camera"))
     sample = samples.take(np.flatnonzero(samples.episode == options.episode))
     if not len(sample):
         parser.error(f"{options.data} has no episode {options.episode}")

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from svfl_data.replay.buffer import ReplayBuffer as ReplayBuffer
     from svfl_data.replay.config import ReplayConfig as ReplayConfig
     from svfl_data.sampling.cut import cut_steps as cut_steps
+    from svfl_data.sampling.live_cut import LiveCut as LiveCut
     from svfl_data.sampling.samples import Samples as Samples
     from svfl_data.sampling.split import Split as Split
     from svfl_data.sampling.split import load_split as load_split
@@ -50,11 +51,11 @@ if TYPE_CHECKING:
     from svfl_data.schema.fields import FIELDS as FIELDS
     from svfl_data.schema.input_spec import InputSpec as InputSpec
     from svfl_data.schema.input_spec import Window as Window
-    from svfl_data.schema.robot import Calibration as Calibration
-    from svfl_data.schema.robot import Frame as Frame
-    from svfl_data.schema.robot import Observation as Observation
+    from svfl_data.schema.observation import Frame as Frame
+    from svfl_data.schema.observation import Observation as Observation
+    from svfl_data.schema.optics import Calibration as Calibration
+    from svfl_data.schema.optics import image_axes as image_axes
     from svfl_data.schema.robot import Robot as Robot
-    from svfl_data.schema.robot import image_axes as image_axes
     from svfl_data.signals.contact import ContactRule as ContactRule
     from svfl_data.signals.contact import contact_intervals as contact_intervals
     from svfl_data.signals.topdown import topdown as topdown
@@ -71,19 +72,21 @@ if TYPE_CHECKING:
     __version__: str
 
 HOMES = {
-    "Calibration": "schema.robot", "Camera": "schema.episode", "ContactRule": "signals.contact",
+    "Calibration": "schema.optics", "Camera": "schema.episode", "ContactRule": "signals.contact",
     "Dataset": "datasets.dataset", "Declarations": "schema.declarations", "Episode": "schema.episode",
     "EpisodeReader": "storage.reader",
-    "EpisodeWriter": "recording.writer", "FIELDS": "schema.fields", "Field": "schema.field", "Frame": "schema.robot",
+    "EpisodeWriter": "recording.writer", "FIELDS": "schema.fields", "Field": "schema.field",
+    "Frame": "schema.observation",
     "Gap": "recording.recording_clocks", "Gravity": "signals.transforms", "LowPass": "signals.transforms",
+    "LiveCut": "sampling.live_cut",
     "Meta": "schema.episode", "MissingField": "schema.episode", "NEXT": "recording.index_locks",
-    "Observation": "schema.robot", "Part": "symmetry", "ReplayBuffer": "replay.buffer",
+    "Observation": "schema.observation", "Part": "symmetry", "ReplayBuffer": "replay.buffer",
     "ReplayConfig": "replay.config", "Robot": "schema.robot", "Samples": "sampling.samples", "Split": "sampling.split",
     "SvflError": "errors", "Tare": "signals.transforms", "TorchSamples": "sampling.torch_samples", "act": "symmetry",
     "check_dataset": "checks", "check_episode": "checks", "check_file": "checks",
     "compute_statistics": "sampling.statistics", "contact_intervals": "signals.contact", "cut_steps": "sampling.cut",
     "InputSpec": "schema.input_spec", "Window": "schema.input_spec",
-    "image_axes": "schema.robot", "joint_action": "schema.action_fields", "load_split": "sampling.split",
+    "image_axes": "schema.optics", "joint_action": "schema.action_fields", "load_split": "sampling.split",
     "merge": "maintenance.merge", "open_dataset": "datasets.dataset",
     "pack": "maintenance.pack", "planar_action": "schema.action_fields", "pose_action": "schema.action_fields",
     "processed_wrench": "signals.transforms", "read_episode": "storage.reader",

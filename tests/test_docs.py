@@ -8,6 +8,8 @@ import h5py
 import numpy as np
 import pytest
 
+from collectors.recording.loop import record
+from collectors.robots.playback import Playback
 from svfl_data.checks import check_episode
 from svfl_data.cli import main
 from svfl_data.datasets.dataset import Dataset
@@ -65,8 +67,17 @@ def test_the_page_on_recording_can_be_followed_to_the_letter(tmp_path, monkeypat
     names: dict = {}
     for block in re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "recording.md").read_text(), re.M | re.S):
         exec(block, names)
-    assert "episode_000000.hdf5" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert said.count("episode_000000.hdf5") == 2
+    assert said.endswith("True\n")
     episode = read_episode(tmp_path / "data" / "mine" / "episode_000000.hdf5")
+    by_contract = names["by_contract"].read(0)
+    assert by_contract.arrays.keys() == episode.arrays.keys()
+    assert [one for one in check_episode(by_contract) if one.severity == "error"] == []
+    playback = Playback(episode)
+    again = record(playback, playback.policy, len(episode))
+    assert again.keys() == episode.arrays.keys()
+    assert [path for path in again if not np.array_equal(again[path], episode.arrays[path])] == []
     assert [one for one in check_episode(episode) if one.severity == "error"] == []
     assert len(episode.wrench) > 200
     assert len(episode["streams/left_finger/wrench"]) > 200
@@ -82,6 +93,11 @@ def test_the_page_on_recording_can_be_followed_to_the_letter(tmp_path, monkeypat
     }  # fmt: skip
     assert {path: batch[path].shape for path in shapes} == shapes
     assert not batch["streams/joints/padding"].any()
+    transitions = names["transitions"]
+    shapes |= {path: (2, 1, 32, 32, *shapes[path][4:]) for path in shapes if path.startswith("cameras/")}
+    after = {f"next_{path}": shape for path, shape in shapes.items() if path != "actions/action"}
+    for path, shape in (shapes | after | {"actions/action": (2, 7)}).items():
+        assert transitions[path].shape == (8, *shape[1:]), path
     assert names["in_base"](np.diag([1.0, -1.0, -1.0]), np.arange(6.0)).tolist() == [0, -1, -2, 3, -4, -5]
     commands = re.findall(r"^    (svfl-.*)$", (ROOT / "docs" / "recording.md").read_text(), re.M)
     assert len(commands) >= 5

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from collectors.robots import DEFAULT, make
+from collectors.robots import DEFAULT, make, simulated
 from svfl_data.errors import UsageError
 from svfl_data.system.command_line import Parser, natural, positive
 
@@ -70,12 +70,19 @@ def executor(arguments: argparse.Namespace) -> Executor:
     return run
 
 
-def add_world(parser: Parser) -> None:
-    """Add the options of the simulated world: robot, sensor noise, image size and cameras."""
-    parser.add_argument(
-        "--robot", default=DEFAULT, metavar="NAME",
-        help="simulated robot: panda_sim, ur5e_sim, or one that another package adds (default: %(default)s)",
-    )  # fmt: skip
+SIMULATED = "simulated robot: panda_sim, ur5e_sim, or one that another package adds"
+ANY = "robot: panda_sim or ur5e_sim, which are simulated, or one that another package adds, simulated or not"
+"""What ``--robot`` takes, in words."""
+
+
+def add_world(parser: Parser, robot: str = SIMULATED) -> None:
+    """Add the options of the simulated world: robot, sensor noise, image size and cameras.
+
+    Args:
+        parser: Parser of the command.
+        robot: What ``--robot`` takes, in words.
+    """
+    parser.add_argument("--robot", default=DEFAULT, metavar="NAME", help=f"{robot} (default: %(default)s)")
     parser.add_argument(
         "--sensor-noise", choices=["realistic", "none"], default="realistic",
         help="noise of the simulated wrist force sensor: as of a real sensor, or none (default: %(default)s)",
@@ -101,19 +108,37 @@ def world(arguments: argparse.Namespace) -> WorldConfig:
     """
     from dataclasses import replace
 
-    from collectors.simulation.camera import CAMERAS
+    from collectors.simulation.camera import cameras_named
     from collectors.simulation.config import WorldConfig
     from collectors.simulation.noise import NoiseConfig
 
-    for name in arguments.cameras:
-        if name not in CAMERAS:
-            raise UsageError(f"--cameras: no camera {name!r}; the cameras are {', '.join(CAMERAS)}")
+    cameras = cameras_named(arguments.cameras)
     size = arguments.image_size
     return WorldConfig(
         robot=make(arguments.robot),
         noise=NoiseConfig() if arguments.sensor_noise == "realistic" else NoiseConfig.none(),
-        cameras={name: replace(CAMERAS[name], height=size, width=size) for name in arguments.cameras},
+        cameras={name: replace(camera, height=size, width=size) for name, camera in cameras.items()},
     )
+
+
+def real_robot(arguments: argparse.Namespace) -> str | None:
+    """Return the name of the robot if it is not a simulated one, and None otherwise.
+
+    Args:
+        arguments: Parsed options of `add_world`.
+
+    Raises:
+        UsageError: If no robot has the name, or an option of the simulation is given for a robot that is not simulated.
+    """
+    if simulated(arguments.robot):
+        return None
+    parser = Parser()
+    add_world(parser)
+    for name, default in vars(parser.parse_args([])).items():
+        if name != "robot" and getattr(arguments, name) != default:
+            option = f"--{name.replace('_', '-')}"
+            raise UsageError(f"{option} is for simulated robots, and robot {arguments.robot} is not simulated")
+    return str(arguments.robot)
 
 
 def between(low: float, high: float, what: str) -> Callable[[str], float]:

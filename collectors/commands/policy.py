@@ -3,8 +3,9 @@
 import argparse
 from pathlib import Path
 
-from collectors.commands.options import add_collection, add_world, executor, world
-from collectors.tasks import TASKS
+from collectors.commands.options import ANY, add_collection, add_world, executor, real_robot, world
+from collectors.tasks import TASKS, task_class
+from svfl_data.errors import UsageError
 from svfl_data.system.command_line import Commands, positive
 from svfl_data.system.printable import say
 
@@ -18,10 +19,14 @@ def add(commands: Commands) -> None:
         "its success rate. Every episode is kept and counted, whether it succeeds or not. The policy takes the images "
         "of the camera that it was trained with, which must be among --cameras. svfl-train export and "
         "svfl_models.programs.exported_policy.save write .pt2 files; other packages can add further kinds of files "
-        "(collectors/sources/policy.py).",
+        "(collectors/sources/policy.py). On a robot that is not simulated, nobody but a person knows the success: all "
+        "episodes are marked as no success, which svfl-data relabel changes.",
         example="svfl-collect policy --task block_picking --checkpoint policy.pt2 --episodes 100 --out data/trained",
     )
-    parser.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=f"task: {', '.join(TASKS)}")
+    parser.add_argument(
+        "--task", required=True, metavar="TASK",
+        help=f"task: {', '.join(TASKS)}; or any name, with a robot that is not simulated",
+    )  # fmt: skip
     parser.add_argument(
         "--checkpoint", type=Path, required=True, metavar="FILE", help="file of the trained policy, such as a .pt2 file"
     )
@@ -30,7 +35,12 @@ def add(commands: Commands) -> None:
         help="number of episodes in the dataset (default: %(default)s)",
     )  # fmt: skip
     add_collection(parser)
-    add_world(parser)
+    add_world(parser, ANY)
+    parser.add_argument(
+        "--steps", type=positive, metavar="N",
+        help="with a robot that is not simulated: number of actions after which an episode ends, unless the policy "
+        "ends it before (default: 50, which is that of simulated episodes)",
+    )  # fmt: skip
     parser.set_defaults(command=run)
 
 
@@ -41,9 +51,42 @@ def run(arguments: argparse.Namespace) -> None:
     from collectors.sources.policy import PolicyCollector, summary
     from svfl_data.datasets.dataset import Dataset
 
+    robot = real_robot(arguments)
+    if robot is not None:
+        _on_robot(arguments, robot)
+        return
+    task_class(arguments.task)
+    if arguments.steps:
+        raise UsageError("--steps is for robots that are not simulated; simulated episodes end after 50 actions")
     where = executor(arguments)
     collector = PolicyCollector(arguments.seed, arguments.task, arguments.checkpoint, world(arguments))
     _ = collector.policy  # loaded here so that an error in the policy is reported before a folder is begun
     dataset = Dataset.create_or_resume(arguments.out, arguments.task, arguments.seed, collector.config())
     collect_dataset(dataset, arguments.episodes, arguments.workers, watched(arguments, collector), where)
+    say(summary(dataset))
+
+
+def _on_robot(arguments: argparse.Namespace, robot: str) -> None:
+    """Record the episodes that the dataset lacks on a robot that is not simulated, one after the other.
+
+    Raises:
+        UsageError: If several workers, or another executor, are to share the robot.
+    """
+    from collectors.recording.collection import collect_dataset
+    from collectors.recording.live_view import watched
+    from collectors.sources.robot_policy import RobotPolicyCollector, summary
+    from collectors.tasks.task import MAX_STEPS
+    from svfl_data.datasets.dataset import Dataset
+
+    if arguments.workers != 1 or arguments.executor != "processes":
+        raise UsageError(f"robot {robot} is not simulated: one worker of this machine moves it")
+    steps = arguments.steps or MAX_STEPS
+    collector = RobotPolicyCollector(arguments.seed, arguments.task, arguments.checkpoint, robot, steps)
+    _ = collector.policy, collector.opened  # so that their errors are reported before a folder is begun
+    try:
+        dataset = Dataset.create_or_resume(arguments.out, arguments.task, arguments.seed, collector.config())
+        shown = watched(arguments, collector)
+        collect_dataset(dataset, arguments.episodes, 1, shown, lambda missing, _, worker: map(worker.collect, missing))
+    finally:
+        collector.close()
     say(summary(dataset))

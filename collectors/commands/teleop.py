@@ -3,8 +3,8 @@
 import argparse
 from pathlib import Path
 
-from collectors.commands.options import add_rerun, add_world, between, world
-from collectors.tasks import TASKS
+from collectors.commands.options import ANY, add_rerun, add_world, between, real_robot, world
+from collectors.tasks import TASKS, task_class
 from collectors.teleop.devices.by_name import DEVICES, SCRIPT, check_device, open_device
 from svfl_data.system.command_line import Commands, natural, positive
 
@@ -14,15 +14,18 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser(
         "teleop",
         help="record demonstrations by a person with keyboard, gamepad or SpaceMouse",
-        description="Open a window with the simulation, in which a person moves the gripper, and record demonstrations "
-        "at 20 Hz. The window shows the keys. An episode ends by itself when the task is achieved. The same command "
-        "adds episodes to those of earlier sessions. The device script repeats the inputs of a log file without a "
-        "window, as fast as possible (docs/teleoperation.md).",
+        description="Open a window with the simulation or the picture of a robot's camera, in which a person moves the "
+        "gripper, and record demonstrations, in simulation at 20 Hz. The window shows the keys. A simulated episode "
+        "ends by itself when the task is achieved. The same command adds episodes to those of earlier sessions. The "
+        "device script repeats the inputs of a log file without a window, as fast as possible (docs/teleoperation.md).",
         example="svfl-collect teleop --task block_picking --device keyboard --out data/mine\n"
         "svfl-collect teleop --task peg_insertion --device gamepad --operator ada --log ada.log --out data/pegs\n"
         "svfl-collect teleop --task peg_insertion --device script ada.log --out data/pegs_again",
     )
-    parser.add_argument("--task", choices=list(TASKS), required=True, metavar="TASK", help=f"task: {', '.join(TASKS)}")
+    parser.add_argument(
+        "--task", required=True, metavar="TASK",
+        help=f"task: {', '.join(TASKS)}; or any name, with a robot that is not simulated",
+    )  # fmt: skip
     parser.add_argument(
         "--device", nargs="+", required=True, metavar=("DEVICE", "FILE"),
         help=f"input device: {', '.join(DEVICES)}, or {SCRIPT} followed by a FILE that --log has written",
@@ -51,23 +54,28 @@ def add(commands: Commands) -> None:
         help="file to write all inputs of the device to, for --device script (default: none)",
     )  # fmt: skip
     add_rerun(parser)
-    add_world(parser)
+    add_world(parser, ANY)
     parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Open the screen and the device, and record demonstrations."""
     check_device(arguments.device)
+    robot = real_robot(arguments)
+    if robot is None:
+        task_class(arguments.task)
     from collectors.recording.live_view import viewer
     from collectors.teleop.clock import Clock
     from collectors.teleop.devices.script import InputLog
     from collectors.teleop.screen import NoScreen, Screen
-    from collectors.teleop.session import Session, Teleoperation
+    from collectors.teleop.session import Session
+    from collectors.teleop.setting import RobotTeleoperation, Setting, Teleoperation
     from svfl_data.datasets.dataset import Dataset
 
     if arguments.rerun:
         viewer(arguments.rerun)  # an error in the viewer is reported before a window opens
-    what = Teleoperation(arguments.seed, arguments.task, world(arguments))
+    seed, task = arguments.seed, arguments.task
+    what: Setting = RobotTeleoperation(seed, task, robot) if robot else Teleoperation(seed, task, world(arguments))
     screen: Screen = NoScreen()
     scripted = arguments.device[0] == SCRIPT
     if not scripted:
@@ -78,14 +86,15 @@ def run(arguments: argparse.Namespace) -> None:
     try:
         device = open_device(arguments.device)
         screen.present(device)
-        dataset = Dataset.create_or_resume(arguments.out, arguments.task, arguments.seed, what.config())
+        dataset = Dataset.create_or_resume(arguments.out, task, seed, what.config())
         if arguments.log:
-            log = InputLog(arguments.log, device=device.name, task=arguments.task, seed=arguments.seed)
+            log = InputLog(arguments.log, device=device.name, task=task, seed=seed)
         about = {"operator": arguments.operator} if arguments.operator else {}
-        steps = 20 * arguments.seconds
-        clock, pace = Clock(not scripted), arguments.pace
+        rate_hz = what.opened.rate_hz
+        steps = round(rate_hz * arguments.seconds)
+        clock, pace = Clock(not scripted, period_ns=round(1e9 / rate_hz)), arguments.pace
         Session(dataset, what, device, screen, clock, pace, steps, about, log, arguments.rerun).run()
     finally:
-        for opened in (log, device, screen):
+        for opened in (what, log, device, screen):
             if opened:
                 opened.close()

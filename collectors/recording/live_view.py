@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from collectors.recording.loop import Watcher, unwatched
+from collectors.recording.loop import unwatched
 from collectors.recording.worker import Collector, forget
 from svfl_data.schema.episode import Episode
-from svfl_data.schema.robot import Observation, Robot
+from svfl_data.schema.robot import Observation, Readings, Robot, Watcher
 
 if TYPE_CHECKING:
     from svfl_data.viewer.live import Live
@@ -46,9 +46,11 @@ class Watched:
         """
         with shown(self.address, index) as live:
 
-            def both(robot: Robot, observation: Observation, action: NDArray[np.float32] | None) -> None:
-                live(robot, observation, action)
-                watch(robot, observation, action)
+            def both(
+                robot: Robot, observation: Observation, action: NDArray[np.float32] | None, readings: Readings
+            ) -> None:
+                live(robot, observation, action, readings)
+                watch(robot, observation, action, readings)
 
             return self.collector(index, keep=keep, watch=both)
 
@@ -66,10 +68,7 @@ def shown(address: str, index: int) -> Iterator[Watcher]:
     """
     live = viewer(address)
     live.name = f"episode {index}"
-    try:
-        yield live
-    finally:
-        live.finish()
+    yield live
 
 
 @cache

@@ -1,49 +1,42 @@
-"""The only mapping from what a robot observes to the arrays of an episode."""
+"""The only mapping from what a robot observes at a step to rows of an episode."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from svfl_data.schema.robot import Calibration, Observation, Robot
+from svfl_data.schema.robot import Calibration, Observation
 
 Rows = dict[str, dict[str, Any]]
 """One row of each array by group, such as ``streams/joints``, and name."""
 
 
-def constants(robot: Robot) -> dict[str, np.ndarray]:
-    """Return the arrays that an episode has once, by dataset path: workspace, tare and calibration of the cameras.
+def rows(seen: Observation, cameras: Mapping[str, Calibration | None]) -> Rows:
+    """Return what was observed at a step as rows of an episode.
 
-    Args:
-        robot: Robot that records the episode, homed and tared.
-    """
-    arrays = {"workspace": np.array(robot.workspace), "streams/wrench/tare": np.array(robot.tare_offset, np.float64)}
-    for name, calibration in robot.cameras.items():
-        arrays |= {f"cameras/{name}/{leaf}": values for leaf, values in _calibration(calibration).items()}
-    return arrays
-
-
-def rows(seen: Observation) -> Rows:
-    """Return what was observed at a step as rows of an episode; the wrench is not among them, it has its own clock.
+    Streams of `Observation.values` and the wrench are not among them: their rows come from `Robot.readings`.
 
     Args:
         seen: The observation.
+        cameras: Calibration of each camera of the robot by name.
     """
     t_ns = np.array([seen.t_ns], np.int64)
-    found: Rows = {
-        "observations": {"t_ns": t_ns, "proprio": seen.proprio[None]},
-        "streams/joints": {"t_ns": t_ns, "position": seen.joints[None]},
-    }
+    found: Rows = {"observations": {"t_ns": t_ns}}
+    if seen.proprio is not None:
+        found["observations"]["proprio"] = seen.proprio[None]
+    if seen.joints is not None:
+        found["streams/joints"] = {"t_ns": t_ns, "position": seen.joints[None]}
     for name, frame in seen.frames.items():
-        found[f"cameras/{name}"] = {"t_ns": t_ns, "color": frame.color[None], "depth": frame.depth[None]}
+        at = t_ns if frame.t_ns is None else np.array([frame.t_ns], np.int64)
+        images = {"color": frame.color[None]} | ({} if frame.depth is None else {"depth": frame.depth[None]})
+        found[f"cameras/{name}"] = {"t_ns": at, **images}
+        mounted = (known := cameras.get(name)) is not None and known.T_tcp_camera is not None
+        if frame.T_base_camera is not None and not mounted:  # of a mounted one, mount and TCP tell the pose
+            found[f"cameras/{name}"]["T_base_camera_per_frame"] = np.asarray(frame.T_base_camera, np.float64)[None]
     if seen.tcp is not None:
         found["streams/tcp"] = {"t_ns": t_ns, "pose": np.asarray(seen.tcp, np.float64)[None]}
+    for path, values in seen.values.items():
+        group, _, name = path.rpartition("/")
+        if not group.startswith("streams"):
+            found.setdefault(group, {"t_ns": t_ns})[name] = np.asarray(values)[None]
     return found
-
-
-def _calibration(of: Calibration) -> dict[str, np.ndarray]:
-    """Return the arrays of a camera's calibration; a camera on the gripper has a mount in the place of a pose."""
-    found = {"intrinsics": np.array(of.intrinsics, np.float64), "depth_scale": np.array(of.depth_scale, np.float64)}
-    if of.T_tcp_camera is not None:
-        return found | {"T_tcp_camera": np.array(of.T_tcp_camera, np.float64)}
-    pose = {"T_base_camera": np.array(of.T_base_camera, np.float64)}
-    return found | pose | {"image_axes": np.array(of.image_axes, np.float64)}

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from collectors.recording.loop import Watcher, unwatched
+from collectors.recording.loop import unwatched
 from svfl_data.datasets.dataset import FAILURES as FAILURES  # imported for users of this module
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.held_folder import Identity, check_same
 from svfl_data.errors import CollectError, FormatError
 from svfl_data.schema.episode import Episode
+from svfl_data.schema.robot import Watcher
 from svfl_data.storage.store import write_episode
 
 

@@ -1,6 +1,7 @@
 """The RGB-D camera, which stands still or is mounted on the gripper, and its calibration."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,8 +11,10 @@ from collectors.simulation.bounds import Degrees, Pixels, Point, Positive
 from collectors.simulation.bullet import pybullet
 from collectors.simulation.linear import length, product
 from svfl_data.errors import UsageError
-from svfl_data.schema.robot import Calibration, Frame
+from svfl_data.schema.observation import Frame
+from svfl_data.schema.optics import Calibration
 from svfl_data.system.own_process import OwnProcess
+from svfl_data.system.printable import printable
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,21 @@ CAMERAS = {
 }
 """Cameras by name. Those that stand still look at the workspace centre from 0.8 to 1.2 m, left and right as seen from
 the robot. The one at the wrist looks at the fingertips from beside the gripper."""
+
+
+def cameras_named(names: Iterable[str]) -> dict[str, CameraConfig]:
+    """Return the configurations of cameras by name.
+
+    Args:
+        names: Names, each one of `CAMERAS`.
+
+    Raises:
+        UsageError: If there is no such camera.
+    """
+    chosen = list(names)
+    if unknown := [name for name in chosen if name not in CAMERAS]:
+        raise UsageError(f"no camera {printable(unknown[0], 40)!r}; the cameras are {', '.join(CAMERAS)}")
+    return {name: CAMERAS[name] for name in chosen}
 
 
 def calibration(config: CameraConfig) -> Calibration:
@@ -147,10 +165,11 @@ class Camera(OwnProcess):
 
         Returns:
             Frame with the colour, (height, width, 3) uint8 RGB, and the depth along the optical axis, (height, width)
-            uint16 in units of `CameraConfig.depth_scale`, which is 0 where nothing was seen.
+            uint16 in units of `CameraConfig.depth_scale`, which is 0 where nothing was seen; of a camera on the gripper
+            also its pose.
         """
         self.check_process()
-        c, view = self._config, self._view
+        c, view, pose = self._config, self._view, None
         if c.mounted:
             pose = self.calibration(T_base_tcp).T_base_camera
             view = pybullet.computeViewMatrix(pose[:3, 3], pose[:3, 3] + pose[:3, 2], -pose[:3, 1])
@@ -170,4 +189,4 @@ class Camera(OwnProcess):
         depth = c.far * c.near / (c.far - (c.far - c.near) * buffer)
         units = np.where(depth < 0.999 * c.far, np.round(depth / c.depth_scale), 0.0)
         colour = np.asarray(rgba, np.uint8).reshape(c.height, c.width, 4)[:, :, :3]
-        return Frame(np.ascontiguousarray(colour), units.astype(np.uint16))
+        return Frame(np.ascontiguousarray(colour), units.astype(np.uint16), T_base_camera=pose)

@@ -35,7 +35,7 @@ class CollisionExpert:
     def __call__(self, observation: Observation) -> NDArray[np.float32] | None:
         """Return the next action, (5,) float32, or None when the push is over."""
         if self._commanded is None:
-            self._commanded = observation.proprio[1:].astype(float)
+            self._commanded = observation.at("observations/proprio")[1:].astype(float)
         left = self._goal - self._commanded
         if np.allclose(left, 0, atol=1e-6):
             self._rested += 1

@@ -87,3 +87,45 @@ class Reference:
 
     def _mean(self) -> Pose:
         return tuple(sum(parts) / len(self._tracked) for parts in zip(*self._tracked, strict=True))
+
+
+class Leash:
+    """Bounds about the reference for the commanded position, which are nearer where the gripper is held up.
+
+    A bound leaves no distance when the gripper is `reach` behind the reference.
+
+    Args:
+        stopping: Stopping distance from full speed, [m].
+        reach: Largest deviation of the gripper from the reference, [m].
+    """
+
+    def __init__(self, stopping: float, reach: float) -> None:
+        self._stopping, self._reach = stopping, reach
+
+    def bounds(self, times: float, reference: Reference, gripper: Sequence[float]) -> list[tuple[float, float]]:
+        """Return lower and upper bounds of x, y, z, [m], at `times` the stopping distance from full speed.
+
+        Args:
+            times: Number of stopping distances that are left to a free gripper.
+            reference: The reference.
+            gripper: Measured TCP position in base, (x, y, z), [m].
+        """
+        reach = self._reach
+        stretch = times * self._stopping / reach
+
+        def way(left: float) -> float:
+            return left * stretch if left > 0.0 else left
+
+        places = zip(reference.tracker, reference.pose, gripper, strict=False)
+        return [(track - way(reach + at - tcp), track + way(reach - at + tcp)) for track, at, tcp in places]
+
+    def aim(self, commanded: Sequence[float], reference: Reference, gripper: Sequence[float]) -> Sequence[float]:
+        """Return the pose that the reference moves to: the commanded pose, limited where the gripper is held up.
+
+        Args:
+            commanded: Commanded pose, (x, y, z, theta), [m] and [rad].
+            reference: The reference.
+            gripper: Measured TCP position in base, (x, y, z), [m].
+        """
+        limits = zip(commanded, self.bounds(1.0, reference, gripper), strict=False)
+        return [*(min(max(to, low), high) for to, (low, high) in limits), commanded[3]]

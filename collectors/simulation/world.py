@@ -17,11 +17,14 @@ from collectors.simulation.camera import Camera
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.grippers.gripper import Fingers
 from collectors.simulation.noise import SensorNoise
-from collectors.simulation.reference import Reference
-from collectors.simulation.wrist_sensor import FEEDBACK_MODE, wrench_from_reaction
+from collectors.simulation.reference import Leash, Reference
+from collectors.simulation.wrist_sensor import FEEDBACK_MODE, WristReadings, wrench_from_reaction
 from svfl_data.errors import CollectError, UsageError
 from svfl_data.sampling.windows import WINDOW
-from svfl_data.schema.robot import Calibration, Observation
+from svfl_data.schema.action_fields import planar_action
+from svfl_data.schema.declarations import Declarations
+from svfl_data.schema.observation import Observation
+from svfl_data.schema.optics import Calibration
 from svfl_data.system.own_process import OwnProcess
 
 RENEWED = 1000
@@ -34,6 +37,8 @@ LEAD = 4.0
 
 A free gripper that turns back at full speed needs 3.8 stopping distances.
 """
+CARRIED = 512
+"""Most wrench readings of an observation (1.02 s at 500 Hz): windows of a policy are whole from the first step on."""
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
 
 
@@ -70,6 +75,8 @@ class World(OwnProcess):
     Attributes:
         config: All numbers of the world.
         bodies: Object that adds bodies to the world.
+        action: Declaration of an action: gripper opening, dx, dy, dz and dtheta, with the bounds of `config`.
+        declarations: Declarations of what an episode of this world records.
         tare_offset: Wrench that is subtracted from the readings of an observation, (6,), [N] and [N m]. It is zero
             after a reset until `tare`.
     """
@@ -84,10 +91,13 @@ class World(OwnProcess):
         self.config = config or WorldConfig()
         self._dt = self.config.physics_dt_ns * 1e-9
         self._bounds = np.array(self.config.workspace)
-        self._stopping = (self.config.max_move / self.step_s) ** 2 / (2.0 * self.config.max_acceleration)
-        self._connect()
+        self.action = planar_action(self.config.max_move, self.config.max_turn)
+        self.declarations = Declarations([self.action])
+        stopping = (self.config.max_move / self.step_s) ** 2 / (2.0 * self.config.max_acceleration)
+        self._leash = Leash(stopping, self.config.admittance.max_deviation)
+        self._open()
 
-    def _connect(self) -> None:
+    def _open(self) -> None:
         self._client: int = pybullet.connect(pybullet.DIRECT)
         if self._client < 0:
             raise CollectError("PyBullet opened no client: too many worlds are open in this process; close some")
@@ -117,6 +127,19 @@ class World(OwnProcess):
             raise UsageError("this World is closed; make another one")
         return self._client
 
+    def connect(self) -> None:
+        """Open the PyBullet client again after `close`; an open world stays as it is."""
+        self.check_process()
+        if self._client < 0:
+            self._open()
+
+    def home(self) -> None:
+        """Reset to an empty table. The sensor noise is that of a further episode; `reset` takes a seed."""
+        self.reset(seed=self._resets)
+
+    def stop(self) -> None:
+        """Do nothing, since the arm moves only during `step`."""
+
     def close(self) -> None:
         """Release the PyBullet client, after which the world cannot be used. Closing it twice does no harm."""
         self.check_process()
@@ -142,7 +165,7 @@ class World(OwnProcess):
             raise UsageError(f"seed must be >= 0, got {seed}")
         if self._resets == RENEWED:
             self.close()
-            self._connect()
+            self._open()
         self._resets += 1
         if self._home is None:
             self._home = self._build()
@@ -154,7 +177,7 @@ class World(OwnProcess):
         self._arm, self._reference, self._admittance = copy.deepcopy((home.arm, home.reference, home.admittance))
         self._target = np.array([*self.config.home, 0.0])
         self._noise = SensorNoise(self.config.noise, self._dt, np.random.default_rng(np.random.SeedSequence(seed)))
-        self._wrenches = [self._noise(home.wrenches).astype(np.float32)]
+        self._readings = WristReadings(self._noise(home.wrenches).astype(np.float32), self.config.physics_dt_ns)
         self.tare_offset = np.zeros(6, np.float32)
 
     def _build(self) -> "_Home":
@@ -215,7 +238,8 @@ class World(OwnProcess):
         is at home and at rest. A load that touches the gripper during the tare is missing from every tared reading.
         """
         self.check_process()
-        self.tare_offset = self.wrench[-self.config.tare_readings :].mean(axis=0, dtype=np.float64).astype(np.float32)
+        last = self._readings.last(self.config.tare_readings)
+        self.tare_offset = last.mean(axis=0, dtype=np.float64).astype(np.float32)
 
     def step(self, action: ArrayLike) -> None:
         """Carry out one action: 25 physics steps of 2 ms, each with one control update and one reading.
@@ -240,7 +264,17 @@ class World(OwnProcess):
         self._target = self._limit(start + np.clip(wanted[1:], -self.action_bound, self.action_bound))
         way = np.linspace(start, self._target, self.config.physics_steps + 1)[1:].tolist()
         wrenches = [self._advance(commanded, opening) for commanded in way]
-        self._wrenches.append(self._noise(np.array(wrenches)).astype(np.float32))
+        self._readings.append(self._noise(np.array(wrenches)).astype(np.float32))
+
+    @property
+    def name(self) -> str:
+        """Name of the robot in this world, such as ``panda_sim``."""
+        return self.config.robot.name
+
+    @property
+    def rate_hz(self) -> float:
+        """Number of actions per second, [Hz]."""
+        return 1.0 / self.step_s
 
     @property
     def step_s(self) -> float:
@@ -260,28 +294,8 @@ class World(OwnProcess):
 
     def _limit(self, target: NDArray[np.float64]) -> NDArray[np.float64]:
         """Clip a commanded (x, y, z, theta) to the workspace and, where the gripper is held up, near the reference."""
-        low, high = np.transpose(self._leash(LEAD))
+        low, high = np.transpose(self._leash.bounds(LEAD, self._reference, self._arm.position))
         return self.within(np.array([*np.clip(target[:3], low, high), target[3]]))
-
-    def _aim(self, commanded: Sequence[float]) -> Sequence[float]:
-        """Return the pose that the reference moves to: the commanded pose, limited where the gripper is held up."""
-        leash = zip(commanded, self._leash(1.0), strict=False)
-        return [*(min(max(to, low), high) for to, (low, high) in leash), commanded[3]]
-
-    def _leash(self, times: float) -> list[tuple[float, float]]:
-        """Return bounds of x, y, z about the reference, (3, 2), [m], at `times` the stopping distance from full speed.
-
-        Where the gripper is held up, the bound in that direction is nearer to the reference. It leaves no distance when
-        the gripper is `max_deviation` behind the reference.
-        """
-        reach = self.config.admittance.max_deviation
-        stretch = times * self._stopping / reach
-
-        def way(left: float) -> float:
-            return left * stretch if left > 0.0 else left
-
-        places = zip(self._reference.tracker, self._reference.pose, self._arm.position, strict=False)
-        return [(track - way(reach + at - gripper), track + way(reach - at + gripper)) for track, at, gripper in places]
 
     def _advance(self, commanded: Sequence[float], opening: float) -> tuple[float, ...]:
         """Carry out one physics step: move the reference, command the arm, simulate, and read the wrench.
@@ -296,7 +310,8 @@ class World(OwnProcess):
         arm, admittance, dt = self._arm, self._admittance, self._dt
         if not math.isfinite(sum(arm.joints)):
             raise CollectError("the simulated arm is unstable: its gains do not fit the time step or the masses")
-        reference, move = self._reference.pose, self._reference.step(self._aim(commanded))
+        aim = self._leash.aim(commanded, self._reference, arm.position)
+        reference, move = self._reference.pose, self._reference.step(aim)
         pose = [r + e for r, e in zip(reference, (*admittance.deviation, 0.0), strict=True)]
         motion = [m + rate * dt for m, rate in zip(move, (*admittance.rate, 0.0), strict=True)]
         before = arm.gripper_velocity
@@ -324,14 +339,28 @@ class World(OwnProcess):
         """
         self.check_process()
         arm, pose = self._arm, self._tcp_pose
+        wrench_t_ns, recent = self._readings.last_times(CARRIED), self._readings.last(CARRIED) - self.tare_offset
         return Observation(
-            t_ns=int(self.wrench_t_ns[-1]),
+            t_ns=int(wrench_t_ns[-1]),
             frames={name: camera.render(pose) for name, camera in self._cameras.items()} if render else {},
-            wrench=self._window(),
+            wrench=recent[-WINDOW:],
             proprio=np.array([arm.opening, *arm.position, arm.theta], np.float32),
             joints=np.array(arm.joints, np.float32),
             tcp=None if pose is None else np.array(self.tcp),
+            values={"streams/wrench/t_ns": wrench_t_ns, "streams/wrench/wrench": recent},
         )
+
+    def readings(self) -> dict[str, dict[str, np.ndarray]]:
+        """Return the raw wrench readings since the last call, or since the reset, as the rows of ``streams/wrench``."""
+        self.check_process()
+        return {"streams/wrench": self._readings.new()}
+
+    def constants(self) -> dict[str, np.ndarray]:
+        """Return the arrays that an episode has once, by dataset path: workspace, tare, and calibration of cameras."""
+        found = {"workspace": np.array(self.workspace), "streams/wrench/tare": np.array(self.tare_offset, np.float64)}
+        for name, calibration in self.cameras.items():
+            found |= calibration.constants(name)
+        return found
 
     @property
     def _tcp_pose(self) -> NDArray[np.float64] | None:
@@ -347,27 +376,15 @@ class World(OwnProcess):
         pose[:3, 3] = tcp[:3]
         return pose
 
-    def _window(self) -> NDArray[np.float32]:
-        """Return the last 64 readings, tared, (64, 6), [N] and [N m]."""
-        chunks, readings = [], 0
-        for chunk in reversed(self._wrenches):
-            chunks.append(chunk)
-            readings += len(chunk)
-            if readings >= WINDOW:
-                break
-        window: NDArray[np.float32] = np.concatenate(chunks[::-1])[-WINDOW:] - self.tare_offset
-        return window
-
     @property
     def wrench(self) -> NDArray[np.float32]:
         """All raw readings since reset, (M, 6), [N] and [N m], base axes, about the sensor origin."""
-        return np.concatenate(self._wrenches)
+        return self._readings.wrench
 
     @property
     def wrench_t_ns(self) -> NDArray[np.int64]:
         """Time of each reading since reset, (M,), [ns]. The first reading is one physics step after the reset."""
-        count = sum(map(len, self._wrenches))
-        return np.arange(1, count + 1, dtype=np.int64) * self.config.physics_dt_ns
+        return self._readings.t_ns
 
     @property
     def workspace(self) -> NDArray[np.float64]:

@@ -2,6 +2,9 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from collectors.simulation.bullet import pybullet
 
 # In this mode PyBullet reports the reaction at a joint in base axes and about the joint's origin. Without it, PyBullet
@@ -24,3 +27,55 @@ def wrench_from_reaction(reaction: Sequence[float]) -> tuple[float, ...]:
         Load on the gripper, six numbers, [N] and [N m], base axes, about the sensor origin.
     """
     return tuple([-part for part in reaction])
+
+
+class WristReadings:
+    """All readings of the sensor since a reset, in pieces of one action each.
+
+    Args:
+        first: Readings before the first action, shape (M, 6), [N] and [N m], base axes, about the sensor origin.
+        period_ns: Time between two readings, [ns].
+    """
+
+    def __init__(self, first: NDArray[np.float32], period_ns: int) -> None:
+        self._pieces, self._period_ns = [first], period_ns
+        self._given = 0
+
+    def append(self, wrenches: NDArray[np.float32]) -> None:
+        """Append the readings of an action, shape (M, 6)."""
+        self._pieces.append(wrenches)
+
+    def last(self, count: int) -> NDArray[np.float32]:
+        """Return the last readings, shape (count, 6), or fewer if there are not so many."""
+        pieces, found = 0, 0
+        while found < count and pieces < len(self._pieces):
+            pieces += 1
+            found += len(self._pieces[-pieces])
+        return np.concatenate(self._pieces[-pieces:])[-count:]
+
+    def new(self) -> dict[str, np.ndarray]:
+        """Return the readings since the last call of this method: ``t_ns``, (M,), [ns], and ``wrench``, (M, 6)."""
+        pieces, earlier = self._pieces[self._given :], sum(map(len, self._pieces[: self._given]))
+        self._given = len(self._pieces)
+        wrench = np.concatenate(pieces) if pieces else np.zeros((0, 6), np.float32)
+        return {"t_ns": self._times(earlier, earlier + len(wrench)), "wrench": wrench}
+
+    @property
+    def wrench(self) -> NDArray[np.float32]:
+        """All readings, shape (M, 6)."""
+        return np.concatenate(self._pieces)
+
+    @property
+    def t_ns(self) -> NDArray[np.int64]:
+        """Time of each reading, shape (M,), [ns]. The first reading is one period after the reset."""
+        return self._times(0, len(self))
+
+    def last_times(self, count: int) -> NDArray[np.int64]:
+        """Return the times of the last readings, shape (count,), [ns], or fewer if there are not so many."""
+        return self._times(max(0, len(self) - count), len(self))
+
+    def __len__(self) -> int:
+        return sum(map(len, self._pieces))
+
+    def _times(self, start: int, stop: int) -> NDArray[np.int64]:
+        return np.arange(start + 1, stop + 1, dtype=np.int64) * self._period_ns

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 
 from collectors.recording.collection import software_versions
-from collectors.recording.loop import OBJECT, Watcher, record, unwatched
+from collectors.recording.loop import OBJECT, record, unwatched
 from collectors.recording.worker import forget
 from collectors.simulation.centering import CenteringConfig, Scene, draw_scene, true_label
 from collectors.simulation.centering_expert import CollisionExpert
 from collectors.simulation.config import WorldConfig
 from collectors.simulation.world import World
-from collectors.sources.declared import declarations_of
 from collectors.sources.simulated import VERSIONS, Simulated
 from collectors.tasks.task import ATTEMPTS, MAX_STEPS, attempt_seed
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError
 from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.robot import Watcher
 from svfl_data.symmetry import DIRECTIONS
 
 TASK = "centering"
@@ -90,9 +90,9 @@ class CenteringCollector(Simulated):
             "labels/direction": np.array(label.direction),
         }
         config = self.config() | {"drawn": asdict(scene), "attempt": attempt, "rejected": rejected}
-        software, robot = software_versions(*VERSIONS), self.world.robot.name
+        software, robot = software_versions(*VERSIONS), world.name
         meta = Meta(TASK, index, self.seed, "expert", True, config, software, robot=robot)
-        return Episode(meta, arrays, declarations=declarations_of(self.world))
+        return Episode(meta, arrays, declarations=world.declarations)
 
 
 def balanced_direction(seed: int, index: int) -> int:

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from collectors.recording.collection import software_versions
-from collectors.recording.loop import Watcher, record, unwatched
+from collectors.recording.loop import record, unwatched
 from collectors.recording.worker import forget
 from collectors.simulation.config import WorldConfig
-from collectors.sources.declared import declarations_of
 from collectors.sources.perturbations import Perturbed
 from collectors.sources.simulated import VERSIONS, Simulated
 from collectors.tasks import task_class
@@ -20,8 +19,9 @@ from collectors.tasks.task import ATTEMPTS, MAX_STEPS, Task, attempt_seed
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError
 from svfl_data.sampling.samples import EXPERT_ACTION
+from svfl_data.schema.action_fields import expert
 from svfl_data.schema.episode import Episode, Meta
-from svfl_data.schema.robot import Policy
+from svfl_data.schema.robot import Policy, Watcher
 
 
 @dataclass(frozen=True)
@@ -102,9 +102,9 @@ class ExpertCollector(Simulated):
         number = index if success else index * ATTEMPTS + attempt
         meta = Meta(
             self.task, number, self.seed, "expert", success, self.config() | facts, software_versions(*VERSIONS),
-            robot=self.world.robot.name,
+            robot=self.opened.name,
         )  # fmt: skip
-        return Episode(meta, arrays, declarations=declarations_of(self.world))
+        return Episode(meta, arrays, declarations=self.opened.declarations.with_own([expert(self.opened.action)]))
 
     def _recorded(self, task: Task, policy: Policy, watch: Watcher) -> tuple[dict[str, np.ndarray], bool]:
         """Run a policy on a task that has just been set up; return its arrays and whether the task is achieved."""

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collectors.recording.collection import software_versions
-from collectors.recording.loop import Watcher, record, unwatched
+from collectors.recording.loop import record, unwatched
 from collectors.recording.worker import forget
 from collectors.simulation.config import WorldConfig
-from collectors.sources.declared import declarations_of
 from collectors.sources.simulated import VERSIONS, Simulated
 from collectors.tasks import task_class
 from collectors.tasks.task import MAX_STEPS, POLICY_ATTEMPT, attempt_seed
@@ -27,7 +26,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, UsageError
 from svfl_data.reports.success_rate import wilson
 from svfl_data.schema.episode import Episode, Meta
-from svfl_data.schema.robot import Observation, Policy
+from svfl_data.schema.robot import Observation, Policy, Robot, Watcher
 from svfl_data.system.regular_file import open_regular
 
 GROUP = "svfl.policies"
@@ -78,10 +77,7 @@ class PolicyCollector(Simulated):
 
     def config(self) -> dict[str, Any]:
         """Return the configuration of the collector as JSON values, with the checkpoint's file name and SHA-256."""
-        with open(open_regular(self.checkpoint.resolve()), "rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
-        checkpoint = {"name": self.checkpoint.name, "sha256": digest}
-        return {"task": self.task, "checkpoint": checkpoint, "world": asdict(self.world)}
+        return {"task": self.task, "checkpoint": described(self.checkpoint), "world": asdict(self.world)}
 
     def __call__(self, index: int, *, keep: Callable[[Episode], None] = forget, watch: Watcher = unwatched) -> Episode:
         """Record one episode. There is one attempt, whether or not it succeeds.
@@ -92,22 +88,39 @@ class PolicyCollector(Simulated):
             watch: Function that is called with every observation and action.
         """
         task = task_class(self.task).begin(self.opened, attempt_seed(self.seed, index, POLICY_ATTEMPT))
-        arrays = record(self.opened, self._act, MAX_STEPS, task.success, task.state, watch)
+        arrays = record(self.opened, bounded(self.policy, self.opened), MAX_STEPS, task.success, task.state, watch)
         facts = {"drawn": task.drawn(), "index": index, "attempt": POLICY_ATTEMPT, "rejected": []}
         software = software_versions(*VERSIONS)
         meta = Meta(
             self.task, index, self.seed, "policy", task.success(), self.config() | facts, software,
-            robot=self.world.robot.name,
+            robot=self.opened.name,
         )  # fmt: skip
-        return Episode(meta, arrays, declarations=declarations_of(self.world))
+        return Episode(meta, arrays, declarations=self.opened.declarations)
 
-    def _act(self, observation: Observation) -> NDArray[np.float32] | None:
-        """Return the policy's action, clipped to its bounds so that the recorded action is the one carried out."""
-        action = self.policy(observation)
-        if action is None:
-            return None
-        bound = self.opened.action_bound.astype(np.float32)
-        return np.clip(action, np.array([0, *-bound]), np.array([1, *bound])).astype(np.float32)
+
+def described(checkpoint: Path) -> dict[str, str]:
+    """Return file name and SHA-256 of a checkpoint."""
+    with open(open_regular(checkpoint.resolve()), "rb") as file:
+        return {"name": checkpoint.name, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
+
+
+def bounded(policy: Policy, robot: Robot) -> Policy:
+    """Return a policy whose actions are clipped to a robot's bounds, so that what is recorded is what is carried out.
+
+    Args:
+        policy: Any policy.
+        robot: Robot whose declared bounds are taken. The actions of a robot without bounds stay as they are.
+    """
+    bounds = robot.action.bounds
+
+    def act(observation: Observation) -> NDArray[np.float32] | None:
+        action = policy(observation)
+        if action is None or not bounds or len(action) != len(bounds):  # the recording loop refuses another length
+            return action
+        low, high = np.transpose(bounds)
+        return np.clip(action, low, high).astype(np.float32)
+
+    return act
 
 
 def summary(dataset: Dataset) -> str:

@@ -27,5 +27,11 @@ class Simulated:
             kept = vars(self)["_opened"] = World(self.world)
         return kept
 
+    def close(self) -> None:
+        """Close the world if this process has opened one."""
+        kept: World | None = vars(self).pop("_opened", None)
+        if kept is not None and kept.in_own_process:
+            kept.close()
+
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]

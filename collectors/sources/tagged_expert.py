@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from collectors.apriltags.tracker import Tracker
 from collectors.apriltags.watch import Lifted, Reached, Watch
-from collectors.recording.loop import State, Watcher, record
+from collectors.recording.loop import State, record
 from collectors.simulation.camera import Camera, CameraConfig
 from collectors.simulation.world import World
 from collectors.sources.expert import ExpertCollector
@@ -19,7 +19,7 @@ from collectors.tasks.block_picking import BlockPicking
 from collectors.tasks.block_pushing import BlockPushing
 from collectors.tasks.task import Task
 from svfl_data.errors import UsageError
-from svfl_data.schema.robot import Calibration, Policy
+from svfl_data.schema.robot import Calibration, Policy, Watcher
 
 TAGGED = ("block_picking", "block_pushing")
 """Names of the tasks whose success is told by a block's pose."""

@@ -60,19 +60,27 @@ class Panel:
         self._write(target, self._large, view.task.replace("_", " "), TEXT, (20, 20))
         self._state(target, view)
         draw_picture(target, PICTURE, view, self._font)
-        border = RECORDING if view.steps is not None else TRACK
+        border = RECORDING if view.seconds is not None else TRACK
         pygame.draw.rect(target, GRIPPER if view.contact else border, PICTURE.inflate(6, 6), 3, border_radius=4)
         self._write(target, self._font, view.message, TEXT, (20, 672))
         counts = f"saved {view.saved}, of which {view.succeeded} succeeded"
         self._write(target, self._small, f"{counts}      {view.pace}", FAINT, (20, 697))
-        force, torque = np.split(view.wrench, 2)
-        self._lamp(target, view.contact, float(np.linalg.norm(force)))
+        if view.wrench is None:
+            self._write(target, self._font, "This robot has no wrench sensor", FAINT, (LEFT, 74))
+        else:
+            self._wrench(target, view.wrench, view.contact)
+        if view.observation.proprio is not None:
+            self._gripper(target, view.observation.proprio)
+        self._keys(target)
+
+    def _wrench(self, target: pygame.Surface, wrench: np.ndarray, contact: bool) -> None:
+        """Draw force and torque as bars, and whether the gripper is in contact."""
+        force, torque = np.split(wrench, 2)
+        self._lamp(target, contact, float(np.linalg.norm(force)))
         self._bars(target, 98, ("fx", "fy", "fz"), force, FORCE_N, "N", 1)
         self._write(target, self._font, "Torque", TEXT, (LEFT, 186))
         self._write(target, self._small, f"full bar {TORQUE_NM:g} N m", FAINT, (RIGHT, 188), right=True)
         self._bars(target, 210, ("mx", "my", "mz"), torque, TORQUE_NM, "N m", 2)
-        self._gripper(target, view)
-        self._keys(target)
 
     def _write(
         self, target: pygame.Surface, font: pygame.font.Font, text: str, color: Color, at: tuple[int, int],
@@ -83,8 +91,8 @@ class Panel:
 
     def _state(self, target: pygame.Surface, view: View) -> None:
         """Draw whether an episode is being recorded, at the upper right corner of the picture."""
-        running = view.steps is not None
-        words = f"RECORDING  {view.steps / 20:.1f} s" if view.steps is not None else "READY, enter starts"
+        running = view.seconds is not None
+        words = f"RECORDING  {view.seconds:.1f} s" if view.seconds is not None else "READY, enter starts"
         word = self._font.render(f"episode {view.episode}   {words}", True, GROUND)
         pill = word.get_rect(midright=(PICTURE.right - 12, 34)).inflate(24, 14)
         pygame.draw.rect(target, RECORDING if running else READY, pill, border_radius=pill.height // 2)
@@ -122,9 +130,9 @@ class Panel:
             shown = round(float(value), digits) + 0.0  # no -0.0
             self._write(target, self._font, f"{shown:+.{digits}f} {unit}", TEXT, (RIGHT, y + 1), right=True)
 
-    def _gripper(self, target: pygame.Surface, view: View) -> None:
+    def _gripper(self, target: pygame.Surface, proprio: np.ndarray) -> None:
         """Draw the gripper as seen from the front, and its height and rotation."""
-        opening, _, _, z, theta = map(float, view.observation.proprio)
+        opening, _, _, z, theta = map(float, proprio)
         top, centre = 314, LEFT + 70
         pygame.draw.rect(target, FAINT, (centre - 58, top, 116, 12), border_radius=3)
         gap = round(44 * min(max(opening, 0.0), 1.0))

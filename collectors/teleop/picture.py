@@ -18,7 +18,9 @@ HALF_STROKE = 0.04  # [m] from the TCP to an open finger of a common gripper; on
 
 
 def draw_picture(target: pygame.Surface, place: pygame.Rect, view: View, font: pygame.font.Font) -> None:
-    """Draw the enlarged picture of the first camera, with the workspace, the TCP and the point on the table below it.
+    """Draw the enlarged picture of the camera, with the workspace, the TCP and the point on the table below it.
+
+    What the robot does not tell is not drawn.
 
     Args:
         target: Surface to draw on.
@@ -26,7 +28,11 @@ def draw_picture(target: pygame.Surface, place: pygame.Rect, view: View, font: p
         view: View to draw.
         font: Font for the names of the axes.
     """
-    color = next(iter(view.observation.frames.values())).color
+    if view.camera is None or view.camera not in view.observation.frames:
+        word = font.render("no picture", True, FLOOR)
+        target.blit(word, word.get_rect(center=place.center))
+        return
+    color = view.observation.frames[view.camera].color
     height, width = color.shape[:2]
     scale = min(place.width / width, place.height / height)
     size = round(scale * width), round(scale * height)
@@ -34,25 +40,30 @@ def draw_picture(target: pygame.Surface, place: pygame.Rect, view: View, font: p
     whole = pygame.image.frombytes(large.tobytes(), size, "RGB")
     corner = np.array(whole.get_rect(center=place.center).topleft)
     target.blit(whole, corner)
+    calibration = view.calibration
+    if calibration is None:
+        return
     target.set_clip(place)
 
     def at(*point: float) -> tuple[float, float] | None:
-        seen = pixel(view.calibration, np.array(point))
+        seen = pixel(calibration, np.array(point))
         return None if seen is None else tuple((seen + 0.5) * scale + corner)
 
     def line(color: Color, start: tuple[float, float] | None, end: tuple[float, float] | None, width: int = 1) -> None:
         if start and end:
             pygame.draw.line(target, color, start, end, width)
 
-    (x0, x1), (y0, y1), _ = view.workspace
-    edge = [at(x, y, 0.0) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
-    for start, end in zip(edge, edge[1:] + edge[:1], strict=True):
-        line(FLOOR, start, end)
-    _draw_gripper(at, line, view.observation.proprio)
-    foot = at(float(view.observation.proprio[1]), float(view.observation.proprio[2]), 0.0)
-    if foot:
-        pygame.draw.circle(target, GRIPPER, foot, 6, 2)
-    _draw_axes(target, place, view.calibration.image_axes, font)
+    if view.workspace is not None:
+        (x0, x1), (y0, y1), _ = view.workspace
+        edge = [at(x, y, 0.0) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
+        for start, end in zip(edge, edge[1:] + edge[:1], strict=True):
+            line(FLOOR, start, end)
+    if view.observation.proprio is not None:
+        _draw_gripper(at, line, view.observation.proprio)
+        foot = at(float(view.observation.proprio[1]), float(view.observation.proprio[2]), 0.0)
+        if foot:
+            pygame.draw.circle(target, GRIPPER, foot, 6, 2)
+    _draw_axes(target, place, calibration.image_axes, font)
     target.set_clip(None)
 
 

@@ -1,9 +1,8 @@
 """Session in which a person records episodes one after the other until the person quits, without losing data."""
 
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
-from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,32 +10,23 @@ from numpy.typing import NDArray
 
 from collectors.recording.collection import software_versions
 from collectors.recording.live_view import shown
-from collectors.recording.loop import record, unwatched
-from collectors.recording.observed import constants
-from collectors.simulation.config import WorldConfig
-from collectors.sources.declared import declarations_of
-from collectors.sources.simulated import VERSIONS, Simulated
-from collectors.tasks import task_class
-from collectors.tasks.task import POLICY_ATTEMPT, attempt_seed
+from collectors.recording.loop import record_into, unwatched
 from collectors.teleop.action_mapper import ActionMapper
-from collectors.teleop.clock import Clock, steadiness
+from collectors.teleop.clock import Clock
 from collectors.teleop.devices.device import Command, Device, DeviceLostError
 from collectors.teleop.devices.script import InputLog
-from collectors.teleop.journaled import Journaled
 from collectors.teleop.screen import Screen
+from collectors.teleop.setting import Setting
 from collectors.teleop.view import View, felt, in_contact
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.maintenance.repair import repair_dataset
 from svfl_data.recording.index_locks import INFLIGHT, NEXT
 from svfl_data.recording.journal import SUFFIX
 from svfl_data.recording.writer import EpisodeWriter
-from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.episode import Meta
 from svfl_data.schema.robot import Observation
-from svfl_data.storage.store import write_episode
 from svfl_data.system.printable import say
 
-ATTEMPT = POLICY_ATTEMPT + 1
-"""Attempt number of every teleoperated episode, whose scene is therefore one that no expert and no policy has."""
 ENDS = {
     Command.SUCCESS: "marked as success",
     Command.STOP: "stopped",
@@ -49,31 +39,12 @@ ACHIEVED = "achieved"
 """Reason for the end of an episode whose task was achieved."""
 
 
-@dataclass(frozen=True)
-class Teleoperation(Simulated):
-    """Settings that a dataset of teleoperated episodes is recorded with.
-
-    Attributes:
-        seed: Seed of the dataset.
-        task: Name of the task.
-        world: Physics, arm, sensors and cameras; the person sees the first camera.
-    """
-
-    seed: int
-    task: str
-    world: WorldConfig = field(default_factory=WorldConfig)
-
-    def config(self) -> dict[str, Any]:
-        """Return all settings except the seed, as JSON values."""
-        return {"task": self.task, "world": asdict(self.world)}
-
-
 class Session:
     """Session of one person at one device.
 
     Args:
         dataset: Dataset to record the episodes into.
-        what: Settings of the dataset, which also give the simulated world.
+        what: Settings of the dataset, which also give the robot.
         device: Device that the person steers with.
         screen: Screen that the person looks at.
         clock: Clock that times the actions.
@@ -85,13 +56,17 @@ class Session:
     """
 
     def __init__(
-        self, dataset: Dataset, what: Teleoperation, device: Device, screen: Screen, clock: Clock, pace: float,
+        self, dataset: Dataset, what: Setting, device: Device, screen: Screen, clock: Clock, pace: float,
         max_steps: int, about: dict[str, Any], log: InputLog | None = None, viewer: str | None = None,
     ) -> None:  # fmt: skip
         self._dataset, self._what, self._device, self._screen, self._clock = dataset, what, device, screen, clock
-        self._world, self._max_steps, self._log, self._viewer = what.opened, max_steps, log, viewer
+        self._robot, self._max_steps, self._log, self._viewer = what.opened, max_steps, log, viewer
         self._about = {"device": device.name, "pace": pace, **about}
-        self._mapper = ActionMapper(self._world.action_bound, self._world.camera.image_axes, pace)
+        cameras = self._robot.cameras
+        self._camera = next(iter(cameras), None)
+        seen = None if self._camera is None else cameras[self._camera]
+        axes = np.eye(2) if seen is None else seen.image_axes  # without a known picture, as seen along the base axes
+        self._mapper = ActionMapper(self._robot.action, axes, pace)
         self._message = "press enter to start"
         self._again: int | None = None  # index of the saved episode that the next one replaces
         self._saved: dict[int, bool] = {}  # whether each episode of this session succeeded, by index
@@ -129,9 +104,9 @@ class Session:
     def _set_up(self) -> None:
         """Set up the scene of the next episode, with the gripper at home."""
         self._scene = max([-1, *self._dataset.indices]) + 1 if self._again is None else self._again
-        kind, what = task_class(self._what.task), self._what
-        self._task = kind.begin(self._world, attempt_seed(what.seed, self._scene, ATTEMPT))
-        self._device.begin(opened=not self._world.holds(self._task.body))
+        self._begun = self._what.begin(self._scene)
+        self._workspace = self._robot.constants().get("workspace")
+        self._device.begin(opened=self._begun.opened)
         self._mapper.begin()
         self._clock.begin()
         self._contact, self._steps = False, None
@@ -139,7 +114,7 @@ class Session:
     def _ready(self) -> bool:
         """Wait for the start of an episode, and return False if the person quits instead."""
         while True:
-            for command in self._tick(self._world.observe()):
+            for command in self._tick(self._robot.observe()):
                 if command in (Command.START, Command.QUIT):
                     return command is Command.START
                 if command is Command.TARE:
@@ -158,47 +133,48 @@ class Session:
 
     def _record(self) -> None:
         """Record one episode from its start to its end, and save it unless it was discarded."""
-        what = self._what
-        facts = {"drawn": self._task.drawn(), "index": self._scene, "attempt": ATTEMPT, "rejected": []}
-        config = what.config() | facts | {"teleop": self._about}
+        what, robot, begun = self._what, self._robot, self._begun
+        config = what.config() | begun.facts | {"teleop": self._about}
         index = self._scene if self._again is None else NEXT
-        software, robot_name = software_versions(*VERSIONS), what.world.robot.name
-        meta = Meta(what.task, index, what.seed, "teleop", False, config, software, robot=robot_name)
+        software = software_versions(*what.versions)
+        meta = Meta(what.task, index, what.seed, "teleop", False, config, software, robot=robot.name)
         self._end, self._tares = "time was up", list[int]()
         self._steps, self._message = 0, "recording"
         self._clock.begin()
-        declared = declarations_of(self._world.config)
-        with EpisodeWriter(self._dataset, meta, constants(self._world), declared.own) as writer:
-            robot = Journaled(self._world, writer)
+        constants = robot.constants()
+        with EpisodeWriter(self._dataset, meta, constants, robot.declarations.own) as writer:
             with shown(self._viewer, self._scene) if self._viewer else nullcontext(unwatched) as watch:
-                arrays = record(
-                    robot, self._act, self._max_steps, self._task.success,
-                    lambda: robot.state(self._task.state()), watch,
-                )  # fmt: skip
-            if self._task.success():
+                steps = record_into(writer, robot, self._act, self._max_steps, begun.success, begun.state, watch)
+            if begun.success():
                 self._end = ACHIEVED
-            if len(arrays["actions/action"]) and self._end != ENDS[Command.DISCARD]:
-                self._save(meta, arrays)
+            if steps and self._end != ENDS[Command.DISCARD]:
+                self._save(writer, steps, constants)
             else:
+                writer.discard()
                 self._say("discarded; press enter to start")
-            writer.discard()
 
-    def _save(self, meta: Meta, arrays: dict[str, np.ndarray]) -> None:
+    def _save(self, writer: EpisodeWriter, steps: int, constants: Mapping[str, np.ndarray]) -> None:
+        """Seal the episode, with the last tare, even if it has faults: the person's work is kept, the faults noted."""
         success = self._end in (ACHIEVED, ENDS[Command.SUCCESS])
         facts: dict[str, Any] = {"ended": self._end, "tares_ns": self._tares}
+        late = {
+            path: values
+            for path, values in self._robot.constants().items()
+            if path.endswith("/tare") and not np.array_equal(values, constants[path])
+        }
         if self._clock.paced:
-            beats = self._clock.beats_ns(len(arrays["actions/action"]))
-            facts |= steadiness(beats)
-            arrays = arrays | {"extra/teleop/beat_ns": beats}
-        config = meta.config | {"teleop": self._about | facts}
-        meta = replace(meta, index=self._scene, success=success, config=config)
-        episode = Episode(meta, arrays, declarations=declarations_of(self._world.config))
+            beats = self._clock.beats_ns(steps)
+            facts |= self._clock.steadiness(beats)
+            late["extra/teleop/beat_ns"] = beats
         self._held.check()
-        write_episode(episode, self._dataset.episode_path(self._scene))
+        writer.seal(
+            success, constants=late, despite_faults=True, config={"teleop": self._about | facts},
+            replaces=None if self._again is None else self._scene,
+        )  # fmt: skip
         self._saved[self._scene] = success
         self._again = None
-        words = f"{'success' if success else 'no success'} ({self._end}), {len(episode)} steps"
-        self._say(f"episode {self._scene} saved: {words}, {len(episode) / 20:.1f} s")
+        words = f"{'success' if success else 'no success'} ({self._end}), {steps} steps"
+        self._say(f"episode {self._scene} saved: {words}, {steps / self._robot.rate_hz:.1f} s")
 
     def _act(self, observation: Observation) -> NDArray[np.float32] | None:
         """Return the action that the person wants, as a policy does, or None when the person ends the episode."""
@@ -214,16 +190,17 @@ class Session:
         return self._mapper.action(self._reading)
 
     def _tare(self) -> None:
-        self._world.tare()
-        force = np.linalg.norm(self._world.tare_offset[:3])
+        self._robot.tare()
+        tare = self._robot.constants().get("streams/wrench/tare")
         touching = " in contact, so again when the gripper is free" if self._contact else ""
-        self._message = f"tared{touching}: {force:.1f} N are subtracted"
+        force = "" if tare is None else f": {np.linalg.norm(tare[:3]):.1f} N are subtracted"
+        self._message = f"tared{touching}{force}"
 
     def _tick(self, observation: Observation) -> list[Command]:
         """Show the state, wait for the beat, and return the commands; a lost device or a signal means to quit."""
         wrench = felt(observation)
         before, self._contact = self._contact, in_contact(self._contact, wrench)
-        if self._contact and not before and self._steps:
+        if wrench is not None and self._contact and not before and self._steps:
             self._device.touch(float(np.linalg.norm(wrench[:3])))
         self._screen.show(self._view(observation, wrench))
         self._clock.wait()
@@ -241,16 +218,17 @@ class Session:
             self._log.append(self._reading, commands)
         return commands
 
-    def _view(self, observation: Observation, wrench: NDArray[np.float64]) -> View:
+    def _view(self, observation: Observation, wrench: NDArray[np.float64] | None) -> View:
         return View(
             task=self._what.task,
             observation=observation,
-            calibration=self._world.camera,
-            workspace=self._world.workspace,
+            camera=self._camera,
+            calibration=None if self._camera is None else self._robot.cameras[self._camera],
+            workspace=self._workspace,
             wrench=wrench,
             contact=self._contact,
             episode=self._scene,
-            steps=self._steps,
+            seconds=None if self._steps is None else self._steps / self._robot.rate_hz,
             saved=len(self._saved),
             succeeded=sum(self._saved.values()),
             message=self._message,

@@ -19,13 +19,14 @@ class View:
 
     Attributes:
         task: Name of the task.
-        observation: Latest observation, whose first camera is shown.
-        calibration: Calibration of that camera.
-        workspace: Bounds of the TCP in base, (3, 2), [m].
-        wrench: Mean of the last readings, tared, (6,), [N] and [N m], base axes.
+        observation: Latest observation.
+        camera: Name of the camera that is shown. None if the robot has no camera.
+        calibration: Calibration of that camera. None if it is unknown.
+        workspace: Bounds of the TCP in base, (3, 2), [m]. None if the robot tells none.
+        wrench: Mean of the last readings, tared, (6,), [N] and [N m], base axes. None on a robot without such a sensor.
         contact: Whether the gripper is in contact.
         episode: Number of the episode that is, or will be, recorded.
-        steps: Number of steps of the episode so far; None between episodes.
+        seconds: Duration of the episode so far, [s]; None between episodes.
         saved: Number of episodes saved in this session.
         succeeded: Number of saved episodes that succeeded.
         message: Message about the latest event.
@@ -34,35 +35,38 @@ class View:
 
     task: str
     observation: Observation
-    calibration: Calibration
-    workspace: NDArray[np.float64]
-    wrench: NDArray[np.float64]
+    camera: str | None
+    calibration: Calibration | None
+    workspace: NDArray[np.float64] | None
+    wrench: NDArray[np.float64] | None
     contact: bool
     episode: int
-    steps: int | None
+    seconds: float | None
     saved: int
     succeeded: int
     message: str
     pace: str
 
 
-def felt(observation: Observation) -> NDArray[np.float64]:
+def felt(observation: Observation) -> NDArray[np.float64] | None:
     """Return the mean wrench of the last `FELT` readings of an observation, (6,), [N] and [N m], base axes.
 
     Args:
-        observation: Observation with the tared wrench readings, base axes.
+        observation: Observation with the tared wrench readings, base axes; without them None is returned.
     """
+    if observation.wrench is None:
+        return None
     return np.asarray(observation.wrench[-FELT:].mean(axis=0, dtype=np.float64))
 
 
-def in_contact(before: bool, wrench: NDArray[np.float64]) -> bool:
+def in_contact(before: bool, wrench: NDArray[np.float64] | None) -> bool:
     """Return whether the gripper is in contact, with hysteresis.
 
     Args:
         before: Whether the gripper was in contact at the time before.
-        wrench: Mean wrench of the last readings, tared, (6,), [N] and [N m].
+        wrench: Mean wrench of the last readings, tared, (6,), [N] and [N m]. None if nothing measures it.
     """
-    return bool(np.linalg.norm(wrench[:3]) > (RELEASE_N if before else CONTACT_N))
+    return wrench is not None and bool(np.linalg.norm(wrench[:3]) > (RELEASE_N if before else CONTACT_N))
 
 
 def pixel(calibration: Calibration, point: NDArray[np.float64]) -> NDArray[np.float64] | None:

@@ -193,19 +193,20 @@ def _free_words(folder: Path) -> str:
     return f"{free.f_bavail * free.f_frsize} free"
 
 
-def publish(part: Path, path: Path) -> None:
-    """Give a whole episode file its final name, which no other file may have, and add the episode to the index.
+def publish(part: Path, path: Path, replace: bool = False) -> None:
+    """Give a whole episode file its final name, and add the episode to the index.
 
     Args:
         part: Path of the file that `build` has written.
         path: Final path of the episode file.
+        replace: Whether the file takes the place of another one with that name.
 
     Raises:
-        FileExistsError: If the name is taken; nothing is changed then.
+        FileExistsError: If the name is taken and is not to be replaced; nothing is changed then.
         StorageError: If the disk refuses.
     """
     try:
-        name_unless_taken(part, path)
+        os.replace(part, path) if replace else name_unless_taken(part, path)
         sync_folder(path.parent)
         part.unlink(missing_ok=True)
     except FileExistsError:

@@ -237,14 +237,19 @@ class EpisodeWriter(OwnProcess):
         annotations: Iterable[dict[str, Any]] = (),
         constants: Mapping[str, np.ndarray] | None = None,
         despite_faults: bool = False,
+        config: Mapping[str, Any] | None = None,
+        replaces: int | None = None,
     ) -> Path:
         """End the episode and publish it.
 
         Args:
             success: Whether the task was achieved. None keeps the value in `meta`.
             annotations: Annotations (named intervals of the episode clock) to add to the metadata.
-            constants: Constants that are only known now, such as ``labels/offset``, by dataset path.
+            constants: Constants that are only known now, such as ``labels/offset`` or a later tare, by dataset path.
             despite_faults: Whether an episode with a fault may be a success. The fault stays in the episode's history.
+            config: Entries of the configuration that are only known now, JSON values.
+            replaces: Index of an episode of the dataset whose place this one takes, because it was recorded again. None
+                keeps the index of `meta`.
 
         Returns:
             Path of the episode's file.
@@ -261,7 +266,8 @@ class EpisodeWriter(OwnProcess):
             UsageError: If the episode has ended, or in another process.
         """
         with self._ending():
-            return self._publish(self._last_words(success, annotations, constants, despite_faults))
+            meta = self._last_words(success, annotations, constants, despite_faults, config or {})
+            return self._publish(meta, replaces)
 
     def seal_beside(
         self,
@@ -278,7 +284,7 @@ class EpisodeWriter(OwnProcess):
         Args:
             success: Whether the task was achieved. None keeps the value in `meta`.
             annotations: Annotations (named intervals of the episode clock) to add to the metadata.
-            constants: Constants that are only known now, such as ``labels/offset``, by dataset path.
+            constants: Constants that are only known now, such as ``labels/offset`` or a later tare, by dataset path.
             despite_faults: Whether an episode with a fault may be a success. The fault stays in the episode's history.
 
         Returns:
@@ -292,7 +298,7 @@ class EpisodeWriter(OwnProcess):
             UsageError: If the episode has ended, or in another process.
         """
         with self._ending():
-            meta = self._last_words(success, annotations, constants, despite_faults)
+            meta = self._last_words(success, annotations, constants, despite_faults, {})
             thread = ThreadPoolExecutor(1, f"seal episode {meta.index}")
             self._closed = True  # for the caller; the thread closes the files
             sealing = thread.submit(self._publish_and_close, meta)
@@ -351,12 +357,14 @@ class EpisodeWriter(OwnProcess):
         annotations: Iterable[dict[str, Any]],
         constants: Mapping[str, np.ndarray] | None,
         despite_faults: bool,
+        config: Mapping[str, Any],
     ) -> Meta:
         """Check that the episode is whole, write its final metadata to the journal, and return the metadata."""
         late = {path: np.asarray(array) for path, array in (constants or {}).items()}
         check_constants(late, self.declarations)
         success = self.meta.success if success is None else bool(success)
-        meta = replace(self.meta, success=success, annotations=[*self.meta.annotations, *annotations])
+        marks = [*self.meta.annotations, *annotations]
+        meta = replace(self.meta, success=success, annotations=marks, config={**self.meta.config, **config})
         meta = self._checked(meta)
         self._behind.flush()
         self._growth.check_whole(self._behind.stored, late, f"episode {meta.index}")
@@ -367,13 +375,14 @@ class EpisodeWriter(OwnProcess):
         self._behind.record({"end": asdict(meta)})
         return meta
 
-    def _publish(self, meta: Meta) -> Path:
+    def _publish(self, meta: Meta, replaces: int | None = None) -> Path:
         self._folder.check()
+        meta = meta if replaces is None else replace(meta, index=replaces)
         path = self._dataset.episode_path(meta.index)
         try:
             part = build(self._dataset, meta, self._recorded(), self.declarations)
             self._folder.check()
-            publish(part, path)
+            publish(part, path, replace=replaces is not None)
         except FileExistsError as error:
             part.unlink()
             raise DatasetError(f"{path} was written by someone else meanwhile; svfl-data repair keeps both") from error

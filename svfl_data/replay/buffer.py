@@ -1,7 +1,7 @@
 """The replay buffer: the agent's own episodes and demonstrations, sampled by priorities from the TD errors."""
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -10,15 +10,18 @@ import numpy as np
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, UsageError
 from svfl_data.replay import demos, saving
-from svfl_data.replay.batches import Batch, images, rotated, vectors
+from svfl_data.replay.batches import Cuts
 from svfl_data.replay.config import ReplayConfig
-from svfl_data.replay.episode_builder import EpisodeBuilder, Observation
+from svfl_data.replay.episode_builder import EpisodeBuilder
 from svfl_data.replay.priorities import Priorities
-from svfl_data.replay.replay_spec import ReplaySpec
 from svfl_data.replay.ring import Ring
-from svfl_data.replay.stored_episode import ARRAYS, StoredEpisode
-from svfl_data.replay.symmetry_augmentation import SymmetryAugmentation
-from svfl_data.sampling.frames import corners
+from svfl_data.replay.specs.recorded_spec import RecordedSpec
+from svfl_data.replay.specs.replay_spec import ReplaySpec
+from svfl_data.replay.specs.spec import Observation, Spec
+from svfl_data.replay.stored_episode import StoredEpisode
+from svfl_data.sampling.batch import Batch
+from svfl_data.schema.action_fields import ACTION
+from svfl_data.schema.input_spec import InputSpec
 
 CAPACITY = 50_000
 """Default capacity, in transitions; with images of 76 x 76 pixels, a full buffer takes 1.5 GB."""
@@ -35,7 +38,8 @@ class ReplayBuffer:
     Args:
         capacity: Largest number of transitions. When further transitions would exceed it, the oldest episodes are
             removed as a whole.
-        spec: Properties that all episodes of the buffer have in common.
+        spec: Properties that all episodes of the buffer have in common: a `ReplaySpec` of the paper's inputs, or a
+            `RecordedSpec` of any others.
         config: Settings of the priorities and of the batches; the defaults of `ReplayConfig` if None.
 
     Raises:
@@ -47,14 +51,14 @@ class ReplayBuffer:
         (40, (8, 5))
     """
 
-    def __init__(self, capacity: int, spec: ReplaySpec, config: ReplayConfig | None = None) -> None:
+    def __init__(self, capacity: int, spec: Spec, config: ReplayConfig | None = None) -> None:
         self.capacity, self.spec, self.config = operator.index(capacity), spec, config or ReplayConfig()
         if capacity < 1:
             raise UsageError(f"capacity is {capacity}; it must be at least 1")
-        if self.config.crop > min(spec.size):
-            raise UsageError(f"crop is {self.config.crop} px; the images have {spec.size[0]} x {spec.size[1]} px")
+        self.layout = spec.layout(self.config)
+        self.layout.require_crop(self.config.crop, self.config.rotate)
         self._ring, self._priorities = Ring(self.capacity), Priorities(self.capacity, self.config)
-        self._augmentation = SymmetryAugmentation(self.config.group_order)
+        self._cuts = Cuts(self.layout, self.config)
         self._rng = np.random.default_rng(self.config.seed)
         self._powers = self.config.gamma ** np.arange(self.config.n_step + 1)
         self._builder: EpisodeBuilder | None = None
@@ -68,6 +72,9 @@ class ReplayBuffer:
         config: ReplayConfig | None = None,
         failures: bool = False,
         camera: str | None = None,
+        inputs: InputSpec | None = None,
+        action: str = ACTION,
+        invariant: Collection[str] = (),
     ) -> "ReplayBuffer":
         """Create a buffer that holds demonstrations, which count as expert transitions.
 
@@ -78,15 +85,21 @@ class ReplayBuffer:
             capacity: Largest number of transitions in the buffer.
             config: Settings of the priorities and of the batches; the defaults of `ReplayConfig` if None.
             failures: Whether to take episodes without success as well.
-            camera: Name of the camera whose images are kept. May be None if the episodes have only one camera.
+            camera: Name of the camera of the paper's inputs. May be None if the episodes have only one camera.
+            inputs: What is taken at each observation, as in `Samples`; then images are whole by default
+                (``ReplayConfig(crop=None)``), and all values are as recorded. None for the paper's inputs: an image of
+                one RGB-D camera, the last readings of the wrench, and proprioception.
+            action: Path of the action, if `inputs` are given.
+            invariant: Paths of inputs, or ``cameras/NAME``, that stay as they are when a transition is rotated: sensors
+                and cameras on the gripper, and what has no direction.
 
         Raises:
-            UsageError: If the demonstrations do not fit into the capacity, the crops do not fit into the images, or an
-                episode is named twice.
-            DatasetError: If there are too few episodes, an episode is unfit for training or has several cameras while
-                `camera` is None, or two episodes differ in task, image size, depth scale, camera, workspace or action
-                bounds.
-            FieldError: If an episode lacks a field or the camera.
+            UsageError: If the demonstrations do not fit into the capacity, the crops do not fit into the images, an
+                episode is named twice, or transitions are to be rotated, but an input does not say how it turns.
+            DatasetError: If there are too few episodes, an episode is unfit for training, lacks the camera or has
+                several while `camera` is None, a stream has another rate than its window, or two episodes differ in
+                task, image size, depth scale, camera, workspace, declarations or action bounds.
+            FieldError: If an episode lacks a field.
             FormatError: If an episode is damaged.
         """
         chosen = demos.choose(dataset, episodes, failures)
@@ -96,11 +109,13 @@ class ReplayBuffer:
                 f"{dataset.path}: {len(chosen)} demonstrations have {steps} steps, the capacity is {capacity}; "
                 "choose a larger capacity or fewer demonstrations"
             )
+        source = demos.source(dataset, chosen[0], camera, inputs, action, invariant)
+        config = config or ReplayConfig(crop=None if inputs else ReplayConfig.crop)
         buffer: ReplayBuffer | None = None
-        for spec, recorded in demos.read(dataset, chosen, camera):
+        for spec, stored in demos.read(dataset, chosen, source):
             if buffer is None:
                 buffer = cls(capacity, spec, config)
-            buffer._append(recorded)
+            buffer._append(stored(buffer.layout))
         assert buffer is not None, "at least one was chosen"
         return buffer
 
@@ -126,16 +141,17 @@ class ReplayBuffer:
         """Current exponent of the importance weights, which grows from `ReplayConfig.beta` to 1."""
         return self._priorities.beta
 
-    def begin_episode(self, observation: Observation, expert: bool = False, spec: ReplaySpec | None = None) -> None:
+    def begin_episode(self, observation: Observation, expert: bool = False, spec: Spec | None = None) -> None:
         """Begin to add an episode.
 
         Args:
-            observation: Observation after the reset, in base axes, as the environments of `collectors.environment`
-                give it: ``image`` (4, H, W), RGB 0..1 and depth in [m]; ``wrench`` (T, 6), the last readings, tared;
-                ``proprio`` (5,).
+            observation: Observation after the reset, in base axes. Of the paper's inputs as the environments of
+                `collectors.environment` give it: ``image`` (4, H, W), RGB 0..1 and depth in [m]; ``wrench`` (T, 6), the
+                last readings, tared; ``proprio`` (5,). Of any other inputs one row of what `cut_steps` gives, by
+                dataset path; the padding and the age of streams may be missing.
             expert: Whether the episode is a demonstration.
-            spec: Spec of the observations, from `ReplaySpec.of_environment`, which must equal the spec of the buffer.
-                None skips this check.
+            spec: Spec of the observations, such as `ReplaySpec.of_environment`, which must equal the spec of the
+                buffer. None skips this check.
 
         Raises:
             DatasetError: If `spec` differs from the spec of the buffer, such as in view, camera, task or action bounds.
@@ -149,7 +165,7 @@ class ReplayBuffer:
                 f"the last episode has not ended after {len(self._builder)} steps; its last step must be terminated or "
                 "truncated"
             )
-        self._builder = EpisodeBuilder(self.spec, self.config.window, observation, expert)
+        self._builder = EpisodeBuilder(self.spec, self.layout, observation, expert)
 
     def add(
         self, action: np.ndarray, observation: Observation, reward: float, terminated: bool, truncated: bool
@@ -159,7 +175,7 @@ class ReplayBuffer:
         The transitions of an episode can be sampled once the episode has ended.
 
         Args:
-            action: Commanded action, shape (5,), base axes.
+            action: Commanded action, shape (C,), base axes.
             observation: Observation after the action, as for `begin_episode`.
             reward: Reward of the action.
             terminated: Whether the task ended with this step, so that the value of the next observation is 0.
@@ -183,20 +199,21 @@ class ReplayBuffer:
         """Draw transitions by their priorities, with replacement.
 
         Each transition leads from an observation s to s', the observation `n_step` steps after s or the last one of the
-        episode. All vectors are in image-aligned axes, and positions are relative to the workspace centre. All images
-        of s and s' of one transition have the same random crop and the same rotation or reflection.
+        episode. All images of s and s' of one transition have the same random crop and the same rotation or reflection.
+        Of the paper's inputs, all vectors are in image-aligned axes, and positions are relative to the workspace
+        centre. Of any other inputs, all values are as recorded, by the keys of `Samples`.
 
         Args:
             batch_size: Number of transitions, B.
 
         Returns:
-            Arrays by key. The observation s: ``image`` (B, 4, h, h), or (B, K, 4, h, h), latest last, with K > 1
-            ``frames``, RGB 0..1 and depth in [m]; ``wrench`` (B, T, 6); ``proprio`` (B, 5). The observation s': the
-            same keys with the prefix ``next_``. ``action`` (B, 5); ``reward`` (B,): discounted sum of the rewards from
-            s to s'; ``discount`` (B,): gamma^m where s' is m steps after s, or 0 where the task ended at s' (not where
-            the episode was truncated there); ``weight`` (B,): importance weights, of which the largest is 1. All of
-            these are float32. ``index`` (B,) int64: number of each transition, for `update_priorities`; ``expert``
-            (B,) bool: true for transitions of demonstrations.
+            Arrays by key. The observation s of the paper's inputs: ``image`` (B, 4, h, h), or (B, K, 4, h, h), latest
+            last, with K > 1 ``frames``, RGB 0..1 and depth in [m]; ``wrench`` (B, T, 6); ``proprio`` (B, 5). The
+            observation s': the same keys with the prefix ``next_``. The action (B, C): ``action``, or its path.
+            ``reward`` (B,): discounted sum of the rewards from s to s'; ``discount`` (B,): gamma^m where s' is m steps
+            after s, or 0 where the task ended at s' (not where the episode was truncated there); ``weight`` (B,):
+            importance weights, of which the largest is 1. All of these are float32. ``index`` (B,) int64: number of
+            each transition, for `update_priorities`; ``expert`` (B,) bool: true for transitions of demonstrations.
 
         Raises:
             UsageError: If `batch_size` is not positive.
@@ -212,21 +229,9 @@ class ReplayBuffer:
         outcomes = [episode.outcome(step, self._powers) for episode, step in zip(episodes, steps, strict=True)]
         later, reward, discount = zip(*outcomes, strict=True)
 
-        pairs, at = episodes * 2, [*steps, *later]  # s of all samples, then s' of all
-        crop, where = self.config.crop, self._rng.random((batch_size, 2))
-        places = np.tile(corners(*self.spec.size, (crop, crop), where), (2, 1))
-        moves = self._rng.integers(len(self._augmentation) if self.config.rotate else 1, size=batch_size)
-        both = vectors(pairs, at, self.config.window)
-        acted = {"action": np.stack([episode.action[step] for episode, step in zip(episodes, steps, strict=True)])}
-        if self.config.rotate:
-            both = rotated(both, self._augmentation, np.tile(moves, 2))
-            acted = rotated(acted, self._augmentation, moves)
-        scale, frames = self.spec.depth_scale, self.config.frames
-        stacks = images(pairs, at, places, self._augmentation, np.tile(moves, 2), crop, frames, scale)
-        both["image"] = stacks if frames > 1 else stacks[:, 0]
-        now = {name: values[:batch_size] for name, values in both.items()}
-        after = {f"next_{name}": values[batch_size:] for name, values in both.items()}
-        return now | acted | after | {
+        where = self._rng.random((batch_size, 2))
+        moves = self._rng.integers(self._cuts.turns, size=batch_size)
+        return self._cuts.transitions(episodes, steps, later, where, moves) | {
             "reward": np.array(reward, np.float32), "discount": np.array(discount, np.float32), "weight": weight,
             "index": numbers, "expert": self._priorities.expert[slots],
         }  # fmt: skip
@@ -262,7 +267,7 @@ class ReplayBuffer:
         """
         ring, priorities = self._ring, self._priorities
         header = {
-            "capacity": self.capacity, "spec": asdict(self.spec), "config": asdict(self.config),
+            "capacity": self.capacity, "spec": self.spec.plain(), "config": asdict(self.config),
             "first": ring.first, "drawn": priorities.drawn, "largest": priorities.largest,
             "random": self._rng.bit_generator.state,
             "episodes": [{"terminated": one.terminated, "expert": one.expert} for one in ring.episodes],
@@ -273,23 +278,28 @@ class ReplayBuffer:
         saving.write(Path(path), header, arrays)
 
     @classmethod
-    def load(cls, path: Path | str) -> "ReplayBuffer":
+    def load(cls, path: Path | str, spec: Spec | None = None) -> "ReplayBuffer":
         """Load a saved buffer, which draws the same batches as the buffer that was saved would have drawn.
 
         Args:
             path: File from `save`.
+            spec: Spec that the saved buffer must have; None accepts every spec.
 
         Raises:
+            DatasetError: If the saved buffer has another spec, such as other inputs.
             FormatError: If the file is missing, damaged, not a saved replay buffer, or has another format version.
         """
         with saving.reading(Path(path)) as saved:
-            header, spec = saved.header, ReplaySpec.of_json(saved.header["spec"])
-            buffer = cls(saved.count("capacity"), spec, ReplayConfig(**header["config"]))
+            header, kind = saved.header, RecordedSpec if "inputs" in saved.header["spec"] else ReplaySpec
+            found: Spec = kind.of_json(header["spec"])
+            if spec is not None:
+                spec.require_equal(found, "the spec asked for", str(path))
+            buffer = cls(saved.count("capacity"), found, ReplayConfig(**header["config"]))
             buffer._ring = Ring(buffer.capacity, saved.count("first"))
             for number, one in enumerate(header["episodes"]):
-                arrays = {name: saved.array(f"{number}/{name}") for name in ARRAYS}
-                recorded = StoredEpisode(**arrays, terminated=one["terminated"], expert=one["expert"])
-                recorded.require_fit(spec)
+                arrays = {name: saved.array(f"{number}/{name}") for name in buffer.layout.names()}
+                recorded = StoredEpisode(arrays, terminated=one["terminated"], expert=one["expert"])
+                recorded.require_fit(buffer.layout)
                 buffer._append(recorded)
             slots = np.arange(buffer._ring.first, buffer._ring.next) % buffer.capacity
             buffer._priorities.restore(slots, saved.array("priority"), saved.count("drawn"), header["largest"])

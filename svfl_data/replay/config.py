@@ -15,11 +15,12 @@ class ReplayConfig:
     """Settings of the priorities and of the batches of a replay buffer.
 
     Attributes:
-        crop: Height and width of the images of a batch, which are cut at random positions, [px].
-        frames: Number of images per observation, K: the images of the last K observations, oldest first. Where the
-            episode has fewer observations so far, its first image is repeated. With K > 1, the images of a batch are
-            stacked, shape (B, K, 4, h, h).
-        window: Number of wrench readings per observation, T.
+        crop: Height and width of the images of a batch, which are cut at random positions, [px]. None for whole images.
+        frames: Number of images per observation of the paper's inputs, K: the images of the last K observations, oldest
+            first. Where the episode has fewer observations so far, its first image is repeated. With K > 1, the images
+            of a batch are stacked, shape (B, K, 4, h, h).
+        window: Number of wrench readings per observation of the paper's inputs, T. Other inputs say their numbers of
+            frames and readings themselves (`svfl_data.schema.input_spec.InputSpec`).
         n_step: Number of steps from s to s'; fewer where the episode ends before.
         gamma: Discount factor of one step, from 0 to 1.
         alpha: Exponent of the priorities, from 0 to 1. With 0, all transitions are drawn equally often.
@@ -41,7 +42,7 @@ class ReplayConfig:
         8
     """
 
-    crop: int = 64
+    crop: int | None = 64
     frames: int = 1
     window: int = WINDOW
     n_step: int = 1
@@ -62,6 +63,8 @@ class ReplayConfig:
         """
         for name, least in COUNTS.items():
             value = getattr(self, name)
+            if name == "crop" and value is None:
+                continue
             if not isinstance(value, Integral) or value < least:
                 raise UsageError(f"{name} is {value}; it must be at least {least}, and a whole number")
             object.__setattr__(self, name, int(value))  # NumPy's integers cannot be saved

@@ -1,16 +1,24 @@
 """Demonstrations read from episode files, in the form in which a replay buffer stores them."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
 from numbers import Integral
 
 from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import DatasetError, FieldError, UsageError
+from svfl_data.errors import DatasetError, UsageError
 from svfl_data.recording.consistency import check_agreement
-from svfl_data.replay.replay_spec import ReplaySpec
+from svfl_data.replay.specs.layout import Layout
+from svfl_data.replay.specs.recorded_episode import recorded_episode
+from svfl_data.replay.specs.recorded_spec import RecordedSpec
+from svfl_data.replay.specs.replay_spec import ReplaySpec
+from svfl_data.replay.specs.spec import Spec
 from svfl_data.replay.stored_episode import StoredEpisode
-from svfl_data.schema.episode import Camera, Episode
+from svfl_data.sampling.named_camera import camera_with_depth, named_camera
+from svfl_data.schema.action_fields import ACTION
+from svfl_data.schema.episode import Episode
+from svfl_data.schema.input_spec import InputSpec
 from svfl_data.system.progress import progress
 
 
@@ -56,46 +64,110 @@ def choose(dataset: Dataset, episodes: int | Sequence[int], failures: bool) -> l
     return chosen
 
 
-def read(dataset: Dataset, indices: Sequence[int], camera: str | None) -> Iterator[tuple[ReplaySpec, StoredEpisode]]:
+@dataclass(frozen=True)
+class Source:
+    """What is read of episodes, and how it becomes demonstrations.
+
+    Attributes:
+        cameras: Names of the cameras whose images are read.
+        streams: Groups of the streams that are read.
+        opened: Function that returns the spec of an episode, and a function that converts it for a layout.
+    """
+
+    cameras: Collection[str]
+    streams: Collection[str]
+    opened: Callable[[Episode], tuple[Spec, Callable[[Layout], StoredEpisode]]]
+
+
+def source(
+    dataset: Dataset,
+    first: int,
+    camera: str | None,
+    inputs: InputSpec | None,
+    action: str,
+    invariant: Collection[str],
+) -> Source:
+    """Return the source of demonstrations; the arguments are those of `ReplayBuffer.from_demos`.
+
+    Args:
+        dataset: Dataset to read from.
+        first: Index of the first episode.
+        camera: Name of the camera of the paper's inputs.
+        inputs: What is taken at each observation; None for the paper's inputs.
+        action: Path of the action.
+        invariant: Inputs that stay when a transition is rotated.
+
+    Raises:
+        UsageError: If the arguments belong to different inputs.
+    """
+    if inputs is None:
+        if action != ACTION or invariant:
+            raise UsageError("action and invariant belong to inputs; without them the buffer has the paper's")
+        return _paper(dataset, first, camera)
+    if camera is not None:
+        raise UsageError(f"name the camera {camera} in the inputs: InputSpec(cameras=[{camera!r}])")
+    return _recorded(inputs, action, invariant)
+
+
+def _paper(dataset: Dataset, first: int, camera: str | None) -> Source:
+    """Return the source of demonstrations with the paper's inputs.
+
+    Args:
+        dataset: Dataset to read from.
+        first: Index of the first episode, which has the cameras of all.
+        camera: Name of the camera whose images are kept. May be None if the episodes have only one camera.
+    """
+
+    def opened(episode: Episode) -> tuple[Spec, Callable[[Layout], StoredEpisode]]:
+        kept = camera_with_depth(episode, camera)
+        spec = ReplaySpec.of_episode(episode, kept)
+        return spec, lambda layout: spec.recorded(episode, kept)
+
+    reader = dataset.episode(first)
+    return Source([named_camera(reader.cameras, camera, reader.extent)], ["streams/wrench"], opened)
+
+
+def _recorded(inputs: InputSpec, action: str, invariant: Collection[str]) -> Source:
+    """Return the source of demonstrations with any inputs and any action.
+
+    Args:
+        inputs: What is taken at each observation.
+        action: Path of the action.
+        invariant: Inputs that stay when a transition is rotated.
+    """
+
+    def opened(episode: Episode) -> tuple[Spec, Callable[[Layout], StoredEpisode]]:
+        spec = RecordedSpec.of_episode(episode, inputs, action, invariant)
+        return spec, lambda layout: recorded_episode(episode, spec, layout)
+
+    return Source(inputs.cameras, list(inputs.groups), opened)
+
+
+def read(
+    dataset: Dataset, indices: Sequence[int], source: Source
+) -> Iterator[tuple[Spec, Callable[[Layout], StoredEpisode]]]:
     """Read episodes, which must all have the same spec.
 
     Args:
         dataset: Dataset to read from.
         indices: Indices of the episodes, at least one.
-        camera: Name of the camera whose images are kept. May be None if the episodes have only one camera.
+        source: What is read.
 
     Yields:
-        Spec and content of each episode.
+        Spec of each episode, and the function that converts the episode for a layout.
 
     Raises:
-        DatasetError: If an episode is unfit for training, cannot be cut into transitions, or has another spec than the
-            first episode, or if `camera` is None and there is not exactly one camera.
-        FieldError: If an episode lacks a field or the camera.
+        DatasetError: If an episode is unfit for training, or has another spec than the first episode.
+        FieldError: If an episode lacks a field.
         FormatError: If an episode is damaged.
     """
-    cameras = [camera] if camera else dataset.episode(indices[0]).cameras
-    check_usable(dataset, indices, ["streams/wrench", *(f"cameras/{name}" for name in cameras)])
-    check_agreement(dataset, indices, cameras)
-    first: ReplaySpec | None = None
+    check_usable(dataset, indices, [*source.streams, *(f"cameras/{name}" for name in source.cameras)])
+    check_agreement(dataset, indices, source.cameras)
+    first: Spec | None = None
     for index in progress(indices, "preloading demonstrations"):
         episode = dataset.episode(index).load(images=False)
-        seen = _camera(episode, camera)
-        spec = ReplaySpec.of_episode(episode, seen)
+        spec, stored = source.opened(episode)
         if first is not None:
             first.require_equal(spec, f"episode {indices[0]}", episode.name)
         first = first or spec
-        yield spec, StoredEpisode.of_episode(episode, seen, spec)
-
-
-def _camera(episode: Episode, name: str | None) -> Camera:
-    cameras = episode.cameras
-    known = ", ".join(cameras) or "none"
-    if name is None and len(cameras) != 1:
-        raise DatasetError(f"{episode.name}: say which camera; there are {known}")
-    if name is not None and name not in cameras:
-        raise FieldError(f"{episode.name}: no camera {name!r}; there are {known}")
-    camera = cameras[name or next(iter(cameras))]
-    for field in ("depth", "depth_scale"):
-        if not camera.has(field):
-            raise FieldError(f"{episode.name}: camera {camera.name} was recorded without {field}")
-    return camera
+        yield spec, stored

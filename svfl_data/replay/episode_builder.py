@@ -1,14 +1,13 @@
 """The current episode of an agent, stored stream by stream until the episode ends."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 
 from svfl_data.errors import FieldError
-from svfl_data.replay.replay_spec import ReplaySpec
+from svfl_data.replay.specs.layout import REWARD, Layout, Stream
+from svfl_data.replay.specs.spec import Observation, Spec
 from svfl_data.replay.stored_episode import StoredEpisode
-
-Observation = Mapping[str, np.ndarray]
 
 
 class EpisodeBuilder:
@@ -16,7 +15,7 @@ class EpisodeBuilder:
 
     Args:
         spec: Spec of the replay buffer.
-        window: Number of readings in the wrench window of an observation.
+        layout: Layout of the replay buffer.
         observation: Observation after the reset, as for `ReplayBuffer.begin_episode`.
         expert: Whether the episode is a demonstration.
 
@@ -24,26 +23,20 @@ class EpisodeBuilder:
         FieldError: If an array of the observation is missing or has a wrong shape or value.
     """
 
-    def __init__(self, spec: ReplaySpec, window: int, observation: Observation, expert: bool) -> None:
-        self._spec, self._window, self._expert = spec, window, expert
-        self._color: list[np.ndarray] = []
-        self._depth: list[np.ndarray] = []
-        self._proprio: list[np.ndarray] = []
-        self._readings: list[np.ndarray] = []
-        self._end: list[int] = []
-        self._actions: list[np.ndarray] = []
-        self._rewards: list[float] = []
-        self._felt = np.empty((0, 6))
+    def __init__(self, spec: Spec, layout: Layout, observation: Observation, expert: bool) -> None:
+        self._spec, self._layout, self._expert = spec, layout, expert
+        self._pieces: dict[str, list[np.ndarray]] = {name: [] for name in layout.names()}
+        self._before: dict[Stream, np.ndarray] = {}
         self._see(observation)
 
     def __len__(self) -> int:
-        return len(self._actions)
+        return len(self._pieces[REWARD])
 
     def add(self, action: np.ndarray, observation: Observation, reward: float) -> None:
         """Add an action, the observation after the action, and the reward of the action.
 
         Args:
-            action: Commanded action, shape (5,), base axes.
+            action: Commanded action, shape (C,), base axes.
             observation: Observation after the action, as for `ReplayBuffer.begin_episode`.
             reward: Reward of the action.
 
@@ -51,13 +44,11 @@ class EpisodeBuilder:
             FieldError: If the action, the observation or the reward has a wrong shape or value. The step is then not
                 added.
         """
-        acted = _numbers("action", action, (5,))
-        if fault := self._spec.bounds.fault(acted[None]):
-            raise FieldError(f"action: {fault[1]}")
-        gained = float(_numbers("reward", np.asarray(reward), ()))
+        acted = self._spec.acted(action)
+        gained = finite(REWARD, np.asarray(reward), ()).astype(np.float32)
         self._see(observation)
-        self._actions.append(self._spec.action(acted))
-        self._rewards.append(gained)
+        self._pieces[self._layout.action.name].append(acted[None])
+        self._pieces[REWARD].append(gained[None])
 
     def finish(self, terminated: bool) -> StoredEpisode:
         """Return the whole episode.
@@ -65,33 +56,41 @@ class EpisodeBuilder:
         Args:
             terminated: Whether the task ended with the last action; if not, the episode was truncated.
         """
-        return StoredEpisode(
-            color=np.stack(self._color),
-            depth=np.stack(self._depth),
-            wrench=np.concatenate(self._readings),
-            wrench_end=np.array(self._end, np.int64),
-            proprio=np.stack(self._proprio),
-            action=np.stack(self._actions),
-            reward=np.array(self._rewards, np.float32),
-            terminated=terminated,
-            expert=self._expert,
-        )
+        arrays = {name: np.concatenate(pieces) for name, pieces in self._pieces.items()}
+        return StoredEpisode(arrays, terminated, self._expert)
 
     def _see(self, observation: Observation) -> None:
-        for name in ("image", "wrench", "proprio"):
-            if name not in observation:
-                raise FieldError(f"observation: {name} is missing; it has {', '.join(observation) or 'nothing'}")
-        image = _numbers("image", observation["image"], (4, *self._spec.size))
-        felt = _numbers("wrench", observation["wrench"], (self._window, 6))
-        proprio = _numbers("proprio", observation["proprio"], (5,))
-        color, depth = self._spec.pixels(image)
-        new = felt[len(felt) - unseen(self._felt, felt) :]
-        self._felt = felt
-        self._color.append(color)
-        self._depth.append(depth)
-        self._proprio.append(self._spec.proprio(proprio))
-        self._readings.append(self._spec.wrench(new))
-        self._end.append((self._end[-1] if self._end else 0) + len(new))
+        rows = self._spec.observed(observation, self._layout)
+        for stream in self._layout.streams:
+            if not stream.end:
+                for one in stream.arrays:
+                    self._pieces[one.name].append(rows[one.name])
+                continue
+            now = joined_rows([rows[one.name] for one in stream.arrays])
+            new = unseen(self._before.get(stream, now[:0]), now)
+            self._before[stream] = now
+            for one in stream.arrays:
+                self._pieces[one.name].append(self._spec.kept(one.name, rows[one.name][len(now) - new :]))
+            ends = self._pieces[stream.end]
+            ends.append((ends[-1] if ends else np.zeros(1, np.int64)) + new)
+            for name in (stream.padded, stream.age):
+                if name:
+                    self._pieces[name].append(rows[name][None])
+        for one in self._layout.vectors:
+            self._pieces[one.name].append(self._spec.kept(one.name, rows[one.name])[None])
+
+
+def joined_rows(windows: Sequence[np.ndarray]) -> np.ndarray:
+    """Return windows of one clock as one array whose rows are equal where all their bytes are equal.
+
+    Args:
+        windows: Windows of T rows, shape (T, ...) each.
+
+    Returns:
+        Bytes of the rows, shape (T, number of bytes), uint8.
+    """
+    flat = [np.ascontiguousarray(window).reshape(len(window), -1).view(np.uint8) for window in windows]
+    return flat[0] if len(flat) == 1 else np.concatenate(flat, axis=1)
 
 
 def unseen(before: np.ndarray, now: np.ndarray) -> int:
@@ -112,10 +111,20 @@ def unseen(before: np.ndarray, now: np.ndarray) -> int:
     return len(now)
 
 
-def _numbers(name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def finite(name: str, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return a copy of values of the expected shape; environments may use their arrays again.
+
+    Args:
+        name: Name of the values in messages.
+        values: The values.
+        shape: Expected shape.
+
+    Raises:
+        FieldError: If the shape is another one, or a value is not a finite number.
+    """
     found = np.asarray(values)
     if found.shape != shape:
         raise FieldError(f"{name} has shape {found.shape}, expected {shape}")
     if found.dtype.kind not in "fiub" or not np.isfinite(found).all():
         raise FieldError(f"{name} ({found.dtype}) holds something that is not a finite number")
-    return np.array(found)  # a copy: environments may use their arrays again
+    return np.array(found)

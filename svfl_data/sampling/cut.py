@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from svfl_data.errors import FieldError
+from svfl_data.sampling.batch import Batch, age_key, padding_key
 from svfl_data.sampling.ragged import rows_of
 from svfl_data.schema.clocks import Clock
 from svfl_data.schema.declarations import STANDARD, Declarations
@@ -19,7 +20,7 @@ from svfl_data.schema.validity import Readable
 from svfl_data.signals.camera_poses import camera_poses, frame_axes, moves
 
 
-def cut_steps(episode: Episode, inputs: InputSpec, steps: Sequence[int] | None = None) -> dict[str, np.ndarray]:
+def cut_steps(episode: Episode, inputs: InputSpec, steps: Sequence[int] | None = None) -> Batch:
     """Cut the observations at some steps out of an episode.
 
     Args:
@@ -55,7 +56,7 @@ def cut(
     clock_of: Callable[[str], Clock] = lambda group: Clock(),
     declarations: Declarations = STANDARD,
     name: str = "episode",
-) -> dict[str, np.ndarray]:
+) -> Batch:
     """Cut observations out of arrays.
 
     Args:
@@ -74,27 +75,42 @@ def cut(
         FieldError: If an array is missing.
         DatasetError: If a stream has another rate than its window.
     """
-    out = {path: _taken(_array(arrays, path, name), rows + 1) for path in inputs.vectors}
+    out = {path: rows_from_1(_array(arrays, path, name), rows + 1) for path in inputs.vectors}
     groups = {f"cameras/{camera}": Window(inputs.frames) for camera in inputs.cameras} | inputs.groups
     for group, window in groups.items():
         t_ns = np.asarray(_array(arrays, f"{group}/t_ns", name)[0 : 2**62])
         seen = rows_of([t_ns], [now_ns], [clock_of(group)], window, group, [name])
-        taken, out[f"{group}/padding"] = seen.last(np.arange(len(now_ns)), window.length)
-        out[f"{group}/age"] = seen.age
+        taken, out[padding_key(group)] = seen.last(np.arange(len(now_ns)), window.length)
+        out[age_key(group)] = seen.age
         if group.startswith("cameras/"):
             paths = declarations.image_paths(group.removeprefix("cameras/"), arrays)
-            out |= {path: _taken(arrays[path], taken) for path in paths}
+            out |= {path: rows_from_1(arrays[path], taken) for path in paths}
             if moves(arrays, camera := group.removeprefix("cameras/")):
                 axes = frame_axes(camera_poses(arrays, camera, t_ns)).astype(np.float32)
                 out[f"{group}/image_axes"] = np.concatenate([np.eye(2, dtype=np.float32)[None], axes])[taken]
             continue
         for path in (path for path in inputs.windows if path.rpartition("/")[0] == group):
-            values = _taken(_array(arrays, path, name), taken)
-            tare = np.asarray(arrays.get(f"{group}/tare", 0.0))
-            if tare.shape == values.shape[2:]:
-                values[taken > 0] = (values[taken > 0] - tare).astype(values.dtype)
-            out[path] = values
+            out[path] = readings(arrays, path, taken, name)
     return out
+
+
+def readings(arrays: Mapping[str, Readable], path: str, rows: np.ndarray, name: str = "episode") -> np.ndarray:
+    """Return rows of an array of a stream, minus the ``tare`` of its group if it has one.
+
+    Args:
+        arrays: Arrays by dataset path.
+        path: Path of the array.
+        rows: Numbers of rows from 1, any shape; 0 stands for a row of zeros, before the first reading.
+        name: Name of the source in messages.
+
+    Raises:
+        FieldError: If the array is missing.
+    """
+    values = rows_from_1(_array(arrays, path, name), rows)
+    tare = np.asarray(arrays.get(f"{path.rpartition('/')[0]}/tare", 0.0))
+    if tare.shape == values.shape[rows.ndim :]:
+        values[rows > 0] = (values[rows > 0] - tare).astype(values.dtype)
+    return values
 
 
 def _array(arrays: Mapping[str, Readable], path: str, name: str) -> Readable:
@@ -103,7 +119,7 @@ def _array(arrays: Mapping[str, Readable], path: str, name: str) -> Readable:
     return arrays[path]
 
 
-def _taken(array: Readable, rows: np.ndarray) -> np.ndarray:
+def rows_from_1(array: Readable, rows: np.ndarray) -> np.ndarray:
     """Return rows that are numbered from 1; row 0 is one of zeros, for a time before the first reading.
 
     Args:

@@ -13,9 +13,11 @@ import numpy as np
 
 from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import DatasetError, FieldError, UsageError
+from svfl_data.errors import DatasetError, UsageError
 from svfl_data.recording.consistency import check_agreement
+from svfl_data.sampling.batch import Batch, age_key, padding_key
 from svfl_data.sampling.frames import Frames, corners, draws
+from svfl_data.sampling.named_camera import named_camera
 from svfl_data.sampling.ragged import join, rows_of, starts
 from svfl_data.schema.action_fields import ACTION
 from svfl_data.schema.clocks import Clock
@@ -27,7 +29,6 @@ from svfl_data.storage.reader import StoredArray
 from svfl_data.system.progress import progress
 
 TIMES = "observations/t_ns"
-Batch = dict[str, np.ndarray]
 Values = TypeVar("Values", bound=Any)
 
 
@@ -119,8 +120,9 @@ class Samples:
 
         Raises:
             UsageError: If a size is too small, or the crop is larger than the images.
-            DatasetError: If there are no samples, an episode is unfit for training, episodes differ in their setup or
-                in the shapes of their fields, a stream has another rate than its window, or the budget is too small.
+            DatasetError: If there are no samples or no camera of such a name, an episode is unfit for training,
+                episodes differ in their setup or in the shapes of their fields, a stream has another rate than its
+                window, or the budget is too small.
             FieldError: If an episode lacks a field.
             FormatError: If an episode is damaged.
         """
@@ -172,19 +174,19 @@ class Samples:
         for path in self.inputs.vectors:
             out[path] = self._values[path][self._observation[chosen]]
         for group, window in self.inputs.groups.items():
-            rows, out[f"{group}/padding"] = self._rows[group].last(chosen, window.length)
-            out[f"{group}/age"] = self._rows[group].age[chosen]
+            rows, out[padding_key(group)] = self._rows[group].last(chosen, window.length)
+            out[age_key(group)] = self._rows[group].age[chosen]
             for path in self.inputs.windows:
                 if path.rpartition("/")[0] == group:
                     out[path] = self._values[path][rows]
-        rows, out["actions/padding"] = self._action_rows(chosen)
+        rows, out[padding_key("actions")] = self._action_rows(chosen)
         for path in self.actions:
             out[path] = self._values[path][rows]
         fraction = draws(self.seed, epoch, chosen) if self.crop_at == "random" else None
         for camera in self.inputs.cameras:
             group = f"cameras/{camera}"
-            rows, out[f"{group}/padding"] = self._rows[group].last(chosen, self.inputs.frames)
-            out[f"{group}/age"] = self._rows[group].age[chosen]
+            rows, out[padding_key(group)] = self._rows[group].last(chosen, self.inputs.frames)
+            out[age_key(group)] = self._rows[group].age[chosen]
             if group in self._axes:
                 out[f"{group}/image_axes"] = self._axes[group][rows]
             for path, images in self._images.items():
@@ -208,9 +210,7 @@ class Samples:
         first = readers[0]
         groups = [*self.inputs.groups, *cameras]
         for camera in self.inputs.cameras:
-            if camera not in first.cameras:
-                known = ", ".join(first.cameras) or "none"
-                raise FieldError(f"{first.extent}: no camera {camera!r}; there are: {known}")
+            named_camera(first.cameras, camera, first.extent)
         images = [path for one in self.inputs.cameras for path in first.declarations.image_paths(one, first.paths)]
         tares = [f"{group}/tare" for group in self.inputs.groups if f"{group}/tare" in first]
         scales = [f"{group}/depth_scale" for group in cameras if f"{group}/depth" in images]

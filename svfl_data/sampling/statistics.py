@@ -3,9 +3,6 @@
 A mean is subtracted from invariants only, and both components of a vector have one scale. Otherwise scaling would not
 commute with rotations and reflections (`svfl_data.symmetry`). The statistics are computed in one pass over the files,
 chunk by chunk, and stored beside the split with the hash of the split and the hash of its training episodes.
-
-Source of the formula that merges the moments of two chunks: Chan, Golub, LeVeque, "Algorithms for computing the sample
-variance", The American Statistician, 1983, equation 2.1.
 """
 
 from collections.abc import Iterable, Sequence
@@ -20,6 +17,7 @@ from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.fingerprint import fingerprint
 from svfl_data.errors import DatasetError, FormatError
+from svfl_data.sampling.moments import Moments
 from svfl_data.sampling.split import Split, split_file
 from svfl_data.schema.episode import canonical_json
 from svfl_data.schema.field import Field
@@ -34,85 +32,11 @@ from svfl_data.system.side_files import check_format, parse_as, read_side_file
 FORMAT = "svfl-statistics"
 FORMAT_VERSION = "1.0"
 TRAIN = "train"
-CONSTANT = 1e-6
-"""Scale, in SI units, at or below which a quantity counts as constant and gets the scale 1."""
-
 ROWS_AT_ONCE, LARGE_ROWS_AT_ONCE = 2**16, 64
 MEANT = ("shape", "unit", "axes", "about", "components", "parts")
 """Attributes of a declaration that all episodes must share."""
 CODED = {"uint8": 255.0}
 """Number of the brightest grey level of the images that are stored in this type; they are divided by it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Moments:
-    """Running mean, spread and range of rows with C components.
-
-    Attributes:
-        count: Number of rows so far.
-        mean: Mean of each component, shape (C,), float64.
-        squares: Sum of squared differences from the mean, shape (C,), float64.
-        low: Smallest value of each component, shape (C,), float64; infinite if there are no rows.
-        high: Largest value of each component, shape (C,), float64; minus infinity if there are no rows.
-    """
-
-    count: int
-    mean: np.ndarray
-    squares: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-
-    @classmethod
-    def none(cls, components: int) -> "Moments":
-        """Return the moments of no rows.
-
-        Args:
-            components: Number of components, C.
-        """
-        zero = np.zeros(components)
-        return cls(0, zero, zero, np.full(components, np.inf), np.full(components, -np.inf))
-
-    def and_also(self, values: np.ndarray) -> "Moments":
-        """Return the moments of the rows so far together with more values.
-
-        Args:
-            values: Values whose last axis holds the components, shape (..., C).
-        """
-        rows = values.reshape(-1, values.shape[-1]).astype(np.float64)  # (..., C) -> (rows, C)
-        if not len(rows):
-            return self
-        count, mean = self.count + len(rows), rows.mean(axis=0)
-        gap = mean - self.mean
-        return Moments(
-            count,
-            self.mean + gap * (len(rows) / count),
-            self.squares + ((rows - mean) ** 2).sum(axis=0) + gap**2 * (self.count * len(rows) / count),
-            np.minimum(self.low, rows.min(axis=0)),
-            np.maximum(self.high, rows.max(axis=0)),
-        )
-
-    def scaling(self, parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the mean to subtract and the scale to divide by, so that scaling commutes with the symmetry group.
-
-        The mean is zero except for invariants. The scale is the root mean square of each part about that mean.
-
-        Args:
-            parts: Representations of the C components (`svfl_data.symmetry`).
-
-        Returns:
-            Mean and scale, each of shape (C,), float64, in the units of the values. The scale is 1 for a part whose
-            root mean square is at most `CONSTANT`.
-        """
-        mean, scale = np.zeros(len(self.mean)), np.ones(len(self.mean))
-        if self.count:
-            for part in parts:
-                index = list(part.index)
-                if part.kind == "invariant":
-                    mean[index] = self.mean[index]
-                about = self.squares[index] + self.count * (self.mean[index] - mean[index]) ** 2
-                spread = float(np.sqrt(about.sum() / (self.count * len(index))))
-                scale[index] = spread if spread > CONSTANT else 1.0
-        return mean, scale
 
 
 @dataclass(frozen=True)
@@ -142,19 +66,6 @@ class StatisticsFile(msgspec.Struct):
     split_sha256: str
     episodes_sha256: str
     fields: dict[str, FieldStatistics]
-
-
-def statistics(values: np.ndarray, parts: Sequence[Part]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean and the scale of values in memory, as `Moments.scaling` does.
-
-    Args:
-        values: Values whose last axis holds the components, shape (..., C).
-        parts: Representations of the C components (`svfl_data.symmetry`).
-
-    Returns:
-        Mean and scale, each of shape (C,), float64, in the units of the values.
-    """
-    return Moments.none(values.shape[-1]).and_also(values).scaling(parts)
 
 
 def compute_statistics(dataset: Dataset, episodes: Sequence[int]) -> dict[str, FieldStatistics]:

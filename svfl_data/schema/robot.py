@@ -1,168 +1,112 @@
-"""Interface between robots and policies: what is observed at a step, and what a recording loop asks of a robot."""
+"""Contract of a robot: what recording, teleoperation, policies and the viewer ask of it."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from svfl_data.schema.declarations import Declarations
+from svfl_data.schema.field import Field
+from svfl_data.schema.observation import Frame as Frame  # imported for users of this module
+from svfl_data.schema.observation import Observation as Observation
+from svfl_data.schema.optics import Calibration as Calibration
+from svfl_data.schema.optics import Optics as Optics
+from svfl_data.schema.optics import image_axes as image_axes
 
-@dataclass(frozen=True)
-class Frame:
-    """Images of one camera at one moment.
-
-    Attributes:
-        color: Colour image, shape (H, W, 3), uint8, RGB.
-        depth: Depth image, shape (H, W), uint16, in units of the camera's depth scale; 0 where there is no measurement.
-
-    Example:
-        >>> Frame(np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4), np.uint16)).depth.shape
-        (4, 4)
-    """
-
-    color: NDArray[np.uint8]
-    depth: NDArray[np.uint16]
-
-
-@dataclass(frozen=True)
-class Observation:
-    """Data that a robot observes at one step.
-
-    Attributes:
-        t_ns: Time of the latest reading, [ns] of the episode clock.
-        frames: Frame of each camera by name.
-        wrench: Last 64 wrench readings, latest last, shape (64, 6), float32, tared, [N] and [N m], base axes, about the
-            sensor origin.
-        proprio: Proprioception, shape (5,), float32: gripper opening (0 closed, 1 open), TCP x, y, z [m] and yaw theta
-            [rad], in base.
-        joints: Joint positions, shape (J,), float32: arm joints [rad], then fingers [m].
-        tcp: Measured pose of the TCP in base, position [m], then quat_xyzw, shape (7,). None if nothing needs it, since
-            no camera is mounted on the gripper.
-
-    Example:
-        >>> seen = Observation(0, {}, np.zeros((64, 6)), proprio=np.zeros(5), joints=np.zeros(9))
-        >>> seen.wrench.shape
-        (64, 6)
-    """
-
-    t_ns: int
-    frames: dict[str, Frame]
-    wrench: NDArray[np.float32]
-    proprio: NDArray[np.float32]
-    joints: NDArray[np.float32]
-    tcp: NDArray[np.float64] | None = None
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """Calibration of a camera, needed to use its images geometrically; camera axes are x right, y down, z forward.
-
-    Attributes:
-        intrinsics: Pinhole matrix, shape (3, 3), [px]. The centre of the top left pixel is at (0, 0).
-        T_base_camera: Pose of the camera in base, shape (4, 4), [m]; of a camera on the gripper, its pose now.
-        image_axes: Orthogonal matrix from base (x, y) to image (right, up), shape (2, 2). It expresses a vector that is
-            seen from above in the axes of the image.
-        depth_scale: Metres per unit of depth, [m].
-        T_tcp_camera: Pose of a camera that is mounted on the gripper, relative to the TCP, shape (4, 4), [m]. None for
-            a camera that stands still.
-
-    Example:
-        >>> Calibration(np.eye(3), np.eye(4), np.eye(2), depth_scale=1e-4).depth_scale
-        0.0001
-    """
-
-    intrinsics: NDArray[np.float64]
-    T_base_camera: NDArray[np.float64]
-    image_axes: NDArray[np.float64]
-    depth_scale: float
-    T_tcp_camera: NDArray[np.float64] | None = None
-
-
-def image_axes(T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the matrix from base (x, y) to image (right, up) of a camera that looks at the table.
-
-    Args:
-        T_base_camera: Pose of the camera in base, shape (4, 4), [m].
-
-    Returns:
-        Orthogonal matrix, shape (2, 2).
-
-    Example:
-        >>> looking_down = np.diag([1.0, -1.0, -1.0, 1.0])
-        >>> image_axes(looking_down).tolist()
-        [[1.0, 0.0], [-0.0, 1.0]]
-    """
-    x, y = T_base_camera[:2, 0] / np.linalg.norm(T_base_camera[:2, 0])
-    above = -np.sign(T_base_camera[2, 2])  # a camera that looks up sees a mirrored table
-    return np.array([[x, y], [-above * y, above * x]])
-
-
-class Optics(Protocol):
-    """Geometry of a camera, as in a `Calibration` or a recorded `svfl_data.schema.episode.Camera`."""
-
-    @property
-    def intrinsics(self) -> np.ndarray:
-        """Pinhole matrix, shape (3, 3), [px]."""
-
-    @property
-    def T_base_camera(self) -> np.ndarray:
-        """Pose of the camera in base, shape (4, 4), [m]."""
-
-    @property
-    def image_axes(self) -> np.ndarray:
-        """Orthogonal matrix from base (x, y) to image (right, up), shape (2, 2)."""
-
-    @property
-    def depth_scale(self) -> float | np.ndarray:
-        """Metres per unit of depth, [m]."""
+Readings = Mapping[str, Mapping[str, NDArray[Any]]]
+"""Rows by group, such as ``streams/wrench``, and name; ``t_ns``, shape (M,), [ns], are the times of the rows."""
 
 
 class Robot(Protocol):
-    """Protocol of a robot with its sensors, which is homed and tared.
+    """Protocol of a robot with its sensors. Simulation, a real arm and the playback of a record are implementations.
 
-    One step is a call of `observe`, then a call of `step` with the action that is commanded after the observation. The
-    wrench stream runs by itself at the sensor's own rate.
+    The methods are called in this order: `connect`; for each episode `home`, `tare`, and `observe` and `step` in turn,
+    with an `observe` at the end, then `stop`; at last `close`. After each `observe` follows one call of `readings`. The
+    streams run by themselves, at the sensors' own rates.
 
     Attributes:
-        tare_offset: Offset to subtract from the raw wrench, shape (6,), [N] and [N m], base axes, about the sensor
-            origin.
+        name: Name of the robot, which its episodes keep.
+        rate_hz: Number of steps per second, [Hz].
+        declarations: Declarations of what the robot records that is not standard: its own fields, and its action.
+        action: Declaration of ``actions/action`` with components, bounds and parts, also if it is the standard one.
 
     Example:
         >>> def moves(robot: Robot) -> bool:
         ...     before = robot.observe()
         ...     robot.step(np.array([1.0, 0.01, 0.0, 0.0, 0.0], np.float32))
-        ...     return not np.array_equal(before.proprio, robot.observe().proprio)
+        ...     return not np.array_equal(before.at("observations/proprio"), robot.observe().at("observations/proprio"))
     """
 
-    tare_offset: NDArray[np.float32]
+    @property
+    def name(self) -> str:
+        """Name of the robot, such as ``panda_sim``."""
 
     @property
-    def cameras(self) -> dict[str, Calibration]:
-        """Calibration of each camera of the robot by name."""
+    def rate_hz(self) -> float:
+        """Number of steps per second, [Hz]."""
 
     @property
-    def workspace(self) -> NDArray[np.float64]:
-        """Lower and upper bound of the TCP position x, y, z in base axes, shape (3, 2), [m]."""
+    def declarations(self) -> Declarations:
+        """Declarations of the robot's own fields, and of its action if it is another than the planar one."""
 
     @property
-    def wrench_t_ns(self) -> NDArray[np.int64]:
-        """Time of every wrench reading since the episode began, shape (M,), [ns] of the episode clock."""
+    def action(self) -> Field:
+        """Declaration of ``actions/action``."""
 
     @property
-    def wrench(self) -> NDArray[np.float32]:
-        """Raw wrench readings of the episode so far, (M, 6), [N] and [N m], base axes, about the sensor origin."""
+    def cameras(self) -> Mapping[str, Calibration | None]:
+        """Calibration of each camera of the robot by name; None for a camera whose lens or pose is unknown."""
+
+    def connect(self) -> None:
+        """Connect to the robot. Connecting twice does no harm.
+
+        Raises:
+            CollectError: If the robot cannot be reached.
+        """
+
+    def home(self) -> None:
+        """Move to the start of an episode, with the gripper open. The episode clock begins, and all readings are new.
+
+        A robot that waits for a person before the first observation keeps as many of its readings as it wants to.
+        """
+
+    def tare(self) -> None:
+        """Take the present wrenches as those of a free gripper. Does nothing on a robot without such sensors."""
 
     def observe(self) -> Observation:
-        """Return the observation of the present moment."""
+        """Return the observation of the present moment. Times of observations ascend."""
+
+    def readings(self) -> Readings:
+        """Return the rows that the streams have got since the last call, raw, by group.
+
+        The times of each group ascend over all calls. A stream without new rows is absent or has empty arrays. A group
+        that has been here is recorded from here, and no longer from the observations: cameras and joints with a clock
+        of their own can be here as well.
+        """
 
     def step(self, action: NDArray[np.float32]) -> None:
-        """Carry out one action for one step of 50 ms.
+        """Carry out one action for one step of 1 / `rate_hz`.
 
         Args:
-            action: Gripper opening (0 closed, 1 open), dx, dy, dz [m], dtheta [rad], base axes, shape (5,).
+            action: Action as `action` declares it, shape (A,).
+        """
+
+    def stop(self) -> None:
+        """Stop all motion. Called at the end of an episode, also when an error ends it."""
+
+    def close(self) -> None:
+        """Disconnect from the robot. Closing twice does no harm."""
+
+    def constants(self) -> Mapping[str, NDArray[Any]]:
+        """Return the arrays that an episode has once, by dataset path: workspace, tares and calibrations, as known now.
+
+        `svfl_data.schema.optics.Calibration.constants` makes those of a camera.
         """
 
 
 Policy = Callable[[Observation], NDArray[np.float32] | None]
-"""Function that returns the next action for an observation, or None to end the episode."""
+"""Function that returns the next action for an observation, shape (A,), or None to end the episode."""
+Watcher = Callable[[Robot, Observation, NDArray[np.float32] | None, Readings], None]
+"""Function that is called at each step with the robot, the observation, the action that led to it (None at the first
+observation), and the readings since the observation before. What the function does is not recorded."""

@@ -9,10 +9,8 @@ on.
 Arrays may lie in memory or on disk. Images are judged by their shapes only, because every pixel value is valid.
 """
 
-import functools
 import math
-import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -21,21 +19,15 @@ import numpy as np
 from svfl_data.errors import FieldError
 from svfl_data.schema.declarations import STANDARD, Declarations
 from svfl_data.schema.field import Field
-from svfl_data.schema.fields import CAMERA, EXTRA, FIELDS, PLAIN_KINDS, camera_names, harmless
+from svfl_data.schema.fields import EXTRA, FIELDS, PLAIN_KINDS, camera_names, harmless
+from svfl_data.schema.value_rules import rule_of
 from svfl_data.system.printable import printable
 
-UNIT = 1e-3
-"""Largest rounding error of the norm of a quaternion, and of each element of the product of a rotation with its
-transpose."""
-SHORTEST_FOCAL_PX = 1.0
-NARROWEST_M = 1e-3
-"""Smallest width of a workspace along each axis, [m]."""
 BLOCK_ROWS, BLOCK_NUMBERS = 2**16, 2**21
 """Largest number of rows, and of numbers, that are looked at at once."""
 OBSERVED = "observations/t_ns"
 POSES = ("T_base_camera", "T_base_camera_per_frame", "T_tcp_camera")
 """Arrays of a camera that give its pose, of which it has one at most."""
-CAMERA_PATH = re.compile(r"^cameras/[^/]+/")
 
 Sizes = dict[str, tuple[int, str]]
 """Size of each symbol that was found so far, and the path of the array that set it."""
@@ -208,17 +200,12 @@ def _value_faults(field: Field, array: Readable) -> Iterator[str]:
     """Yield at most one fault in the numbers of an array whose shape is right."""
     if array.dtype.kind not in "iufc" or (field.image and array.dtype.kind in "iu"):
         return  # every pixel value is valid
-    rule = _rule(field.path)
+    rule = rule_of(field.path)
     for first, block in _blocks(array):
         wrong = _out_of_bounds(field, block, first) or (rule and rule(block, first))
         if wrong:
             yield wrong
             return
-
-
-@functools.lru_cache(maxsize=1024)
-def _rule(path: str) -> Callable[[np.ndarray, int], str | None] | None:
-    return RULES.get(CAMERA_PATH.sub(f"cameras/{CAMERA}/", path))
 
 
 def _blocks(array: Readable) -> Iterator[tuple[int, np.ndarray]]:
@@ -247,62 +234,3 @@ def _out_of_bounds(field: Field, values: np.ndarray, first: int) -> str | None:
     if not math.isfinite(number):
         return f"holds {number}{index}; only finite numbers are stored"
     return f"holds {number:.6g}{index}; possible are {low:.6g} to {high:.6g}"
-
-
-def _no_poses(matrices: np.ndarray, first: int) -> str | None:
-    wrong = (row for row, matrix in enumerate(matrices) if _no_pose(matrix, first))
-    row = next(wrong, None)
-    return None if row is None else f"holds no pose at index ({row + first},): its rotation or its last row is off"
-
-
-def _no_pose(matrix: np.ndarray, first: int) -> str | None:
-    rotation = matrix[:3, :3]
-    rigid = _orthogonal(rotation) and np.linalg.det(rotation) > 0
-    if rigid and np.allclose(matrix[3], [0, 0, 0, 1], atol=UNIT):
-        return None
-    return "is not a pose: its rotation or its last row is off"
-
-
-def _not_orthogonal(matrix: np.ndarray, first: int) -> str | None:
-    return None if _orthogonal(matrix) else "is not an orthogonal matrix"
-
-
-def _orthogonal(matrix: np.ndarray) -> bool:
-    return bool(np.allclose(matrix @ matrix.T, np.eye(len(matrix)), atol=UNIT))
-
-
-def _no_pinhole(matrix: np.ndarray, first: int) -> str | None:
-    focal = np.diag(matrix)[:2]
-    if (focal < SHORTEST_FOCAL_PX).any():
-        return f"has focal lengths {focal.tolist()} px; possible are {SHORTEST_FOCAL_PX:g} px and more"
-    below = (matrix[1, 0], *matrix[2])
-    return None if np.allclose(below, (0, 0, 0, 1), atol=UNIT) else "is not a pinhole matrix [fx s cx; 0 fy cy; 0 0 1]"
-
-
-def _not_unit(poses: np.ndarray, first: int) -> str | None:
-    norm = np.linalg.norm(poses[:, 3:], axis=1)
-    if not len(rows := np.flatnonzero(np.abs(norm - 1) > UNIT)):
-        return None
-    return f"has a quat_xyzw of norm {norm[rows[0]]:.4g} at index ({rows[0] + first},); a rotation has norm 1"
-
-
-def _no_room(bounds: np.ndarray, first: int) -> str | None:
-    if not len(axes := np.flatnonzero(bounds[:, 1] - bounds[:, 0] < NARROWEST_M)):
-        return None
-    low, high = bounds[axes[0]]
-    return f"is from {low:g} to {high:g} m at index ({axes[0]},): the lower bound must be below the upper bound"
-
-
-RULES: dict[str, Callable[[np.ndarray, int], str | None]] = {
-    "streams/object/pose": _not_unit,
-    "streams/tags/pose": _not_unit,
-    "streams/tcp/pose": _not_unit,
-    "cameras/{camera}/intrinsics": _no_pinhole,
-    "cameras/{camera}/T_base_camera": _no_pose,
-    "cameras/{camera}/T_base_camera_per_frame": _no_poses,
-    "cameras/{camera}/T_tcp_camera": _no_pose,
-    "cameras/{camera}/image_axes": _not_orthogonal,
-    "workspace": _no_room,
-}
-"""Further rule of some fields, by path. A rule is a function of a block of rows and the number of its first row. It
-returns what is wrong with the block, or None."""

@@ -4,6 +4,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from svfl_data.schema.optics import mounted
 from svfl_data.schema.validity import Readable
 
 TCP_TIMES, TCP_POSE = "streams/tcp/t_ns", "streams/tcp/pose"
@@ -56,36 +57,11 @@ def camera_poses(arrays: Mapping[str, Readable], camera: str, t_ns: np.ndarray) 
     return poses
 
 
-def mounted(tcp: np.ndarray, T_tcp_camera: np.ndarray) -> np.ndarray:
-    """Return the poses of a camera that is mounted on the gripper, shape (F, 4, 4), [m], base axes.
-
-    Args:
-        tcp: Poses of the TCP in base, position [m] and quat_xyzw, shape (F, 7).
-        T_tcp_camera: Pose of the camera relative to the TCP, shape (4, 4), [m].
-    """
-    T_base_tcp = np.tile(np.eye(4), (len(tcp), 1, 1))
-    T_base_tcp[:, :3, :3], T_base_tcp[:, :3, 3] = rotations(tcp[:, 3:]), tcp[:, :3]
-    return np.asarray(T_base_tcp @ T_tcp_camera)
-
-
-def rotations(quat_xyzw: np.ndarray) -> np.ndarray:
-    """Return the matrices of rotations, shape (F, 3, 3).
-
-    Args:
-        quat_xyzw: Unit quaternions, shape (F, 4).
-    """
-    vector, w = quat_xyzw[:, :3], quat_xyzw[:, 3:, None]
-    x, y, z = vector.T
-    zero = np.zeros_like(x)
-    cross = np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), -1, 0)
-    return np.asarray(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
-
-
 def frame_axes(poses: np.ndarray) -> np.ndarray:
     """Return the matrix from base (x, y) to image (right, up) of each pose of a camera, shape (F, 2, 2).
 
-    It is `svfl_data.schema.robot.image_axes` for many poses at once. Where it does not exist, it is the identity: at an
-    unknown pose, and at one whose image has its right straight up or down.
+    It is `svfl_data.schema.optics.image_axes` for many poses at once. Where it does not exist, it is the identity: at
+    an unknown pose, and at one whose image has its right straight up or down.
 
     Args:
         poses: Poses of the camera in base, shape (F, 4, 4), [m]; NaN where a pose is unknown.

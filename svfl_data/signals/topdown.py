@@ -57,7 +57,10 @@ def topdown_frame(
 
     Raises:
         UsageError: If size or extent are not positive, or the view needs too many points.
+        FieldError: If the camera measures no depth.
     """
+    if frame.depth is None:
+        raise FieldError("a view from straight above needs depth; this camera measures none")
     return TopView.over(workspace, calibration, size, extent, eye).draw([(frame, calibration)])
 
 

@@ -12,6 +12,7 @@ from svfl_data.viewer.entities import names
 from svfl_data.viewer.entities.episode_source import ACTION, PROPRIO, WRENCH, EpisodeSource
 from svfl_data.viewer.entities.fields import FieldView
 from svfl_data.viewer.entities.names import TIMELINE
+from svfl_data.viewer.overlay import network_view
 from svfl_data.viewer.predictions import Prediction
 from svfl_data.viewer.recording import Summary
 from svfl_data.viewer.views import (
@@ -137,13 +138,19 @@ def _loads(shown: EpisodeSource, summary: Summary) -> list[tuple[int, rrb.View |
 
 def _motion(shown: EpisodeSource, summary: Summary, prediction: Prediction | None) -> list[rrb.View | rrb.Container]:
     tabs: list[rrb.View | rrb.Container] = [_planar(shown, prediction)] if shown.planar else []
+    predicted = prediction.action if prediction is not None and prediction.actions is not None else ""
     commanded: dict[str, list[rrb.View]] = {}
     for view in summary.views:
         if _is_command(view):
-            commanded.setdefault(view.path, []).append(field_view(shown, view, narrow=len(view.columns) <= FEW_CURVES))
+            beside = network_view(view) if view.path == predicted else None
+            plots = commanded.setdefault(view.path, [])
+            plots.append(field_view(shown, view, narrow=len(view.columns) <= FEW_CURVES, beside=beside))
+            if beside and view.kind != "curves":
+                plots.append(field_view(shown, beside))
     for path, views in commanded.items():
         name = "Action" if path == ACTION else f"Action {path.removeprefix('actions/')}"
-        tabs.append(rrb.Horizontal(*views, name=printable(f"{name}: commanded")))
+        how = "thick commanded, thin the network's" if path == predicted else "commanded"
+        tabs.append(rrb.Horizontal(*views, name=printable(f"{name}: {how}")))
     if WRENCH not in shown and summary.loads.annotations:
         tabs.append(plot(shown, [f"{names.MARKS}/**"], "Annotations"))
     if PROPRIO in shown:

@@ -1,15 +1,18 @@
 """A network's prediction in the viewer: predicted and true direction on the images, probabilities, and actions."""
 
+from dataclasses import replace
+
 import numpy as np
 import rerun as rr
 
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.viewer.entities import names
-from svfl_data.viewer.entities.episode_source import TIMES, EpisodeSource
+from svfl_data.viewer.entities.episode_source import ACTION, TIMES, EpisodeSource
+from svfl_data.viewer.entities.fields import FieldView, curve_colors, field_views, log_range
 from svfl_data.viewer.entities.images import send_color
 from svfl_data.viewer.entities.names import FORCE, LABEL, TORQUE, send
 from svfl_data.viewer.entities.plots import send_curve
-from svfl_data.viewer.predictions import Prediction
+from svfl_data.viewer.predictions import Prediction, true_direction
 
 ARROWS = np.array([(1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0)])
 """The directions right, up, left, down as vectors (x right, y down) in an image."""
@@ -34,7 +37,11 @@ def log_prediction(recording: rr.RecordingStream, shown: EpisodeSource, predicti
         recording.log(f"{root}{names.PREDICTION}/probability", lines, static=True)
         send_curve(recording, f"{root}{names.PREDICTION}/probability", t_ns, prediction.probabilities)
         _log_arrows(recording, shown, prediction, t_ns)
-    if prediction.actions is not None:
+    if prediction.actions is not None and not (shown.planar and prediction.action == ACTION):
+        for view in field_views(shown):
+            if view.path == prediction.action:
+                _log_command(recording, view, t_ns, prediction.actions)
+    elif prediction.actions is not None:
         for path, columns, labels, colors in (
             ("move", slice(1, 4), ["dx network", "dy network", "dz network"], names.PALE_AXES),
             ("turn", slice(4, 5), ["dtheta network"], [names.PALE_AXES[0]]),
@@ -43,6 +50,29 @@ def log_prediction(recording: rr.RecordingStream, shown: EpisodeSource, predicti
             lines = rr.SeriesLines(names=labels, colors=colors, widths=1.5, interpolation_mode="StepAfter")
             recording.log(f"{root}{names.PREDICTION}/{path}", lines, static=True)
             send_curve(recording, f"{root}{names.PREDICTION}/{path}", t_ns, prediction.actions[:, columns])
+
+
+def network_view(view: FieldView) -> FieldView:
+    """Return the view of a network's actions that belongs to a view of the recorded ones.
+
+    Args:
+        view: View of the recorded action.
+    """
+    words = tuple(f"{name} network" for name in view.names)
+    return replace(view, entity=f"{view.entity}/{names.PREDICTION}", name=f"network: {view.name}", names=words)
+
+
+def _log_command(recording: rr.RecordingStream, view: FieldView, t_ns: np.ndarray, actions: np.ndarray) -> None:
+    """Log what a network would command, as thin curves in the colours of the recorded ones, or as a picture."""
+    beside = network_view(view)
+    if view.kind != "curves":  # too many components for curves
+        values = actions.astype(np.float32).T
+        log_range(recording, beside.entity, values)
+        recording.log(beside.entity, rr.Tensor(values, dim_names=("component", "row")), static=True)
+        return
+    lines = rr.SeriesLines(names=beside.names, colors=curve_colors(view), widths=1.0, interpolation_mode="StepAfter")
+    recording.log(beside.entity, lines, static=True)
+    send_curve(recording, beside.entity, t_ns, actions[:, list(view.columns)])
 
 
 def _log_crop(recording: rr.RecordingStream, path: str, t_ns: np.ndarray, crop: np.ndarray) -> None:
@@ -54,7 +84,7 @@ def _log_crop(recording: rr.RecordingStream, path: str, t_ns: np.ndarray, crop: 
 
 def _log_arrows(recording: rr.RecordingStream, shown: EpisodeSource, prediction: Prediction, t_ns: np.ndarray) -> None:
     """Log the predicted direction as an arrow from the middle of the image, and the true direction below it."""
-    camera = prediction.camera or shown.cameras[0]
+    camera = prediction.camera
     height, width = shown.arrays[f"cameras/{camera}/color"].shape[1:3]
     assert prediction.probabilities is not None
     best = prediction.probabilities.argmax(axis=1)
@@ -67,8 +97,7 @@ def _log_arrows(recording: rr.RecordingStream, shown: EpisodeSource, prediction:
         vectors=ARROWS[best] * sure[:, None] * 0.42 * width, origins=np.tile(middle, (len(best), 1)), labels=words
     )
     send(recording, f"{entity}/predicted", t_ns, arrows)
-    if "labels/direction" in shown:
-        true = int(shown["labels/direction"])
+    if (true := true_direction(shown, prediction)) is not None:
         below = middle + np.array([0.0, 0.2 * height])  # beside the predicted arrow, so that both can be read
         arrow = rr.Arrows2D(
             vectors=[ARROWS[true] * 0.3 * width], origins=[below], colors=[LABEL], radii=[0.35],

@@ -8,10 +8,10 @@ from svfl_data.schema.field_words import assumed_words, camera_pose, own, title
 from svfl_data.schema.rates import declared_hz
 from svfl_data.symmetry import DIRECTIONS
 from svfl_data.system.printable import markdown, printable
-from svfl_data.viewer.entities.episode_source import PROPRIO, TARE, TIMES, WRENCH, WRENCH_TIMES, EpisodeSource
+from svfl_data.viewer.entities.episode_source import ACTION, PROPRIO, TARE, TIMES, WRENCH, WRENCH_TIMES, EpisodeSource
 from svfl_data.viewer.entities.fields import left_out
 from svfl_data.viewer.entities.scene import METRES_PER_NEWTON, METRES_PER_NEWTON_METRE
-from svfl_data.viewer.predictions import Prediction
+from svfl_data.viewer.predictions import Prediction, true_direction
 
 SAID = ("instruction", "robot", "operator")
 MOST_NUMBERS, MOST_LINES = 16, 30
@@ -56,11 +56,12 @@ def summary_text(shown: EpisodeSource, peak: float, prediction: Prediction | Non
 def _prediction_words(shown: EpisodeSource, prediction: Prediction) -> str:
     if prediction.probabilities is None:
         outlined = "; outlined: the part of the picture that it sees" if prediction.crop is not None else ""
-        return f"{markdown(prediction.name)}; its actions (pale) are beside the commanded ones{outlined}."
+        how = "pale" if shown.planar and prediction.action == ACTION else "thin"
+        return f"{markdown(prediction.name)}; its actions ({how}) are beside the commanded ones{outlined}."
     last = prediction.probabilities[-1]
     words = f"{markdown(prediction.name)}; at the last step **{DIRECTIONS[int(last.argmax())]}** with {last.max():.1%}."
-    if "labels/direction" in shown:
-        words += f" The true direction has {last[int(shown['labels/direction'])]:.1%}."
+    if (true := true_direction(shown, prediction)) is not None:
+        words += f" The true direction has {last[true]:.1%}."
     return words
 
 

@@ -142,7 +142,9 @@ def wrench_plot(shown: EpisodeSource, path: str, name: str, low: np.ndarray, hig
     return plot(shown, [path, window, *marks], name, low, high, NO_LEGEND, override)
 
 
-def field_view(shown: EpisodeSource, view: FieldView, narrow: bool = False) -> rrb.View:
+def field_view(
+    shown: EpisodeSource, view: FieldView, narrow: bool = False, beside: FieldView | None = None
+) -> rrb.View:
     """Return the view of a field that has no drawing of its own.
 
     Args:
@@ -150,14 +152,15 @@ def field_view(shown: EpisodeSource, view: FieldView, narrow: bool = False) -> r
         view: What is drawn of the field, and where it was logged.
         narrow: Whether the plot has no room for a legend; the title then names the curves, in the order of their
             colours.
+        beside: Further view whose curves are drawn in the same plot; None if there is none.
     """
     if view.kind == "curves":
-        path = view.entity.removeprefix(shown.root)
+        paths = [one.entity.removeprefix(shown.root) for one in (view, beside) if one]
         if narrow and view.names:
             units = {name.partition(", ")[2] for name in view.names} - {""}
             names_ = ", ".join(name.partition(", ")[0] for name in view.names)
-            return plot(shown, [path], ", ".join([names_, *sorted(units)]), legend=NO_LEGEND)
-        return plot(shown, [path], view.name, room=LEGEND_ROOM if len(view.names) > 1 else 0.0)
+            return plot(shown, paths, ", ".join([names_, *sorted(units)]), legend=NO_LEGEND)
+        return plot(shown, paths, view.name, room=LEGEND_ROOM if len(view.names) > 1 else 0.0)
     if view.kind == "text":
         columns = rrb.TextLogColumns(text_log_columns=["body"])
         return rrb.TextLogView(origin=view.entity, name=view.name, columns=columns)

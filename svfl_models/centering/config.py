@@ -58,6 +58,8 @@ class TrainingConfig:
         target: Quantity that the network learns: one of four ``direction`` classes, or the ``offset`` in metres.
         torque: How torques transform under reflections: ``axial``, or ``polar`` as in the paper (see
             `representations.wrench_parts`).
+        camera: Name of the camera whose images are used, and in whose image-aligned axes vectors are given. None stands
+            for the only camera, until `train.with_camera` finds out its name, or for no camera if there are no images.
         view: Viewpoint of the images: ``camera``, as the camera took them, or ``top``, as seen from straight above
             (`svfl_data.signals.topdown`).
         image_size: Height and width of the images that the network gets, [px].
@@ -89,6 +91,7 @@ class TrainingConfig:
     preset: str = "default"
     target: str = "direction"
     torque: str = "axial"
+    camera: str | None = None
     view: View = "camera"
     image_size: int = 64
     augment: bool = True

@@ -1,6 +1,7 @@
 """Trains a block-centering classifier: loads and splits the samples, fits, tests and writes the report."""
 
 import time
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,7 +11,9 @@ import torch
 from lightning.pytorch.callbacks import EarlyStopping
 from rich.console import Console
 
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.sampling.centering_samples import CenteringSamples, View, load_centering
+from svfl_data.sampling.named_camera import camera_of_dataset
 from svfl_data.sampling.split import train_test_split
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.data import CenteringData, check_samples
@@ -61,6 +64,7 @@ def train_centering(
         >>> result.test_accuracy  # doctest: +SKIP
     """
     torch.set_num_threads(min(torch.get_num_threads(), THREADS.get(config.preset, 1)))
+    config = with_camera(config)
     samples = samples_of(config.data, config)
     train_index, test_index = train_test_split(
         samples.direction, train=config.train_samples, test=config.test_samples, seed=config.seed
@@ -101,8 +105,23 @@ def train_centering(
     return result
 
 
+def with_camera(config: TrainingConfig) -> TrainingConfig:
+    """Return a configuration that names the camera whose images are used, if any are.
+
+    Args:
+        config: Configuration of the run, whose camera may be None if its dataset has one camera.
+
+    Raises:
+        DatasetError: If the dataset has no episodes, or several cameras of which none is named.
+        FormatError: If the dataset cannot be read.
+    """
+    if config.camera is not None or "v" not in config.encoder:
+        return config
+    return replace(config, camera=camera_of_dataset(Dataset.open(config.data), None))
+
+
 def samples_of(path: Path | str, config: TrainingConfig) -> CenteringSamples:
-    """Load the samples of a dataset with the window, view, inputs and noise of a configuration.
+    """Load the samples of a dataset with the window, view, camera, inputs and noise of a configuration.
 
     Args:
         path: Dataset folder.
@@ -111,14 +130,15 @@ def samples_of(path: Path | str, config: TrainingConfig) -> CenteringSamples:
     Raises:
         SvflError: If the dataset cannot be read or its samples cannot be used for training.
     """
-    samples = with_noise(_load(str(path), config.window, config.view, INPUTS[config.encoder]), config.noise)
+    loaded = _load(str(path), config.window, config.view, INPUTS[config.encoder], config.camera)
+    samples = with_noise(loaded, config.noise)
     check_samples(samples, config)
     return samples
 
 
 @lru_cache(maxsize=4)  # a table of many runs reads its datasets once
-def _load(path: str, window: int, view: View, inputs: tuple[str, ...]) -> CenteringSamples:
-    return load_centering(path, window, view, inputs)
+def _load(path: str, window: int, view: View, inputs: tuple[str, ...], camera: str | None) -> CenteringSamples:
+    return load_centering(path, window, view, inputs, camera)
 
 
 def fit(

@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from svfl_data.errors import StorageError, TrainingError, UsageError
 from svfl_data.sampling.windows import WINDOW
+from svfl_data.schema.observation import Observation
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.system.atomic_io import write_atomically
 from svfl_models.cloning import own_acting
@@ -20,6 +22,7 @@ from svfl_models.networks.action_space import PLANAR
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, scaled
 from svfl_models.networks.policy import Policy
 from svfl_models.programs import exported_policy
+from svfl_models.programs.policy_file import RobotPolicy
 from svfl_models.programs.program import TOLERANCE, from_bytes
 from svfl_models.symmetry.ordinary import plain
 
@@ -101,36 +104,22 @@ def acting(module: CloningModule) -> ActingPolicy:
     return ActingPolicy(plain(module.policy), module.deployment, module.view).eval()  # type: ignore[arg-type] # a copy of a Policy
 
 
-def load(file: Path | str) -> exported_policy.ExportedPolicy:
+def load(file: Path | str) -> Callable[[Observation], NDArray[np.float32]]:
     """Load a checkpoint of ``svfl-train bc`` onto this machine's device, for ``svfl-collect policy``.
 
     Args:
         file: The checkpoint file.
 
+    Returns:
+        Function that returns the action for an observation; it must be given all observations of an episode in order.
+
     Raises:
         FormatError: If the file is not a sound checkpoint of a policy.
     """
     module = load_policy(file)
-    refuse_own(module, file)
-    return exported_policy.opened(_exported(module), str(file))
-
-
-def refuse_own(module: CloningModule, file: Path | str) -> None:
-    """Refuse a policy with inputs of the user's own where only the paper's inputs can be given.
-
-    Args:
-        module: The trained policy.
-        file: Its checkpoint, for the error.
-
-    Raises:
-        TrainingError: If the policy has inputs of the user's own.
-    """
     if module.deployment.inputs:
-        taken = ", ".join(one["path"] for one in module.deployment.inputs)
-        raise TrainingError(
-            f"{file}: takes {taken}, which a simulation does not give; svfl-train export makes a program of it that "
-            "runs on the robot (svfl_models.programs.own_policy)"
-        )
+        return RobotPolicy(own_acting.opened(module, str(file)))
+    return exported_policy.opened(_exported(module), str(file))
 
 
 def _exported(module: CloningModule) -> bytes:

@@ -12,13 +12,14 @@ from torch.utils.data import Dataset as TorchDataset
 from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
+from svfl_data.sampling.named_camera import named_camera
 from svfl_data.sampling.samples import ACTION, PROPRIO, WRENCH, Samples, apart
 from svfl_data.sampling.split import split_episodes
 from svfl_data.sampling.torch_samples import EpochSampler, whole_batches
 from svfl_data.sampling.windows import WINDOW
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_models.cloning.config import CloningConfig
-from svfl_models.cloning.deployment_spec import DeploymentSpec, camera_of, deployment_of, deployment_of_own
+from svfl_models.cloning.deployment_spec import DeploymentSpec, deployment_of, deployment_of_own
 from svfl_models.cloning.gripper_view import JITTER, corners
 from svfl_models.cloning.own_data import OwnDemonstrations
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, random_crop, scaled
@@ -163,7 +164,8 @@ class CloningData(pl.LightningDataModule):
             return
         uses = ["streams/wrench"] if "f" in config.encoder else []
         if "v" in config.encoder:
-            uses += [f"cameras/{camera_of(dataset.episode(chosen[0]), config.camera)}"]
+            first = dataset.episode(chosen[0])
+            uses += [f"cameras/{named_camera(first.cameras, config.camera, first.extent)}"]
         check_usable(dataset, chosen, uses)
         self.deployment = deployment_of(dataset, chosen, config.camera, config.encoder)
         split = split_episodes(chosen, {"train": 1 - config.valid, "valid": config.valid}, config.seed)

@@ -1,7 +1,7 @@
 """Conditions under which demonstrations were recorded, which a policy trained on them must know in order to act."""
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, TrainingError, UsageError
+from svfl_data.sampling.named_camera import named_camera
 from svfl_data.schema.action_bounds import planar_limits
 from svfl_data.schema.action_fields import ACTION, MAX_MOVE_M, MAX_TURN_RAD, planar_action
 from svfl_data.storage.reader import EpisodeReader
@@ -48,6 +49,7 @@ class DeploymentSpec:
             `recorded_inputs.RecordedInput`; empty for the paper's inputs.
         action: Action of such a policy, as plain values of `networks.action_space.ActionSpace`; None for the planar
             action.
+        robot: Name of the robot; empty if it was not recorded, or if there are several.
     """
 
     task: str
@@ -64,6 +66,7 @@ class DeploymentSpec:
     max_turn: float = MAX_TURN_RAD
     inputs: list[dict[str, Any]] = field(default_factory=list)
     action: dict[str, Any] | None = None
+    robot: str = ""
 
     def __post_init__(self) -> None:
         shapes = {"image_axes": (2, 2), "projection": (3, 4), "centre": (2,)}
@@ -136,13 +139,14 @@ def deployment_of(
     for index, other in others:
         for name, here in other.plain().items():
             there = common.plain()[name]
-            if name not in ("switch", "step_ms") and here != there:
+            if name not in ("switch", "step_ms", "robot") and here != there:
                 raise DatasetError(
                     f"{dataset.path}: episode {index} has {name} {here}, episode {first} has {there}; "
                     "one policy learns from demonstrations of one task, camera, workspace and kind of action"
                 )
     step_ms = _period({index: one.step_ms for index, one in found if one.step_ms}, dataset)
-    return replace(common, step_ms=step_ms, switch=all(one.switch for _, one in found))
+    robot = _robot(one.robot for _, one in found)
+    return replace(common, step_ms=step_ms, robot=robot, switch=all(one.switch for _, one in found))
 
 
 def deployment_of_own(
@@ -189,6 +193,7 @@ def deployment_of_own(
                zip(episodes, readers, strict=True) if len(reader)}  # fmt: skip
     return DeploymentSpec(
         task=tasks[0],
+        robot=_robot(reader.meta.robot for reader in readers),
         image_axes=axes[0] if axes else np.eye(2).tolist(),
         step_ms=_period({index: float(step) for index, step in medians.items()}, dataset),
         switch=bool(opened) and all(np.isin(values, (0, 1)).all() for values in opened),
@@ -203,7 +208,7 @@ def _of_episode(reader: EpisodeReader, camera: str | None, encoder: str) -> Depl
     max_move, max_turn = planar_limits(action)
     seen = _seen(reader, camera) if "v" in encoder else {}
     return replace(
-        DeploymentSpec(task=reader.meta.task, max_move=max_move, max_turn=max_turn),
+        DeploymentSpec(task=reader.meta.task, robot=reader.meta.robot, max_move=max_move, max_turn=max_turn),
         **seen,
         centre=np.round(reader["workspace"][:2].mean(axis=1), 9).tolist() if "p" in encoder else [0.0, 0.0],
         step_ms=float(np.median(np.diff(reader["observations/t_ns"][:])) / 1e6) if len(reader) else 0.0,
@@ -211,29 +216,15 @@ def _of_episode(reader: EpisodeReader, camera: str | None, encoder: str) -> Depl
     )
 
 
-def camera_of(reader: EpisodeReader, camera: str | None) -> str:
-    """Return the name of the camera whose images of an episode a policy learns from.
-
-    Args:
-        reader: Reader of the episode.
-        camera: Name that was asked for. None asks for the only camera.
-
-    Raises:
-        DatasetError: If the episode has no such camera, or several where none was asked for.
-    """
-    have = ", ".join(reader.cameras) or "none"
-    if camera is None and len(reader.cameras) == 1:
-        return reader.cameras[0]
-    if camera is None:
-        raise DatasetError(f"{reader.extent}: name the camera to learn from (--camera); recorded cameras: {have}")
-    if camera not in reader.cameras:
-        raise DatasetError(f"{reader.extent}: has no camera {printable(camera, 40)}; recorded cameras: {have}")
-    return camera
+def _robot(names: Iterable[str]) -> str:
+    """Return the name of the only robot; an empty name if there are several."""
+    found = set(names)
+    return found.pop() if len(found) == 1 else ""
 
 
 def _seen(reader: EpisodeReader, camera: str | None) -> dict[str, Any]:
     """Return the attributes of a `DeploymentSpec` that describe the images of an episode."""
-    name = camera_of(reader, camera)
+    name = named_camera(reader.cameras, camera, reader.extent)
     height, width = reader[f"cameras/{name}/depth"].shape[1:]
     if height != width:
         raise DatasetError(f"{reader.extent}: images of {name} are {height} x {width} px; needed: square ones")

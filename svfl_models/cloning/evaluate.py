@@ -18,9 +18,13 @@ from svfl_data.reports.success_rate import wilson
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
 from svfl_data.system.worker_processes import Died, run_jobs
-from svfl_models.cloning.acting import acting, refuse_own
+from svfl_models.cloning import own_acting
+from svfl_models.cloning.acting import ActingPolicy, acting
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.deployment_spec import OTHER_RATE, DeploymentSpec
+from svfl_models.cloning.recorded_inputs import of_plain
+from svfl_models.networks.action_space import ActionSpace
+from svfl_models.programs.policy_file import inputs_of
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,12 @@ def environment_of(task: str) -> str:
 
 
 def evaluate(
-    checkpoint: Path, episodes: int, seed: int = 0, workers: int = 1, console: Console | None = None
+    checkpoint: Path,
+    episodes: int,
+    seed: int = 0,
+    workers: int = 1,
+    console: Console | None = None,
+    robot: str | None = None,
 ) -> Evaluation:
     """Run a policy in several scenes, which are those of ``svfl-collect policy`` with the same seed.
 
@@ -94,20 +103,22 @@ def evaluate(
         seed: Seed of the scenes. No scene is that of a demonstration, whatever the seed of the demonstrations.
         workers: Number of worker processes; 1 runs the episodes in this process.
         console: Console that progress is printed on; standard error by default.
+        robot: Name of the simulated robot that acts. By default the one of the demonstrations.
 
     Raises:
         SvflError: If the file is not a checkpoint of a policy, the task has no environment, the environment differs
             from that of the demonstrations (control rate or camera), or a worker process dies.
     """
     module = load_policy(checkpoint)
-    refuse_own(module, checkpoint)
     environment = environment_of(module.deployment.task)
     console = console or Console(stderr=True)
     columns = (TextColumn("episode"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
     outcomes: dict[int, tuple[bool, int]] = {}
     with Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal) as bar:
         shown = bar.add_task("", total=episodes)
-        for index, outcome in _outcomes(checkpoint, environment, seed, episodes, workers):
+        for index, outcome in _outcomes(
+            partial(Trial, checkpoint, environment, seed, robot), str(checkpoint), episodes, workers
+        ):
             outcomes[index] = outcome
             succeeded = sum(success for success, _ in outcomes.values())
             bar.update(shown, advance=1, description=f"{succeeded} of {len(outcomes)} succeeded")
@@ -122,24 +133,33 @@ class Trial:
         checkpoint: Checkpoint file of the policy.
         environment: Gymnasium id of the environment.
         seed: Seed of the scenes.
+        robot: Name of the simulated robot that acts; that of the demonstrations if None.
 
     Raises:
         TrainingError: If the environment does not exist, or its steps or images differ from those of the
             demonstrations.
     """
 
-    def __init__(self, checkpoint: Path, environment: str, seed: int) -> None:
+    def __init__(self, checkpoint: Path, environment: str, seed: int, robot: str | None = None) -> None:
         import gymnasium
 
         module = load_policy(checkpoint)
-        self.policy, self.seed, self.name = acting(module), seed, str(checkpoint)
+        self.deployment, self.seed, self.name = module.deployment, seed, str(checkpoint)
+        robot = robot or self.deployment.robot
+        options: dict[str, Any] = {"robot": robot} if robot else {}
+        if self.deployment.inputs:
+            own = own_acting.opened(module, self.name)
+            self._act: Callable[[dict[str, Any]], np.ndarray] = own
+            options["inputs"] = inputs_of(own.facts.inputs)
+        else:
+            self._act = partial(_paper_action, acting(module), self.name)
+            options["camera"] = self.deployment.camera or None
         try:
-            camera = module.deployment.camera or None
-            self.environment = gymnasium.make(environment, disable_env_checker=True, camera=camera)
+            self.environment = gymnasium.make(environment, disable_env_checker=True, **options)
         except (gymnasium.error.Error, UsageError, ValueError) as error:  # ValueError: not a valid name
             reason = printable(" ".join(str(error).split()), 200)
             raise TrainingError(f"{checkpoint}: cannot be evaluated in {environment}: {reason}") from error
-        _expect_same(self.environment, module.deployment, self.name)
+        _expect_same(self.environment, self.deployment, self.name)
 
     @torch.inference_mode()
     def __call__(self, index: int) -> tuple[bool, int]:
@@ -151,12 +171,14 @@ class Trial:
             success, steps, ended = bool(info["success"]), steps + 1, terminated or truncated
         return success, steps
 
-    def _act(self, observation: dict[str, Any]) -> np.ndarray:
-        image, wrench, proprio = (torch.from_numpy(observation[name][None]) for name in ("image", "wrench", "proprio"))
-        action = self.policy(image, wrench, proprio)[0].numpy()
-        if not np.isfinite(action).all():
-            raise TrainingError(f"{self.name}: the policy's action is not finite: {action.tolist()}")
-        return np.clip(action, *self.policy.deployment.bounds).astype(np.float32)
+
+def _paper_action(policy: ActingPolicy, name: str, observation: dict[str, Any]) -> np.ndarray:
+    """Return the action of a policy with the paper's inputs, (5,), within the bounds of its demonstrations."""
+    image, wrench, proprio = (torch.from_numpy(observation[one][None]) for one in ("image", "wrench", "proprio"))
+    action = policy(image, wrench, proprio)[0].numpy()
+    if not np.isfinite(action).all():
+        raise TrainingError(f"{name}: the policy's action is not finite: {action.tolist()}")
+    return np.clip(action, *policy.deployment.bounds).astype(np.float32)
 
 
 def _expect_same(environment: Any, deployment: DeploymentSpec, name: str) -> None:  # noqa: ANN401 - gymnasium's, wrapped
@@ -171,6 +193,9 @@ def _expect_same(environment: Any, deployment: DeploymentSpec, name: str) -> Non
             f"{name}: learned from steps of {deployment.step_ms:.1f} ms, those of the environment last "
             f"{1000 / rate:.1f} ms"
         )
+    if deployment.inputs:
+        _expect_same_form(environment, deployment, name)
+        return
     if not deployment.camera:
         return  # the policy has no image input
     side = environment.observation_space["image"].shape[-1]
@@ -184,8 +209,31 @@ def _expect_same(environment: Any, deployment: DeploymentSpec, name: str) -> Non
         )
 
 
+def _expect_same_form(environment: Any, deployment: DeploymentSpec, name: str) -> None:  # noqa: ANN401 - as above
+    """Refuse an environment whose actions, or whose cameras' axes, are not those that a policy of own inputs learned.
+
+    Raises:
+        TrainingError: If they differ.
+    """
+    assert deployment.action is not None
+    space = ActionSpace.of_plain(deployment.action)
+    if environment.action_space.shape != (len(space),):
+        raise TrainingError(
+            f"{name}: gives {len(space)} numbers ({', '.join(space.names)}), the environment's action has shape "
+            f"{environment.action_space.shape}"
+        )
+    for one in of_plain(deployment.inputs):
+        if one.kind == "image" and one.moves == "pixels":
+            axes = environment.get_wrapper_attr("cameras")[one.path.removeprefix("cameras/")].image_axes
+            if not np.allclose(axes, deployment.image_axes):
+                raise TrainingError(
+                    f"{name}: learned from {one.path} with image axes {deployment.image_axes}, the environment's are "
+                    f"{np.round(axes, 3).tolist()}"
+                )
+
+
 def _outcomes(
-    checkpoint: Path, environment: str, seed: int, episodes: int, workers: int
+    prepare: Callable[[], Trial], name: str, episodes: int, workers: int
 ) -> Iterator[tuple[int, tuple[bool, int]]]:
     """Number and outcome of each episode, as they end.
 
@@ -193,20 +241,19 @@ def _outcomes(
         TrainingError: If a worker process dies.
     """
     if workers == 1:
-        trial = Trial(checkpoint, environment, seed)
+        trial = prepare()
         try:
             yield from ((index, trial(index)) for index in range(episodes))
         finally:
             trial.environment.close()
         return
-    prepare = partial(_prepare, checkpoint, environment, seed)
-    for index, outcome in run_jobs(prepare, deque(range(episodes)), workers, finish=False):
+    for index, outcome in run_jobs(partial(_on_one_core, prepare), deque(range(episodes)), workers, finish=False):
         if isinstance(outcome, Died):
-            raise TrainingError(f"{checkpoint}: a worker process died (killed, or out of memory)")
+            raise TrainingError(f"{name}: a worker process died (killed, or out of memory)")
         yield index, outcome
 
 
-def _prepare(checkpoint: Path, environment: str, seed: int, place: int) -> Callable[[int], tuple[bool, int]]:
+def _on_one_core(prepare: Callable[[], Trial], place: int) -> Callable[[int], tuple[bool, int]]:
     """Return what tries the policy in this process, on one core."""
     torch.set_num_threads(1)
-    return Trial(checkpoint, environment, seed)
+    return prepare()

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from svfl_data.errors import TrainingError
+from svfl_data.schema.action_fields import ACTION
 from svfl_data.symmetry import act
 from svfl_data.system.atomic_io import write_atomically
 from svfl_models.cloning.deployment_spec import DeploymentSpec
@@ -77,8 +78,12 @@ class OwnActingPolicy(nn.Module):
             action = torch.cat([action[:, :at], shut, action[:, at + 1 :]], dim=1)
         return action
 
-    def facts(self) -> own_policy.Facts:
-        """Return what the policy takes and gives, for the file of an exported policy."""
+    def facts(self, action: str) -> own_policy.Facts:
+        """Return what the policy takes and gives, for the file of an exported policy.
+
+        Args:
+            action: Path of the action in episodes.
+        """
         names = self.space.names or tuple(map(str, range(len(self.space))))
         taken = []
         for one in self.inputs:
@@ -86,11 +91,20 @@ class OwnActingPolicy(nn.Module):
             if one.axes:
                 taken.append(own_policy.InputFacts(one.axes, (2, 2)))
         low, high = list(self.space.low), list(self.space.high)
-        return own_policy.Facts(taken, list(names), low, high, self.deployment.step_ms)
+        return own_policy.Facts(taken, list(names), low, high, self.deployment.step_ms, action)
 
     def _cropped(self, image: Tensor) -> Tensor:
         size = self.policy.trunk.image_size
         return scaled(centre_crop(image, crop_side(image.shape[-1], size)), size)
+
+
+def action_path(module: CloningModule) -> str:
+    """Return the path of the action that a policy has learned.
+
+    Args:
+        module: The trained policy.
+    """
+    return str((module.hparams["training"] or {}).get("action", ACTION))
 
 
 def acting(module: CloningModule) -> OwnActingPolicy:
@@ -117,8 +131,7 @@ def export(module: CloningModule, file: Path) -> float:
         TrainingError: If the actions differ by more than rounding.
         StorageError: If the file cannot be written.
     """
-    policy = acting(module)
-    content = own_policy.exported(policy, policy.facts())
+    content = _exported(module)
     own_policy.opened(content, str(file))
     worst = _difference(OwnActingPolicy(module.policy, module.deployment).eval(), content)
     if not worst < TOLERANCE:
@@ -127,12 +140,27 @@ def export(module: CloningModule, file: Path) -> float:
     return worst
 
 
+def opened(module: CloningModule, name: str) -> own_policy.OwnPolicy:
+    """Return a trained policy as its exported program acts, without a file.
+
+    Args:
+        module: The trained policy.
+        name: Name of the policy in messages.
+    """
+    return own_policy.opened(_exported(module), name)
+
+
+def _exported(module: CloningModule) -> bytes:
+    policy = acting(module)
+    return own_policy.exported(policy, policy.facts(action_path(module)))
+
+
 @torch.no_grad()
 def _difference(network: OwnActingPolicy, content: bytes) -> float:
     program, _ = from_bytes(content, own_policy.FACTS)
     generator, worst = torch.Generator().manual_seed(0), torch.zeros(())
     for _ in range(TRIALS):
-        inputs = [torch.rand(1, *one.shape, generator=generator) for one in network.facts().inputs]
+        inputs = [torch.rand(1, *one.shape, generator=generator) for one in network.facts("").inputs]
         (told,) = program(*inputs)
         said, expected = (network.space.to_unit(answer) for answer in (told, network(*inputs)))
         worst = torch.maximum(worst, (said - expected).abs().max())

@@ -14,7 +14,7 @@ EXAMPLE = (
     "svfl-train bc-table --data data/perturbed/block_picking --episodes 10 25 50 --seeds 1 --trials 50 --out out/curve"
 )
 DEFAULT = CloningConfig(data="")
-RECIPE = ("encoder", "view", "preset", "epochs")
+RECIPE = ("encoder", "camera", "view", "preset", "epochs")
 """Options that become part of every policy's configuration."""
 
 
@@ -46,6 +46,8 @@ def add(commands: Commands) -> None:
     add("--view", choices=VIEWS, default=DEFAULT.view,
         help="centre of the networks' images: the gripper, or the middle of the camera image "
         "(default: %(default)s)")  # fmt: skip
+    add("--camera", metavar="NAME",
+        help="camera whose images are used; must be given if there are several (default: the only camera)")  # fmt: skip
     add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset,
         help="sizes of the networks' layers (default: %(default)s)")  # fmt: skip
     add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N",

@@ -26,6 +26,8 @@ def add(commands: Commands) -> None:
     add("--episodes", type=positive, default=100, metavar="N",
         help="number of episodes to run (default: %(default)s)")  # fmt: skip
     add("--seed", type=natural, default=0, metavar="S", help="seed of the scenes, at least 0 (default: %(default)s)")
+    add("--robot", metavar="NAME",
+        help="simulated robot that acts, such as ur5e_sim (default: the robot of the demonstrations)")  # fmt: skip
     add("--workers", type=positive, default=1, metavar="W",
         help="number of episodes that run at the same time (default: %(default)s)")  # fmt: skip
     add("--out", type=Path, metavar="FILE",
@@ -44,6 +46,6 @@ def run(arguments: argparse.Namespace) -> None:
     """
     from svfl_models.cloning.evaluate import evaluate  # torch, lightning and escnn take seconds to import
 
-    found = evaluate(arguments.checkpoint, arguments.episodes, arguments.seed, arguments.workers)
+    found = evaluate(arguments.checkpoint, arguments.episodes, arguments.seed, arguments.workers, robot=arguments.robot)
     found.save(arguments.out or arguments.checkpoint.with_name(EVALUATION))
     say(found)

@@ -54,5 +54,6 @@ def run(arguments: argparse.Namespace) -> None:
         return
     save = export.saver(arguments.out)
     module = checkpoint.load_classifier(arguments.checkpoint)
-    difference = save(module.classifier, arguments.out, checkpoint.configuration(module).view)
+    trained = checkpoint.configuration(module)
+    difference = save(module.classifier, arguments.out, trained.view, trained.camera)
     say(f"{arguments.out}: outputs differ from the network's by {difference:.1g} of the largest output, at most")

@@ -31,6 +31,8 @@ def add(commands: Commands) -> None:
         help="kind of latent model: vtt is a transformer, poe a product of experts, concat concatenates "
         "features")  # fmt: skip
     add("--data", type=Path, required=True, help="dataset folder of svfl-collect expert")
+    add("--camera", metavar="NAME",
+        help="camera whose images are used; must be given if there are several (default: the only camera)")  # fmt: skip
     add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset,
         help="publication whose layer sizes and loss weights are used; balanced are this package's own "
         "(default: %(default)s)")  # fmt: skip

@@ -28,12 +28,16 @@ def positive_number(text: str) -> float:
 
 
 def add_data(parser: Parser) -> None:
-    """Add the options that name the datasets, --data and --separate-test, to a parser."""
+    """Add the options that name what is learned from, --data, --separate-test and --camera, to a parser."""
     parser.add_argument("--data", type=Path, required=True, help="dataset folder of svfl-collect centering")
     parser.add_argument(
         "--separate-test", type=Path,
         help="second dataset folder of svfl-collect centering, all of whose samples are tested too and none of which "
         "is trained on (default: none)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--camera", metavar="NAME",
+        help="camera whose images are used; must be given if there are several (default: the only camera)",
     )  # fmt: skip
 
 

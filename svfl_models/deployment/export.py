@@ -37,7 +37,7 @@ CONTENTS = {
 }
 
 
-def save_program(classifier: CenteringClassifier, path: Path, view: str = "camera") -> float:
+def save_program(classifier: CenteringClassifier, path: Path, view: str = "camera", camera: str | None = None) -> float:
     """Write a network as a ``torch.export`` program, which `program.read` and `torch.export.load` can open.
 
     A `program.Program` is called with the inputs in their order; PyTorch's own program takes a dictionary of them.
@@ -46,6 +46,7 @@ def save_program(classifier: CenteringClassifier, path: Path, view: str = "camer
         classifier: Network to export, which is not changed.
         path: File to write. An existing file is replaced after the new one has been tested.
         view: View that the network was trained on: ``camera`` for images as taken, ``top`` for the view from above.
+        camera: Name of the camera that the network was trained on; None if it is unknown or does not matter.
 
     Returns:
         Largest difference between the outputs of file and network on random inputs, relative to the largest output.
@@ -55,7 +56,9 @@ def save_program(classifier: CenteringClassifier, path: Path, view: str = "camer
         StorageError: If the file cannot be written.
     """
     buffer = io.BytesIO()
-    torch.export.save(_program(classifier), buffer, extra_files={FACTS: json.dumps(facts(classifier, view), indent=2)})
+    torch.export.save(
+        _program(classifier), buffer, extra_files={FACTS: json.dumps(facts(classifier, view, camera), indent=2)}
+    )
     content = buffer.getvalue()
     program, _ = from_bytes(content, FACTS)
 
@@ -68,13 +71,14 @@ def save_program(classifier: CenteringClassifier, path: Path, view: str = "camer
     return difference
 
 
-def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera") -> float:
+def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera", camera: str | None = None) -> float:
     """Write a network as ONNX, which takes its inputs by their names.
 
     Args:
         classifier: Network to export, which is not changed.
         path: File to write. An existing file is replaced after the new one has been tested.
         view: View that the network was trained on: ``camera`` for images as taken, ``top`` for the view from above.
+        camera: Name of the camera that the network was trained on; None if it is unknown or does not matter.
 
     Returns:
         Largest difference between the outputs of file and network on random inputs, relative to the largest output.
@@ -101,7 +105,7 @@ def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera")
             verbose=False,
         )
     assert program is not None  # it is None only if `export` writes a file
-    program.model.metadata_props[FACTS] = json.dumps(facts(classifier, view))
+    program.model.metadata_props[FACTS] = json.dumps(facts(classifier, view, camera))
     content = program.model_proto.SerializeToString()
     session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
 
@@ -113,7 +117,7 @@ def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera")
     return difference
 
 
-Saver = Callable[[CenteringClassifier, Path, str], float]
+Saver = Callable[[CenteringClassifier, Path, str, str | None], float]
 SAVERS: dict[str, Saver] = {".pt2": save_program, ".onnx": save_onnx}
 """Functions that export a network, by the suffix of the file that they write."""
 
@@ -151,12 +155,13 @@ def inputs(classifier: CenteringClassifier) -> dict[str, tuple[int, ...]]:
     return found
 
 
-def facts(classifier: CenteringClassifier, view: str = "camera") -> dict[str, Any]:
+def facts(classifier: CenteringClassifier, view: str = "camera", camera: str | None = None) -> dict[str, Any]:
     """Return the facts that are needed to run an exported network, as plain values.
 
     Args:
         classifier: Network that is exported.
         view: View that the network was trained on: ``camera`` for images as taken, ``top`` for the view from above.
+        camera: Name of the camera that the network was trained on; None if it is unknown or does not matter.
 
     Raises:
         TrainingError: If the network is built on a latent encoder, which cannot be exported.
@@ -187,6 +192,7 @@ def facts(classifier: CenteringClassifier, view: str = "camera") -> dict[str, An
             "scaled down, bilinear with antialiasing",
         },
         "view": view,
+        "camera": camera,
     }
 
 

@@ -13,7 +13,7 @@ from svfl_data.schema.episode import Camera, Episode
 from svfl_data.schema.input_spec import WINDOW, WRENCH, InputSpec, Window
 from svfl_data.schema.robot import Frame, Observation
 from svfl_data.viewer.predictions import Network, Prediction
-from svfl_models.cloning.acting import ActingPolicy, refuse_own
+from svfl_models.cloning.acting import ActingPolicy
 from svfl_models.cloning.gripper_view import corners
 from svfl_models.cloning.module import CloningModule
 from svfl_models.networks.image_crops import crop_at, crop_side, scaled
@@ -21,16 +21,14 @@ from svfl_models.programs.exported_policy import ExportedPolicy, only_camera
 
 AT_ONCE = 256
 """Number of observations whose images are converted to float and held in memory at a time."""
-NO_JOINTS = np.zeros(0, np.float32)
 WRENCH_WINDOW = InputSpec(windows={WRENCH: Window(WINDOW)})
-"""Empty joint positions, because no policy uses joints."""
 
 
 def of_module(module: CloningModule, name: str, at_once: int = AT_ONCE) -> Network:
     """Return the function that predicts the actions of a policy, as ``svfl-train bc`` has trained it.
 
     Args:
-        module: The trained policy.
+        module: The trained policy, which has the paper's inputs (`own_predictions` is for others).
         name: Name of the policy in predictions.
         at_once: Largest number of observations that the network takes at a time.
 
@@ -38,7 +36,6 @@ def of_module(module: CloningModule, name: str, at_once: int = AT_ONCE) -> Netwo
         A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode lacks the
         policy's camera, or the camera's images have another size than in training.
     """
-    refuse_own(module, name)
     policy = ActingPolicy(module.policy, module.deployment, module.view).eval()
 
     @torch.inference_mode()
@@ -83,7 +80,7 @@ def of_program(policy: ExportedPolicy, name: str) -> Network:
         for step, row in enumerate(_rows(episode, camera)):
             frames = {camera.name: Frame(camera.color[row], camera.depth[row])}
             wrench, proprio = wrench_window(episode, step)[0], episode.proprio[step]
-            actions.append(policy(Observation(int(episode.t_ns[step]), frames, wrench, proprio, NO_JOINTS)))
+            actions.append(policy(Observation(int(episode.t_ns[step]), frames, wrench, proprio)))
         return Prediction(name, camera.name, actions=np.stack(actions))
 
     return network

@@ -7,8 +7,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from svfl_data.errors import DatasetError
+from svfl_data.sampling.centering_samples import camera_of_axes
 from svfl_data.sampling.cut import cut_steps
+from svfl_data.sampling.named_camera import camera_with_depth
 from svfl_data.sampling.windows import latest
 from svfl_data.schema.episode import Camera, Episode
 from svfl_data.schema.input_spec import WRENCH, InputSpec, Window
@@ -18,10 +19,11 @@ from svfl_data.viewer.predictions import Network, Prediction
 from svfl_models.centering.checkpoint import configuration, load_classifier
 from svfl_models.centering.module import CenteringModule, directions
 from svfl_models.cloning.checkpoint import is_policy, load_policy
+from svfl_models.deployment import own_predictions
 from svfl_models.deployment import policy_predictions as cloning
 from svfl_models.networks.image_crops import centre_crop, crop_side, scaled
 from svfl_models.networks.visual_force import Batch
-from svfl_models.programs import exported_policy
+from svfl_models.programs import exported_policy, own_policy
 
 
 def load(file: Path) -> Network:
@@ -31,14 +33,15 @@ def load(file: Path) -> Network:
         file: File of the checkpoint.
 
     Returns:
-        A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode has no
-        camera that the network can use.
+        A function that takes an episode and returns a `Prediction`. It raises `DatasetError` or `FieldError` if the
+        episode lacks the camera that the network was trained on, or its depth.
 
     Raises:
         FormatError: If the file is neither kind of checkpoint.
     """
     if is_policy(file):
-        return cloning.of_module(load_policy(file), _name(file))
+        policy = load_policy(file)
+        return (own_predictions if policy.deployment.inputs else cloning).of_module(policy, _name(file))
     module = load_classifier(file)
     return lambda episode: _directions(module, episode, _name(file))
 
@@ -50,12 +53,14 @@ def load_exported(file: Path) -> Network:
         file: File of the policy.
 
     Returns:
-        A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode has no
-        camera with depth.
+        A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode lacks what
+        the policy takes.
 
     Raises:
         FormatError: If the file is not an exported policy.
     """
+    if own_policy.is_own(file):
+        return own_predictions.of_program(own_policy.load(file), _name(file))
     return cloning.of_program(exported_policy.load(file), _name(file))
 
 
@@ -68,52 +73,47 @@ def _name(file: Path) -> str:
 def _directions(module: CenteringModule, episode: Episode, name: str) -> Prediction:
     """Predict directions by a classifier; one that predicts offsets gives a direction, but no probabilities."""
     trained = configuration(module)
-    camera = _camera(episode)
-    batch = _batch(episode, camera, trained.view, trained.image_size, trained.window)
+    sees = "v" in trained.encoder
+    camera = camera_with_depth(episode, trained.camera) if sees else camera_of_axes(episode, trained.camera)
+    batch = _vectors(episode, camera, trained.window)
+    if sees:
+        batch["image"] = _images(episode, camera, trained.view, trained.image_size)
     output = module(batch)
     shares = output.softmax(dim=1) if output.shape[1] == 4 else torch.eye(4)[directions(output)]
-    seen = (batch["image"][:, :3].clamp(0, 1) * 255).round().to(torch.uint8).permute(0, 2, 3, 1)  # (N+1, H, W, 3)
     words = name + ("" if output.shape[1] == 4 else " (gives offsets, no probabilities)")
+    if not sees:
+        return Prediction(words, camera.name, probabilities=shares.numpy())
+    seen = (batch["image"][:, :3].clamp(0, 1) * 255).round().to(torch.uint8).permute(0, 2, 3, 1)  # (N+1, H, W, 3)
     return Prediction(words, camera.name, seen.contiguous().numpy(), shares.numpy())
 
 
-def _batch(episode: Episode, camera: Camera, view: str, size: int, window: int) -> Batch:
-    """Return a batch of all observations, each made as `centering_samples` makes the sample of an episode's last one.
-
-    Images are cropped as for testing.
-    """
-    steps, axes = range(len(episode.t_ns)), camera.image_axes
-    images = torch.from_numpy(np.stack([_image(episode, camera, view, step) for step in steps]))
+def _vectors(episode: Episode, camera: Camera, window: int) -> Batch:
+    """Return the vectors of all observations, as `centering_samples` gives those of an episode's last one."""
+    axes = camera.image_axes
     wrench = cut_steps(episode, InputSpec(windows={WRENCH: Window(window)}))[WRENCH]
     proprio = episode.proprio.copy()
     proprio[:, 1:3] -= episode.centre
-    cropped: Tensor = scaled(centre_crop(images, crop_side(images.shape[-1], size)), size)
     return {
-        "image": cropped,
         "wrench": torch.from_numpy(act(axes, wrench, WRENCH_PARTS)).float(),
         "proprio": torch.from_numpy(act(axes, proprio, PROPRIO_PARTS)).float(),
     }
 
 
+def _images(episode: Episode, camera: Camera, view: str, size: int) -> Tensor:
+    """Return the images of all observations, shape (N+1, 4, size, size), cropped as for testing."""
+    steps = range(len(episode.t_ns))
+    images = torch.from_numpy(np.stack([_image(episode, camera, view, step) for step in steps]))
+    cropped: Tensor = scaled(centre_crop(images, crop_side(images.shape[-1], size)), size)
+    return cropped
+
+
 def _image(episode: Episode, camera: Camera, view: str, step: int) -> NDArray[np.float32]:
     """Return the image of an observation, shape (4, H, W): colour 0..1, then depth in [m]."""
     if view == "top":
-        above = topdown(episode, steps=step, size=camera.color.shape[1])
+        above = topdown(episode, steps=step, cameras=[camera.name], size=camera.color.shape[1])
         color, depth = above.color, above.depth * np.float32(above.view.depth_scale)
     else:
         frame = max(0, latest(camera.t_ns, episode.t_ns[step]))
         color, depth = camera.color[frame], camera.depth[frame] * np.float32(camera.depth_scale)
     picture = np.concatenate([color.astype(np.float32) / 255, depth[..., None]], axis=-1)
     return np.ascontiguousarray(picture.transpose(2, 0, 1))  # (H, W, 4) -> (4, H, W)
-
-
-def _camera(episode: Episode) -> Camera:
-    """Return the first camera of an episode that has depth, whose images networks take.
-
-    Raises:
-        DatasetError: If no camera has depth.
-    """
-    camera = next((camera for camera in episode.cameras.values() if camera.has("depth")), None)
-    if camera is None:
-        raise DatasetError(f"{episode.name}: a network needs a camera with depth")
-    return camera

@@ -128,8 +128,10 @@ def _errors(table: Table) -> str:
 
 def _how(table: Table, command: str) -> str:
     config = next(run.config for run in table.runs if run.config.episodes == table.counts[-1]).plain()
-    left_out = ("data", "episodes", "group", "seed", "camera")
-    recipe = ", ".join(f"{name} {value}" for name, value in config.items() if name not in left_out)
+    left_out = ("data", "episodes", "group", "seed")
+    recipe = ", ".join(
+        f"{name} {value}" for name, value in config.items() if name not in left_out and value is not None
+    )
     done = [outcome for run in table.runs if (outcome := run.outcome())]
     seconds = sum(one["seconds"] for one in done)
     return (

@@ -17,6 +17,7 @@ from svfl_data.sampling.centering_samples import sample_of
 from svfl_data.system.printable import say
 from svfl_models.centering.config import USES, Latent, TrainingConfig
 from svfl_models.centering.pretrained import describe as describe_latent
+from svfl_models.centering.train import with_camera
 from svfl_models.experiments import page
 from svfl_models.experiments.results import Results
 from svfl_models.experiments.runs.folder import RUNS, claimed, describe
@@ -26,7 +27,7 @@ from svfl_models.experiments.runs.training import Training, run_name
 from svfl_models.training.trainer import storage_errors
 from svfl_models.training.writing import copy_file, write_text
 
-RECIPE = ("test_samples", "preset", "epochs", "patience", "learning_rate", "augment")
+RECIPE = ("camera", "test_samples", "preset", "epochs", "patience", "learning_rate", "augment")
 """Options that become part of every run's configuration."""
 SUMMARY = "summary.csv"
 
@@ -72,7 +73,7 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
     experiment = cast(Experiment, importlib.import_module(f"svfl_models.experiments.{name}"))
     out = arguments.out or Path("out") / f"centering_{name}"
     samples = sorted(set(arguments.train_samples or usual_samples))
-    base = TrainingConfig(str(arguments.data), **{option: getattr(arguments, option) for option in RECIPE})
+    base = with_camera(TrainingConfig(str(arguments.data), **{option: getattr(arguments, option) for option in RECIPE}))
     runs = {
         run_name(config, base): config
         for cell in experiment.cells(base, samples, **_given(arguments))
@@ -82,7 +83,7 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
     _check_enough(about["data"]["episodes"], max(samples), base)
     for path in (base.data, arguments.separate_test):
         if path is not None:
-            _check_labelled(Dataset.open(path))
+            _check_labelled(Dataset.open(path), base.camera)
     with claimed(out, about):
         if arguments.reuse:
             with storage_errors(out):
@@ -167,7 +168,7 @@ def _given(arguments: argparse.Namespace) -> dict[str, object]:
     return {"latents": list({latent.sha256: latent for latent in latents}.values()), "uses": arguments.uses}
 
 
-def _check_labelled(dataset: Dataset) -> None:
+def _check_labelled(dataset: Dataset, camera: str | None) -> None:
     """Refuse a dataset that has no episodes, or whose first episode is no labelled sample, before a folder is claimed.
 
     Raises:
@@ -175,7 +176,7 @@ def _check_labelled(dataset: Dataset) -> None:
     """
     if not dataset.indices:
         raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
-    sample_of(dataset.read(dataset.indices[0]))
+    sample_of(dataset.read(dataset.indices[0]), camera=camera)
 
 
 def _check_enough(episodes: int, train: int, base: TrainingConfig) -> None:

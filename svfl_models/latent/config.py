@@ -134,6 +134,8 @@ class LatentConfig:
         steps: Number of optimiser steps.
         batch_size: Number of sequences per optimiser step.
         sequence: Number of actions per sequence.
+        camera: Name of the camera whose images are used. None stands for the only camera, until the training finds out
+            its name.
         seed: Seed of the initial weights and, together with the number of the step, of everything random in a step.
         split: Name of a split that is stored with the dataset. If empty, a split is drawn with four fifths of the
             episodes for training.
@@ -153,6 +155,7 @@ class LatentConfig:
     steps: int = 10_000
     batch_size: int = PRESETS["svfl_2023"].batch_size
     sequence: int = PRESETS["svfl_2023"].sequence
+    camera: str | None = None
     seed: int = 0
     split: str = ""
     contact_n: float = PRESETS["svfl_2023"].contact_n

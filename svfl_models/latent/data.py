@@ -143,7 +143,7 @@ def sequences_of(config: LatentConfig) -> tuple[Sequences, Sequences, Split]:
         SvflError: If the dataset cannot be read, or its episodes or labels cannot be used for training.
     """
     dataset = Dataset.open(config.data)
-    recordings = {one.index: one for one in load_recordings(dataset, config.contact_n, config.mixed)}
+    recordings = {one.index: one for one in load_recordings(dataset, config.contact_n, config.mixed, config.camera)}
     split = load_split(dataset, config.split) if config.split else _drawn(dataset, sorted(recordings))
     held_out = "valid" if "valid" in split.parts else "test"
     train = Sequences([recordings[index] for index in split["train"]], config.sequence, True, config.seed)

@@ -9,6 +9,7 @@ from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.recording.consistency import check_agreement
+from svfl_data.sampling.named_camera import camera_of_dataset, camera_with_depth
 from svfl_data.sampling.windows import WINDOW, latest
 from svfl_data.schema.action_bounds import planar_limits
 from svfl_data.schema.action_fields import ACTION
@@ -53,31 +54,34 @@ class Recording:
         return len(self.action)
 
 
-def load_recordings(dataset: Dataset, contact_n: float, mixed: bool = False) -> list[Recording]:
+def load_recordings(
+    dataset: Dataset, contact_n: float, mixed: bool = False, camera: str | None = None
+) -> list[Recording]:
     """Read all episodes of a dataset into memory.
 
     Args:
         dataset: Dataset to read the episodes from.
         contact_n: Force above which an observation counts as contact, [N].
         mixed: Whether the episodes may be of different tasks or have different action bounds.
+        camera: Name of the camera whose images are used. May be None if there is one camera.
 
     Raises:
-        DatasetError: If the dataset has no episodes, an episode cannot be used for training or lacks something, or the
-            episodes do not fit together.
+        DatasetError: If the dataset has no episodes, an episode cannot be used for training or lacks something such as
+            the camera, there are several cameras and none is named, or the episodes do not fit together.
+        FieldError: If the camera was recorded without depth.
         FormatError: If an episode is damaged.
     """
     indices = dataset.indices
-    cameras = {f"cameras/{camera}" for index in indices for camera in dataset.episode(index).cameras}
-    check_usable(dataset, indices, ["streams/wrench", "streams/object", *cameras])
-    check_agreement(dataset, indices)
+    camera = camera_of_dataset(dataset, camera)
+    check_usable(dataset, indices, ["streams/wrench", "streams/object", f"cameras/{camera}"])
+    check_agreement(dataset, indices, [camera])
     episodes = [dataset.episode(index).load(images=False) for index in progress(indices, "reading episodes")]
-    if not episodes:
-        raise DatasetError(f"{dataset.path}: the dataset has no episodes yet")
     if not mixed:
         _check_alike(episodes, dataset)
     annotated = contacts_annotated(episodes, dataset.path)
     recordings = [
-        _recording(index, episode, contact_n, annotated) for index, episode in zip(indices, episodes, strict=True)
+        _recording(index, episode, camera_with_depth(episode, camera), contact_n, annotated)
+        for index, episode in zip(indices, episodes, strict=True)
     ]
     sizes = sorted({one.color.shape[1:3] for one in recordings})
     if len(sizes) > 1:
@@ -98,8 +102,7 @@ def _check_alike(episodes: Sequence[Episode], dataset: Dataset) -> None:
         raise DatasetError(f"{dataset.path}: actions have different limits, {found}; --mixed learns from all of them")
 
 
-def _recording(index: int, episode: Episode, contact_n: float, annotated: bool) -> Recording:
-    camera = _camera(episode)
+def _recording(index: int, episode: Episode, camera: Camera, contact_n: float, annotated: bool) -> Recording:
     frames = [latest(camera.t_ns, now) for now in episode.t_ns]
     if min(frames) < 0:
         raise DatasetError(f"{episode.name}: camera {camera.name} has no frame before the first observation")
@@ -121,13 +124,3 @@ def _recording(index: int, episode: Episode, contact_n: float, annotated: bool) 
         touched=touched(episode, annotated),
         terminated=episode.meta.success,
     )
-
-
-def _camera(episode: Episode) -> Camera:
-    cameras = episode.cameras
-    if len(cameras) != 1:
-        raise DatasetError(f"{episode.name}: needs exactly one camera, found: {', '.join(cameras) or 'none'}")
-    (camera,) = cameras.values()
-    if not camera.has("depth"):
-        raise DatasetError(f"{episode.name}: needs depth, but camera {camera.name} was recorded without")
-    return camera

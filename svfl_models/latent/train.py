@@ -1,6 +1,6 @@
 """Pretrains a latent model: loads and splits the episodes, fits the model and writes the results."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +8,9 @@ import lightning.pytorch as pl
 from rich.console import Console
 from torch.utils.data import DataLoader
 
+from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import TrainingError
+from svfl_data.sampling.named_camera import camera_of_dataset
 from svfl_data.system.printable import printable
 from svfl_models.latent.checkpoint import load_latent, read_latent
 from svfl_models.latent.config import LatentConfig
@@ -65,6 +67,7 @@ def train_latent(config: LatentConfig, out: Path, resume: bool = False, console:
         >>> train_latent(config, Path("out/latent_poe"))  # doctest: +SKIP
     """
     console = console or Console()
+    config = replace(config, camera=camera_of_dataset(Dataset.open(config.data), config.camera))
     earlier = _earlier(config, out) if resume else None
     if not resume:
         _expect_none(out)
@@ -141,7 +144,7 @@ def _earlier(config: LatentConfig, out: Path) -> dict[str, Any]:
     checkpoint = out / run_folder.CHECKPOINT
     load_latent(checkpoint)  # reports a damaged checkpoint before the training starts
     found = read_latent(checkpoint)
-    before, now = found["hyper_parameters"]["training"], config.plain()
+    before, now = {"camera": config.camera} | found["hyper_parameters"]["training"], config.plain()
     changed = [
         f"{name} = {before.get(name)!r}, now {value!r}"
         for name, value in now.items()

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from svfl_data.errors import TrainingError
-from svfl_data.sampling.statistics import statistics
+from svfl_data.sampling.moments import statistics
 from svfl_data.symmetry import Part
 from svfl_models.networks.input_types import ImageInput, NetworkInput, paper_inputs
 

@@ -182,11 +182,13 @@ class ExportedPolicy:
             The action, shape (5,), float32: gripper opening 0..1, dx, dy, dz [m], dtheta [rad], in base axes.
 
         Raises:
-            TrainingError: If the observation has no image of the policy's camera, the image has another size than in
-                training, or the action is not finite.
+            TrainingError: If the observation has no image of the policy's camera, the image has no depth or has another
+                size than in training, or the action is not finite.
+            FieldError: If the robot observes no wrench or no proprioception.
         """
         image = self._image(seen)
-        inputs = (torch.from_numpy(np.array(part)[None]).to(DEVICE) for part in (image, seen.wrench, seen.proprio))
+        wrench, proprio = seen.at("streams/wrench/wrench")[-WINDOW:], seen.at("observations/proprio")
+        inputs = (torch.from_numpy(np.array(part)[None]).to(DEVICE) for part in (image, wrench, proprio))
         action: NDArray[np.float32] = self.program(*inputs)[0][0].float().cpu().numpy()
         if not np.isfinite(action).all():
             raise TrainingError(f"{self._name}: the policy's action is not finite: {action.tolist()}")
@@ -198,11 +200,13 @@ class ExportedPolicy:
         if self.camera == "":
             return image
         name = only_camera(seen.frames) if self.camera is None else self.camera
-        if name not in seen.frames:
+        if name is None or name not in seen.frames:
             have = ", ".join(map(printable, seen.frames)) or "none"
             wanted = printable(name, 40) if name else "one camera"
             raise TrainingError(f"{self._name}: takes images of {wanted}; the cameras of this robot are: {have}")
         frame = seen.frames[name]
+        if frame.depth is None:
+            raise TrainingError(f"{self._name}: takes images with depth; camera {name} of this robot gives none")
         if frame.depth.shape != self.size:
             (height, width), (rows, columns) = self.size, frame.depth.shape
             raise TrainingError(

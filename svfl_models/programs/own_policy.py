@@ -9,6 +9,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
@@ -17,8 +18,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from svfl_data.errors import FormatError, TrainingError
+from svfl_data.schema.action_fields import ACTION
 from svfl_data.system.printable import printable
+from svfl_data.system.stored_zip import stored
 from svfl_models.programs.program import Program, from_bytes, read
+from svfl_models.programs.program_file import EXTRA
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
 FACTS = "svfl_own_policy.json"
@@ -55,6 +59,7 @@ class Facts(msgspec.Struct):
         low: Smallest command of each component.
         high: Largest command of each component.
         step_ms: Time between two actions, [ms]; 0 if it is unknown.
+        action: Path of the action in episodes.
     """
 
     inputs: list[InputFacts]
@@ -62,6 +67,7 @@ class Facts(msgspec.Struct):
     low: list[float]
     high: list[float]
     step_ms: float = 0.0
+    action: str = ACTION
 
 
 def exported(network: nn.Module, facts: Facts) -> bytes:
@@ -102,6 +108,19 @@ def opened(content: bytes, name: str) -> "OwnPolicy":
         FormatError: If inputs, output and facts do not fit each other.
     """
     return OwnPolicy(*from_bytes(content, FACTS), name)
+
+
+def is_own(file: Path) -> bool:
+    """Return whether a file holds a policy with inputs of the user's own; false also if it cannot be read.
+
+    Args:
+        file: File of an exported network (``.pt2``).
+    """
+    try:
+        with stored(file) as archive:
+            return any(name.endswith(f"/{EXTRA}{FACTS}") for name in archive.members)
+    except (OSError, FormatError, BadZipFile):
+        return False
 
 
 def load(file: Path) -> "OwnPolicy":
@@ -151,7 +170,8 @@ class OwnPolicy:
 
         Args:
             values: Values by path, as recorded: images ``cameras/NAME/color`` (H, W, 3) uint8, ``.../grey`` (H, W)
-                uint8 and ``.../depth`` (H, W) uint16; windows (T, ...), tared, latest last; vectors (C,). Further
+                uint8 and ``.../depth`` (H, W) uint16, or several with the latest last, as in a sample; windows
+                (T, ...), tared, latest last; vectors (C,). Further
                 entries are ignored. Image axes ``cameras/NAME/image_axes`` (2, 2) of cameras that move.
 
         Raises:
@@ -170,7 +190,8 @@ class OwnPolicy:
                 have = ", ".join(map(printable, values)) or "nothing"
                 raise TrainingError(f"{self._name}: takes {printable(path)}; this robot gives {have}")
         if one.images:
-            channels = [_channel(leaf, values[f"{one.path}/{leaf}"], one.depth_scale) for leaf in one.images]
+            channels = [_channel(leaf, _latest(leaf, values[f"{one.path}/{leaf}"]), one.depth_scale)
+                        for leaf in one.images]  # fmt: skip
             sizes = {channel.shape[1:] for channel in channels}
             found = np.concatenate(channels) if len(sizes) == 1 else channels[0]
         else:
@@ -179,6 +200,10 @@ class OwnPolicy:
         if found.shape != one.shape:
             raise TrainingError(f"{self._name}: {printable(one.path)} has shape {found.shape}, expected {one.shape}")
         return np.ascontiguousarray(found, np.float32)
+
+
+def _latest(leaf: str, images: NDArray[np.generic]) -> NDArray[np.generic]:
+    return images[-1] if np.ndim(images) > (3 if leaf == "color" else 2) and len(images) else images
 
 
 def _channel(leaf: str, image: NDArray[np.generic], depth_scale: float) -> NDArray[np.float32]:

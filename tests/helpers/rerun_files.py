@@ -24,3 +24,15 @@ def encoded(path, entity, component):
         if chunk.entity_path == f"/{entity}" and component in batch.schema.names and not chunk.is_static:
             return [bytes(row[0]) for row in batch.column(component).to_pylist()]
     raise AssertionError(f"{entity} has no {component}")
+
+
+def gathered(path, entity, component):
+    """Rows of a component over all pieces, by time."""
+    times, rows = [], []
+    for chunk in RrdReader(path).stream().to_chunks():
+        batch = chunk.to_record_batch()
+        if chunk.entity_path == f"/{entity}" and component in batch.schema.names and not chunk.is_static:
+            times += batch.column("time").cast("int64").to_pylist()
+            rows += batch.column(component).to_pylist()
+    order = np.argsort(times)
+    return np.array(times)[order], [rows[row] for row in order]

@@ -17,6 +17,7 @@ from collectors.simulation.camera import CAMERAS, calibration
 from collectors.simulation.config import WorldConfig
 from collectors.teleop.action_mapper import ActionMapper
 from collectors.teleop.devices.device import Command
+from svfl_data.schema.action_fields import planar_action
 from tests.helpers.patience import PATIENCE
 
 PACE = 0.5
@@ -85,7 +86,9 @@ class Typist:
     def at(self) -> np.ndarray:
         """Where the hand has been told to be: x, y, z [m], yaw [rad]."""
         start = next(line["tick"] for line in self.lines() if Command.START in line.get("commands", ()))
-        mapper = ActionMapper(BOUND, calibration(CAMERAS["front"]).image_axes, PACE)
+        mapper = ActionMapper(
+            planar_action(CONFIG.max_move, CONFIG.max_turn), calibration(CAMERAS["front"]).image_axes, PACE
+        )
         told, target = dict(self.inputs()), np.array([*CONFIG.home, 0.0])
         now = told[0]
         for tick in range(max(told) + 8):

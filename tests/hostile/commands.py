@@ -92,7 +92,7 @@ COMMANDS = (
         Command(name, ("library", name, "data"), reads, heavy=name == "torch_samples", spared=ONE)
         for name, reads in (
             ("samples", EPISODE | ORDER | {"shard"}), ("torch_samples", EPISODE | ORDER | {"shard"}),
-            ("buffer", EPISODE | ORDER | {"shard"}),
+            ("buffer", EPISODE | ORDER | {"shard"}), ("buffer_of_inputs", EPISODE | ORDER | {"shard"}),
             ("words", EPISODE | {"shard"}), ("load_statistics", frozenset({"info", "split", "statistics"})),
         )
     ),

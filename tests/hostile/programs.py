@@ -37,6 +37,16 @@ def buffer(path):
     ReplayBuffer.from_demos(Dataset.open(path), 6)
 
 
+def buffer_of_inputs(path):
+    """A replay buffer with everything that the episodes have, as recorded."""
+    from svfl_data.replay import ReplayBuffer
+    from svfl_data.schema.input_spec import InputSpec
+
+    dataset = Dataset.open(path)
+    first = dataset.episode(dataset.indices[0])
+    ReplayBuffer.from_demos(dataset, 6, inputs=InputSpec.of(first.paths, first.declarations)).sample(2)
+
+
 def load_buffer(path):
     """A replay buffer from its file."""
     from svfl_data.replay import ReplayBuffer
@@ -60,7 +70,9 @@ def load_statistics(path):
     load_statistics(dataset, load_split(dataset, "default"))
 
 
-LIBRARY = {one.__name__: one for one in (samples, torch_samples, buffer, load_buffer, words, load_statistics)}
+LIBRARY = {
+    one.__name__: one for one in (samples, torch_samples, buffer, buffer_of_inputs, load_buffer, words, load_statistics)
+}
 
 
 def library():

@@ -4,7 +4,7 @@ What is drawn, and how, follows from the declaration of an array alone, so that 
 the names and units of their components.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -92,18 +92,32 @@ def _is_shown(shown: EpisodeSource, path: str) -> bool:
 
 
 def _views(shown: EpisodeSource, path: str) -> Iterator[FieldView]:
-    field, array = shown.declarations.at(path), shown.arrays[path]
+    field, array, tare = shown.declarations.at(path), shown.arrays[path], f"{path.rpartition('/')[0]}/tare"
     assert field is not None
-    entity = "/".join([shown.root + FIELDS, *(rr.escape_entity_path_part(part) for part in path.split("/"))])
-    row, whole = tuple(array.shape[1:]), title(field)
-    if array.dtype.kind == "S":
+    has_tare = tare in shown and shown.arrays[tare].shape == (6,)
+    return views_of(field, path, tuple(array.shape[1:]), shown.root, tare if has_tare else "")
+
+
+def views_of(field: Field, path: str, row: tuple[int, ...], root: str = "", tare: str = "") -> Iterator[FieldView]:
+    """Yield the views of one field with rows.
+
+    Args:
+        field: Declaration of the array.
+        path: Dataset path of the array.
+        row: Shape of a row.
+        root: Prefix of the episode's entities.
+        tare: Dataset path of the offset of a wrench; empty for none.
+    """
+    entity = "/".join([root + FIELDS, *(rr.escape_entity_path_part(part) for part in path.split("/"))])
+    whole = title(field)
+    if np.dtype(field.dtype).kind == "S":
         yield FieldView(path, entity, whole, "text")
     elif field.image:
         yield FieldView(path, entity, whole, "images")
     elif int(np.prod(row)) > MOST_CURVES:
         yield FieldView(path, entity, whole, "pictures" if len(row) > 1 else "map")
     elif is_wrench(field):
-        yield from _wrench(shown, field, entity)
+        yield from _wrench(field, entity, tare)
     else:
         words, units = labels(field, row), by_unit(field, row)
         for number, (unit, columns) in enumerate(units.items()):
@@ -113,16 +127,15 @@ def _views(shown: EpisodeSource, path: str) -> Iterator[FieldView]:
             yield FieldView(path, place, name, "curves", tuple(words[column] for column in columns), tuple(columns))
 
 
-def _wrench(shown: EpisodeSource, field: Field, entity: str) -> Iterator[FieldView]:
+def _wrench(field: Field, entity: str, tare: str) -> Iterator[FieldView]:
     """Yield force and torque of a further wrench sensor, tared if it has a tare, and then also its raw readings."""
-    words, tare = labels(field, (6,)), f"{field.group}/tare"
+    words = labels(field, (6,))
     group = printable(field.group.removeprefix("streams/"))
-    has_tare = tare in shown and shown.arrays[tare].shape == (6,)
-    for offset, adjective in ((tare, "tared "), ("", "raw ")) if has_tare else (("", "raw "),):
+    for offset, adjective in ((tare, "tared "), ("", "raw ")) if tare else (("", "raw "),):
         for word, unit, first in (("force", "N", 0), ("torque", "N m", 3)):
             columns = tuple(range(first, first + 3))
             names = tuple(adjective * (not offset) + words[column] for column in columns)
-            place = f"{entity}/{word}" if offset or not has_tare else f"{entity}/raw_{word}"
+            place = f"{entity}/{word}" if offset or not tare else f"{entity}/raw_{word}"
             yield FieldView(field.path, place, f"{group}: {adjective}{word}, {unit}", "curves", names, columns, offset)
 
 
@@ -146,13 +159,27 @@ def log_fields(recording: rr.RecordingStream, shown: EpisodeSource) -> list[Fiel
     return views
 
 
-def _curves(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldView, t_ns: np.ndarray) -> None:
-    colors = AXES if len(view.columns) == 3 else CURVES[: len(view.columns)]
+def curve_colors(view: FieldView) -> Sequence[tuple[int, int, int]]:
+    """Return the colours of the curves of a view, in their order."""
+    return AXES if len(view.columns) == 3 else CURVES[: len(view.columns)]
+
+
+def log_curve_style(recording: rr.RecordingStream, view: FieldView) -> None:
+    """Log names, colours and widths of the curves of a view.
+
+    Args:
+        recording: Recording to log to.
+        view: View that is drawn as curves.
+    """
     commanded = view.path.startswith("actions/")
     held: Literal["StepAfter", "Linear"] = "StepAfter" if commanded else "Linear"
     width = 2.5 if commanded else 1.5
-    lines = rr.SeriesLines(names=view.names, colors=colors, widths=width, interpolation_mode=held)
+    lines = rr.SeriesLines(names=view.names, colors=curve_colors(view), widths=width, interpolation_mode=held)
     recording.log(view.entity, lines, static=True)
+
+
+def _curves(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldView, t_ns: np.ndarray) -> None:
+    log_curve_style(recording, view)
     offset = shown[view.tare] if view.tare else np.zeros(1)
     for first in range(0, len(t_ns), ROWS_AT_ONCE):
         rows = slice(first, first + ROWS_AT_ONCE)
@@ -165,7 +192,7 @@ def _pictures(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldVi
     array = shown.arrays[view.path]
     rows = _chosen(len(t_ns), max(1, EXACT_BYTES // max(1, 8 * int(np.prod(array.shape[1:])))))
     values = np.stack([tiled(row) for row in _read(array, rows)]).astype(np.float32)
-    _log_range(recording, view.entity, values)
+    log_range(recording, view.entity, values)
     for row, picture in zip(rows, values, strict=True):  # columns take a stack of pictures for one tensor
         send(recording, view.entity, t_ns[row : row + 1], rr.Tensor.columns(data=picture))
 
@@ -188,7 +215,7 @@ def tiled(row: np.ndarray) -> np.ndarray:
 def _map(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldView, t_ns: np.ndarray) -> None:
     array, rows = shown.arrays[view.path], _chosen(len(t_ns), MOST_PICTURES)
     values = np.stack(list(_read(array, rows))).astype(np.float32).T
-    _log_range(recording, view.entity, values)
+    log_range(recording, view.entity, values)
     recording.log(view.entity, rr.Tensor(values, dim_names=("component", "row")), static=True)
 
 
@@ -206,7 +233,14 @@ def _text(recording: rr.RecordingStream, shown: EpisodeSource, view: FieldView, 
     send(recording, view.entity, t_ns, rr.TextLog.columns(text=said, level=["INFO"] * len(said)))
 
 
-def _log_range(recording: rr.RecordingStream, entity: str, values: np.ndarray) -> None:
+def log_range(recording: rr.RecordingStream, entity: str, values: np.ndarray) -> None:
+    """Log the range of the finite values of a picture, which its colours cover.
+
+    Args:
+        recording: Recording to log to.
+        entity: Entity of the picture.
+        values: Values of all pictures of the entity, any shape.
+    """
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     tensor = rr.Tensor.from_fields(value_range=[low, high if high > low else low + 1.0])

@@ -1,13 +1,14 @@
 """Chooses the episodes that a model is evaluated on, and those that linear maps may be fitted on."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FormatError
+from svfl_data.sampling.named_camera import camera_of_dataset
 from svfl_models.latent.data import Sequences
 from svfl_models.latent.inputs import Batch
 from svfl_models.latent.module import LatentModule
@@ -21,10 +22,12 @@ class Part:
     Attributes:
         dataset: Dataset of the episodes.
         recordings: The episodes.
+        camera: Name of the camera whose images and axes the recordings have.
     """
 
     dataset: Dataset
     recordings: list[Recording]
+    camera: str
 
     def __len__(self) -> int:
         return len(self.recordings)
@@ -61,7 +64,8 @@ def material(module: LatentModule, data: Path | None, episodes: int, seed: int) 
 
     Raises:
         FormatError: If a dataset is missing or damaged.
-        DatasetError: If the dataset lacks episodes of the split, or its episodes cannot be used.
+        DatasetError: If the dataset lacks episodes of the split, or its episodes cannot be used, such as those without
+            the camera of the training.
     """
     original = Path(module.hparams["training"]["data"])
     if data is None and not original.exists():
@@ -80,14 +84,16 @@ def material(module: LatentModule, data: Path | None, episodes: int, seed: int) 
             f"{home.path}: the checkpoint's split names {len(missing)} episodes that it lacks, the first is "
             f"{missing[0]}; it has {len(home)}. Name the dataset that the model was trained on with --data"
         )
-    recordings = {one.index: one for one in _load(module, home)}
-    learned = Part(home, [recordings[index] for index in sorted(split["train"]) if index in recordings])
+    found = _load(module, home)
+    recordings = {one.index: one for one in found.recordings}
+    learned = replace(found, recordings=[recordings[index] for index in sorted(split["train"]) if index in recordings])
     if other is None:
         of = f"episodes of {home.path} that the model has not learned from"
         chosen = [recordings[index] for index in sorted(split[held_out]) if index in recordings]
-        return Material(Part(home, some(chosen, episodes, seed)), learned, of)
+        return Material(replace(found, recordings=some(chosen, episodes, seed)), learned, of)
     of = f"episodes of {other.path}, another dataset than {home.path}, which the model was trained on"
-    return Material(Part(other, some(_load(module, other), episodes, seed)), learned, of)
+    others = _load(module, other)
+    return Material(replace(others, recordings=some(others.recordings, episodes, seed)), learned, of)
 
 
 def some(recordings: Sequence[Recording], most: int, seed: int) -> list[Recording]:
@@ -107,9 +113,11 @@ def whole(recording: Recording) -> Batch:
     return Sequences([recording], len(recording), random=False)[[0]]
 
 
-def _load(module: LatentModule, dataset: Dataset) -> list[Recording]:
+def _load(module: LatentModule, dataset: Dataset) -> Part:
     training = module.hparams["training"]
-    found = [one for one in load_recordings(dataset, training["contact_n"], training["mixed"]) if len(one)]
+    camera = camera_of_dataset(dataset, training.get("camera"))  # older checkpoints name none
+    loaded = load_recordings(dataset, training["contact_n"], training["mixed"], camera)
+    found = [one for one in loaded if len(one)]
     if not found:
         raise DatasetError(f"{dataset.path}: no episode has any step")
-    return found
+    return Part(dataset, found, camera)

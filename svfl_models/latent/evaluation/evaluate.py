@@ -97,6 +97,7 @@ def evaluate(
         checkpoint=str(checkpoint),
         model=module.hparams["training"]["model"],
         steps=int(read_latent(checkpoint)["svfl"]["steps"]),
+        camera=given.evaluated.camera,
         of=given.of,
         episodes=len(followed),
         frames=len(frames),

@@ -24,6 +24,7 @@ class Evaluation:
         checkpoint: Path of the model's checkpoint.
         model: Kind of model: ``vtt``, ``poe`` or ``concat``.
         steps: Number of optimiser steps of the model's training.
+        camera: Name of the camera whose images the model takes.
         of: Description of the evaluated episodes in words.
         episodes: Number of evaluated episodes.
         frames: Number of frames in the evaluated episodes.
@@ -45,6 +46,7 @@ class Evaluation:
     checkpoint: str
     model: str
     steps: int
+    camera: str
     of: str
     episodes: int
     frames: int

@@ -13,7 +13,8 @@ from torch import Tensor
 from collectors.robots import OWN, make
 from collectors.simulation import NoiseConfig, World, WorldConfig
 from collectors.simulation.camera import CAMERAS
-from svfl_data.signals.camera_poses import frame_axes, mounted
+from svfl_data.schema.optics import mounted
+from svfl_data.signals.camera_poses import frame_axes
 from svfl_data.symmetry import element
 from svfl_models.networks.image_crops import turned
 from svfl_models.symmetry.actions import act_on_image

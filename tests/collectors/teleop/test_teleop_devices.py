@@ -3,6 +3,8 @@
 import ctypes
 import re
 import struct
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,10 +23,15 @@ from collectors.teleop.devices.keyboard import Keyboard
 from collectors.teleop.devices.script import InputLog, Script
 from collectors.teleop.devices.sdl import pygame
 from collectors.teleop.devices.spacemouse import SpaceMouse, is_spacemouse
-from collectors.teleop.view import in_contact, pixel
-from svfl_data.errors import CollectError, FormatError
+from collectors.teleop.panel import SIZE, Panel
+from collectors.teleop.view import View, in_contact, pixel
+from svfl_data.errors import CollectError, FormatError, UsageError
+from svfl_data.schema.action_fields import joint_action, planar_action, pose_action
+from svfl_data.schema.observation import Observation
+from tests.helpers.finger_robot import WORKSPACE, FingerRobot
 
 BOUND = np.array([0.025, 0.025, 0.025, np.pi / 16])
+ACTION = planar_action()
 FRONT = calibration(CAMERAS["front"])
 readings = arrays(np.float32, 5, elements=st.floats(-1, 1, width=32))
 
@@ -68,17 +75,53 @@ def test_space_opens_and_closes():
 
 def test_the_pilot_moves_as_the_picture_shows():
     """Away is -x and right is +y for the front camera, which looks back at the robot."""
-    assert ActionMapper(BOUND, FRONT.image_axes, 0.2).action(np.array([1, 1, 0, 0, 0], np.float32)) == pytest.approx(
+    assert ActionMapper(ACTION, FRONT.image_axes, 0.2).action(np.array([1, 1, 0, 0, 0], np.float32)) == pytest.approx(
         [1, 0, 0.2 * 0.025, 0, 0], abs=1e-9
     )
-    assert ActionMapper(BOUND, FRONT.image_axes, 0.2).action(np.array([0, 0, 1, -1, 1], np.float32)) == pytest.approx(
+    assert ActionMapper(ACTION, FRONT.image_axes, 0.2).action(np.array([0, 0, 1, -1, 1], np.float32)) == pytest.approx(
         [0, -0.2 * 0.025, 0, -0.2 * 0.025, 0.2 * TURN * np.pi / 16], abs=1e-9
     )
 
 
+def test_other_actions_are_commanded_by_the_names_of_their_components():
+    told = np.array([0.25, 1, 0, -1, 1], np.float32)
+    pose = ActionMapper(pose_action(0.03, 0.2), np.eye(2), 1.0)
+    for _ in range(3):
+        action = pose.action(told)
+    assert action == pytest.approx([0.03, 0, -0.03, 0, 0, TURN * 0.2, 0.25], abs=1e-6)
+    with pytest.raises(UsageError, match="displacements dx, dy, dz of the gripper; the action of this robot is j0, j1"):
+        ActionMapper(joint_action([(-1, 1)] * 2, ["j0", "j1"]), np.eye(2), 1.0)
+    absolute = replace(pose_action(0.03, 0.2), delta=(False,) * 7)
+    with pytest.raises(UsageError, match="displacements"):
+        ActionMapper(absolute, np.eye(2), 1.0)
+
+
+NOTHING = View(
+    task="wiping", observation=Observation(0), camera=None, calibration=None, workspace=None, wrench=None,
+    contact=False, episode=0, seconds=None, saved=0, succeeded=0, message="", pace="",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("moment", ["at rest", "recording"])
+def test_a_screen_draws_what_the_robot_has(moment):
+    """Nothing, a picture that nobody can place, or everything but proprioception: each adds to what is drawn."""
+    robot = FingerRobot()
+    seen, panel = robot.observe(), Panel("keyboard", [])
+    nothing = replace(NOTHING, seconds=None if moment == "at rest" else 1.0)
+    picture = replace(nothing, observation=seen, camera="eye")
+    whole = replace(picture, calibration=robot.cameras["eye"], workspace=WORKSPACE, wrench=np.full(6, 3.0))
+    drawn = []
+    for view in (nothing, picture, whole):
+        target = pygame.Surface(SIZE)
+        panel.draw(target, view)
+        drawn.append(pygame.surfarray.array3d(target))
+    for less, more in pairwise(drawn):
+        assert (less != more).any(axis=2).sum() > 500
+
+
 @given(st.lists(readings, min_size=1, max_size=12), st.floats(0.05, 1), st.sampled_from([*CAMERAS]))
 def test_actions_stay_in_their_bounds_and_change_softly(ticks, pace, camera):
-    mapper = ActionMapper(BOUND, calibration(CAMERAS[camera]).image_axes, pace)
+    mapper = ActionMapper(ACTION, calibration(CAMERAS[camera]).image_axes, pace)
     last = np.zeros(4)
     for told in ticks:
         action = mapper.action(told)

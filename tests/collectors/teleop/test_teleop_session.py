@@ -18,7 +18,8 @@ from collectors.teleop.devices.keyboard import Keyboard
 from collectors.teleop.devices.script import InputLog, Script
 from collectors.teleop.devices.sdl import pygame
 from collectors.teleop.screen import NoScreen
-from collectors.teleop.session import ATTEMPT, Session, Teleoperation
+from collectors.teleop.session import Session
+from collectors.teleop.setting import ATTEMPT, Teleoperation
 from collectors.teleop.window import Window
 from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
@@ -155,14 +156,10 @@ def test_a_tare_in_contact_is_said_to_be_one(dataset, what, tmp_path):
 
 
 class Audience(dict):
-    """A viewer that remembers the times of what it is shown of each episode, and of the robot when that is over."""
+    """A viewer that remembers the times of what it is shown of each episode, and of the latest readings."""
 
-    def __call__(self, robot, seen, action):
-        self.setdefault(self.name, []).append(seen.t_ns)
-        self.robot = robot
-
-    def finish(self):
-        self[self.name].append(int(self.robot.wrench_t_ns[-1]))  # before it goes on
+    def __call__(self, robot, seen, action, readings):
+        self.setdefault(self.name, []).append((seen.t_ns, int(readings["streams/wrench"]["t_ns"][-1])))
 
 
 def test_a_viewer_is_shown_every_episode_and_changes_none(dataset, what, tmp_path, monkeypatch):
@@ -172,7 +169,8 @@ def test_a_viewer_is_shown_every_episode_and_changes_none(dataset, what, tmp_pat
     run(dataset, what, script(tmp_path, *lines), viewer="here:1")
     run(blind, what, script(tmp_path, *lines))
     steps_ns = dataset.read(0).t_ns.tolist()
-    assert audience == {"episode 0": [*steps_ns, steps_ns[3]], "episode 1": [*steps_ns[:3], steps_ns[2]]}
+    both = [(t_ns, t_ns) for t_ns in steps_ns]
+    assert audience == {"episode 0": both, "episode 1": both[:3]}
     assert dataset.episode(0).seal == blind.episode(0).seal
 
 

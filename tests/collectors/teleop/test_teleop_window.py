@@ -14,7 +14,8 @@ from collectors.teleop.clock import Clock
 from collectors.teleop.devices.device import Command
 from collectors.teleop.devices.script import Script
 from collectors.teleop.screen import NoScreen
-from collectors.teleop.session import ATTEMPT, Session, Teleoperation
+from collectors.teleop.session import Session
+from collectors.teleop.setting import ATTEMPT, Teleoperation
 from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
 from tests.helpers.collecting import command

@@ -126,7 +126,8 @@ def test_one_comparison_serves_everybody(dataset, tmp_path, kind, command):
     shutil.copy(other.episode_path(1), dataset.path)  # past all that would have refused it
     with pytest.raises(DatasetError, match=name):
         check_agreement(dataset, dataset.indices)
-    with pytest.raises(DatasetError, match=name if kind != "axes" else "labels/direction"):  # what is wrong, first
+    wrong_first = {"axes": "labels/direction", "two cameras": "--camera.*front, wrist"}
+    with pytest.raises(DatasetError, match=wrong_first.get(kind, name)):
         load_centering(dataset.path)
     if kind != "joints":
         used = ["front"]

@@ -81,6 +81,55 @@ def test_labels_success_and_annotations_may_come_at_the_end(dataset):
     np.testing.assert_array_equal(read.label_offset, episode.label_offset)
 
 
+def test_configuration_and_a_later_tare_may_come_at_the_end(dataset):
+    episode, later = make_episode(), np.arange(6.0)
+    assert not np.array_equal(episode.tare, later)
+    with start(dataset, rates_hz=RATES) as writer:
+        append_all(writer, episode.arrays)
+        beats = np.arange(len(episode))
+        path = writer.seal(
+            config={"ended": "stopped"}, constants={"streams/wrench/tare": later, "extra/beat_ns": beats}
+        )
+    read = read_episode(path)
+    assert read.meta.config == episode.meta.config | {"rates_hz": RATES, "ended": "stopped"}
+    np.testing.assert_array_equal(read.tare, later)
+    np.testing.assert_array_equal(read["extra/beat_ns"], beats)
+
+
+def recorded(dataset, seed: int, **words) -> None:
+    with start(dataset) as writer:
+        append_all(writer, make_episode(seed).arrays)
+        writer.seal(**words)
+
+
+def test_an_episode_that_is_recorded_again_takes_the_place_of_the_first(dataset):
+    for seed in (0, 1):
+        recorded(dataset, seed)
+    recorded(dataset, 2, replaces=0)
+    assert dataset.indices == [0, 1]
+    assert dataset.read(0).meta.index == 0
+    for index, seed in ((0, 2), (1, 1)):
+        np.testing.assert_array_equal(dataset.read(index).wrench, make_episode(seed).wrench)
+    assert list((dataset.path / ".inflight").iterdir()) == []
+    recorded(dataset, 3)
+    assert dataset.indices == [0, 1, 2]
+
+
+def test_what_dies_before_it_takes_the_place_leaves_both(dataset, monkeypatch):
+    def dies(*_, **__):
+        raise RuntimeError
+
+    recorded(dataset, 0)
+    with monkeypatch.context() as patch:
+        patch.setattr("svfl_data.recording.writer.publish", dies)
+        with pytest.raises(RuntimeError):
+            recorded(dataset, 1, replaces=0)
+    np.testing.assert_array_equal(dataset.read(0).wrench, make_episode(0).wrench)
+    repair_dataset(dataset.path)
+    assert dataset.indices == [0, 1]
+    np.testing.assert_array_equal(dataset.read(1).wrench, make_episode(1).wrench)
+
+
 def test_what_was_appended_may_be_reused_by_the_caller(dataset):
     episode = make_episode()
     buffer = {path: array.copy() for path, array in episode.arrays.items()}

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from svfl_data.replay import ReplayBuffer
-from svfl_data.replay.batches import PARTS
+from svfl_data.replay.specs.replay_spec import PARTS
 from svfl_data.replay.stored_episode import StoredEpisode
 from svfl_data.sampling.windows import wrench_window
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act, act_on_image, dihedral
@@ -97,9 +97,7 @@ def test_truncation_is_not_termination():
     terminated=st.booleans(),
 )
 def test_returns_are_those_of_the_sum_written_out(rewards, n_step, gamma, terminated):
-    none = np.zeros(0)
-    actions = np.zeros((len(rewards), 5))
-    recorded = StoredEpisode(none, none, none, none, none, actions, np.array(rewards, np.float32), terminated, True)
+    recorded = StoredEpisode({"reward": np.array(rewards, np.float32)}, terminated, True)
     for step in range(len(rewards)):
         total, factor, at, alive = 0.0, 1.0, step, True
         for _ in range(n_step):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from svfl_data.replay import ReplayBuffer
-from svfl_data.replay.batches import PARTS
-from svfl_data.replay.symmetry_augmentation import SymmetryAugmentation, between, seen
+from svfl_data.replay.specs.replay_spec import PARTS
+from svfl_data.replay.symmetry_augmentation import Between, SymmetryAugmentation, seen
 from svfl_data.sampling.samples import Samples
 from svfl_data.symmetry import act, act_on_image, dihedral, element
 from tests.helpers.lengths import LENGTHS
@@ -92,12 +92,10 @@ def test_quarter_turns_only_reorder_pixels(size):
     for number, (matrix, view) in enumerate(zip(dihedral(4), augmentation._views, strict=True)):
         exact = act_on_image(matrix, image[crop])
         assert np.shares_memory(seen(image, view), image)
-        out = np.empty((4, size, size), np.float32)
-        augmentation.image(out, image[:3], image[3], [1, 2], number)
-        np.testing.assert_array_equal(out, exact)
-        color, depth = between(image[:3], image[3], 1, 2, size, matrix)
-        np.testing.assert_allclose(color, exact[:3], atol=1e-4)
-        np.testing.assert_array_equal(depth, exact[3])
+        np.testing.assert_array_equal(augmentation.cutter([1, 2], number, (size, size))(image, True), exact)
+        between = Between(1, 2, size, matrix)
+        np.testing.assert_allclose(between(image[:3], True), exact[:3], atol=1e-4)
+        np.testing.assert_array_equal(between(image[3], False), exact[3])
 
 
 def smooth(size: int) -> np.ndarray:
@@ -113,11 +111,11 @@ def test_a_turn_and_its_inverse_give_the_picture_back(degrees, flip):
     """In the middle, where nothing comes from beyond the border. A turn the other way round does not."""
     size, middle = 48, np.s_[..., 16:32, 16:32]
     picture, matrix = smooth(size), element(degrees, flip)
-    there, _ = between(picture, picture[0], 0, 0, size, matrix)
-    back, _ = between(there, there[0], 0, 0, size, matrix.T)
+    there = Between(0, 0, size, matrix)(picture, True)
+    back = Between(0, 0, size, matrix.T)(there, True)
     assert np.abs(back[middle] - picture[middle]).max() < 0.5
     assert np.abs(there[middle] - picture[middle]).max() > 20
-    liar, _ = between(there, there[0], 0, 0, size, matrix if not flip else element(degrees + 40, flip))
+    liar = Between(0, 0, size, matrix if not flip else element(degrees + 40, flip))(there, True)
     assert np.abs(liar[middle] - picture[middle]).max() > 20
 
 
@@ -127,7 +125,8 @@ def test_a_spot_goes_where_the_vector_to_it_goes():
     picture = np.zeros((3, size, size), np.float32)
     picture[:, 20 - up - 1 : 20 - up + 2, 20 + right - 1 : 20 + right + 2] = 255
     for matrix in dihedral(12):
-        color, depth = between(picture, picture[0], 0, 0, size, matrix)
+        between = Between(0, 0, size, matrix)
+        color, depth = between(picture, True), between(picture[0], False)
         rows, columns = np.nonzero(depth)
         x, y = matrix @ (right, up)
         np.testing.assert_allclose((columns.mean() - 20, 20 - rows.mean()), (x, y), atol=0.5)

@@ -10,15 +10,9 @@ from hypothesis import strategies as st
 
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FormatError, UsageError
+from svfl_data.sampling.moments import Moments, statistics
 from svfl_data.sampling.split import Split, load_split, split_episodes
-from svfl_data.sampling.statistics import (
-    Moments,
-    compute_statistics,
-    load_statistics,
-    save_statistics,
-    statistics,
-    statistics_file,
-)
+from svfl_data.sampling.statistics import compute_statistics, load_statistics, save_statistics, statistics_file
 from svfl_data.schema.declarations import STANDARD
 from svfl_data.schema.episode import Episode
 from svfl_data.storage.store import write_episode

@@ -5,8 +5,9 @@ import pytest
 
 from svfl_data.sampling.cut import cut_steps
 from svfl_data.sampling.samples import Samples
+from svfl_data.schema.optics import rotations
 from svfl_data.schema.robot import image_axes
-from svfl_data.signals.camera_poses import camera_poses, frame_axes, moves, rotations
+from svfl_data.signals.camera_poses import camera_poses, frame_axes, moves
 from svfl_data.symmetry import element
 from tests.helpers.own_robot import MOUNT, moving_episode, own_dataset
 

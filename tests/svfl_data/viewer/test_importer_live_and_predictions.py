@@ -15,6 +15,9 @@ from rerun.chunk import RrdReader
 from svfl_data.commands import rerun_importer
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, UsageError
+from svfl_data.schema.action_fields import planar_action
+from svfl_data.schema.observation import Frame, Observation
+from svfl_data.schema.optics import Calibration
 from svfl_data.storage import seal
 from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import DIRECTIONS
@@ -24,7 +27,7 @@ from svfl_data.viewer.live import GAP_NS, Live
 from svfl_data.viewer.predictions import Prediction
 from tests.helpers.builders import make_episode
 from tests.helpers.patience import PATIENCE
-from tests.helpers.rerun_files import entities, logged
+from tests.helpers.rerun_files import entities, gathered, logged
 
 pytestmark = pytest.mark.slow
 
@@ -85,35 +88,25 @@ class Robot:
     """A robot that replays an episode."""
 
     def __init__(self, episode):
-        self.tare_offset, self.workspace = episode.tare, episode.workspace
+        self.action, self.declarations = planar_action(), episode.declarations
         camera = episode.cameras["front"]
-        self.cameras = {
-            "front": SimpleNamespace(
-                intrinsics=camera.intrinsics,
-                T_base_camera=camera.T_base_camera,
-                T_tcp_camera=None,
-                depth_scale=float(camera.depth_scale),
-            )
-        }
-        self.episode, self.step = episode, 0
+        scale = float(camera.depth_scale)
+        self.cameras = {"front": Calibration(camera.intrinsics, camera.T_base_camera, camera.image_axes, scale)}
+        self.episode, self.step, self.given = episode, 0, 0
 
-    @property
-    def _rows(self):
-        return self.episode.wrench_t_ns <= self.episode.t_ns[self.step]
+    def constants(self):
+        return {"streams/wrench/tare": self.episode.tare, "workspace": self.episode.workspace}
 
-    @property
-    def wrench_t_ns(self):
-        return self.episode.wrench_t_ns[self._rows]
-
-    @property
-    def wrench(self):
-        return self.episode.wrench[self._rows]
+    def readings(self):
+        rows = slice(self.given, int(np.searchsorted(self.episode.wrench_t_ns, self.episode.t_ns[self.step], "right")))
+        self.given = rows.stop
+        return {"streams/wrench": {"t_ns": self.episode.wrench_t_ns[rows], "wrench": self.episode.wrench[rows]}}
 
     def observe(self):
         camera, step = self.episode.cameras["front"], self.step
-        frame = SimpleNamespace(color=camera.color[step], depth=camera.depth[step])
-        return SimpleNamespace(
-            t_ns=int(self.episode.t_ns[step]), frames={"front": frame}, proprio=self.episode.proprio[step],
+        frame = Frame(camera.color[step], camera.depth[step])
+        return Observation(
+            int(self.episode.t_ns[step]), {"front": frame}, proprio=self.episode.proprio[step],
             joints=self.episode.joints[step],
         )  # fmt: skip
 
@@ -126,11 +119,10 @@ def test_live_sends_every_reading_and_step_once_however_often_it_sends(monkeypat
     episode, live = make_episode(steps=6), Live("127.0.0.1:1", period_s=period, share=1e9)
     for _ in range(2):
         robot = Robot(episode)
-        live(robot, robot.observe(), None)
+        live(robot, robot.observe(), None, robot.readings())
         for step in range(len(episode)):
             robot.step = step + 1
-            live(robot, robot.observe(), episode.action[step])
-        live.finish()
+            live(robot, robot.observe(), episode.action[step], robot.readings())
     live.close()
     offset = GAP_NS
     later = GAP_NS + episode.t_ns[-1] + GAP_NS
@@ -149,18 +141,6 @@ def test_live_sends_every_reading_and_step_once_however_often_it_sends(monkeypat
             t_ns, rows = t_ns[~breaks], np.array(rows)[~breaks]
             np.testing.assert_allclose(rows, np.concatenate([values, values]), atol=1e-6)
         np.testing.assert_array_equal(t_ns, [*(clock + offset), *(clock + later)])
-
-
-def gathered(path, entity, component):
-    """Rows of a component over all pieces, by time."""
-    times, rows = [], []
-    for chunk in RrdReader(path).stream().to_chunks():
-        batch = chunk.to_record_batch()
-        if chunk.entity_path == f"/{entity}" and component in batch.schema.names and not chunk.is_static:
-            times += batch.column("time").cast("int64").to_pylist()
-            rows += batch.column(component).to_pylist()
-    order = np.argsort(times)
-    return np.array(times)[order], [rows[row] for row in order]
 
 
 def test_live_without_a_viewer_is_one_line():

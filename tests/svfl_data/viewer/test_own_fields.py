@@ -13,7 +13,8 @@ from rerun.chunk import RrdReader
 from svfl_data.schema.declarations import Declarations, wrench_stream
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.schema.field import Field
-from svfl_data.signals.camera_poses import camera_poses, rotations
+from svfl_data.schema.optics import rotations
+from svfl_data.signals.camera_poses import camera_poses
 from svfl_data.viewer import show
 from svfl_data.viewer.entities import fields, images, scene
 from svfl_data.viewer.entities.episode_source import EpisodeSource

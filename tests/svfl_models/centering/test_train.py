@@ -70,6 +70,7 @@ def test_a_run_leaves_everything_that_it_promises(config, tmp_path, batch):
 def test_force_is_learned_from_ten_samples(monkeypatch, tmp_path):
     samples = centering_samples(110, seed=1)
     monkeypatch.setattr(train, "_load", lambda *_: samples)
+    monkeypatch.setattr(train, "with_camera", lambda config: config)
     config = TrainingConfig("drawn", encoder="f", train_samples=10, epochs=40)
     assert train_centering(config, tmp_path / "svfl").test_accuracy > 0.9
     assert train_centering(replace(config, torque="polar"), tmp_path / "polar").test_accuracy < 0.8
@@ -78,6 +79,7 @@ def test_force_is_learned_from_ten_samples(monkeypatch, tmp_path):
 def test_vision_and_force_learn_together(monkeypatch, tmp_path):
     samples = centering_samples(80, seed=1)
     monkeypatch.setattr(train, "_load", lambda *_: samples)
+    monkeypatch.setattr(train, "with_camera", lambda config: config)
     config = TrainingConfig("drawn", train_samples=40, test_samples=40, epochs=20)
     result = train_centering(config, tmp_path / "run", separate_test="drawn too")
     assert result.test_accuracy > 0.8
@@ -92,6 +94,7 @@ def test_vision_and_force_learn_together(monkeypatch, tmp_path):
 def test_offsets_are_learned_in_metres(monkeypatch, tmp_path):
     samples = centering_samples(140, seed=1)
     monkeypatch.setattr(train, "_load", lambda *_: samples)
+    monkeypatch.setattr(train, "with_camera", lambda config: config)
     config = TrainingConfig("drawn", encoder="f", target="offset", train_samples=40, epochs=60)
     result = train_centering(config, tmp_path / "run")
     assert result.test_accuracy > 0.9

@@ -88,7 +88,7 @@ def test_frames_are_those_of_the_episodes_and_encoded_as_followed(checkpoint):
 def test_object_poses_are_in_image_axes_about_the_centre(data):
     opened = Dataset.open(data)
     frames = frames_of([whole(one) for one in load_recordings(opened, 0.5)[:2]])
-    poses = object_poses(opened, frames)
+    poses = object_poses(opened, frames, "front")
     episode = opened.read(int(frames.episode[0]))
     place = episode.object_pose[0, :2] - episode.centre
     assert poses[0, :2] == pytest.approx(episode.cameras["front"].image_axes @ place)

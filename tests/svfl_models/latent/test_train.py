@@ -36,6 +36,11 @@ def config(folder):
     return LatentConfig(str(folder), "poe", steps=5, checkpoint_every=2, batch_size=4, sequence=3)
 
 
+def named(config):
+    """The configuration with the name of its camera, which a training finds out."""
+    return config.plain() | {"camera": "front"}
+
+
 def weights(out):
     return torch.load(out / run_folder.CHECKPOINT, weights_only=True)
 
@@ -53,7 +58,7 @@ def test_every_model_trains_and_opens_again(model, config, tmp_path):
     config = dataclasses.replace(config, model=model)
     result = train.train_latent(config, tmp_path / "run")
     assert result.steps == 5
-    assert json.loads((tmp_path / "run" / "result.json").read_text())["config"] == config.plain()
+    assert json.loads((tmp_path / "run" / "result.json").read_text())["config"] == named(config)
     rows = read_numbers(tmp_path / "run" / "metrics.csv")
     assert [row["step"] for row in rows] == [2, 4, 5]
     for name in TERMS:
@@ -63,7 +68,7 @@ def test_every_model_trains_and_opens_again(model, config, tmp_path):
     assert weighted == pytest.approx(rows[0]["train_loss"], rel=1e-4)
 
     module = load_latent(tmp_path / "run" / "checkpoint.ckpt")
-    assert module.hparams["training"] == config.plain()
+    assert module.hparams["training"] == named(config)
     assert set(module.hparams["split"]) == {"train", "valid"}
     assert module.network.inputs.normalization.scale("wrench")[2] != 1  # fitted, not the identity
     encoding = module.network.encode(frames())
@@ -100,7 +105,7 @@ def test_a_training_can_be_made_longer(config, tmp_path):
     train.train_latent(dataclasses.replace(config, steps=4), tmp_path / "short")
     train.train_latent(config, tmp_path / "short", resume=True)
     assert_same_training(weights(tmp_path / "long"), weights(tmp_path / "short"))
-    assert json.loads((tmp_path / "short" / "config.json").read_text()) == config.plain()
+    assert json.loads((tmp_path / "short" / "config.json").read_text()) == named(config)
     with pytest.raises(TrainingError, match=r"\b5 steps .*asked for 5\b"):
         train.train_latent(config, tmp_path / "short", resume=True)
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from svfl_data.sampling.statistics import statistics
+from svfl_data.sampling.moments import statistics
 from svfl_data.symmetry import WRENCH_PARTS, act, element
 from svfl_models.networks.normalization import Normalization
 from svfl_models.symmetry.actions import act_on_batch

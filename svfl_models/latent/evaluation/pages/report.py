@@ -71,6 +71,7 @@ def page(found: Evaluation, pictures: list[Path]) -> str:
 
 - Checkpoint: {markdown(found.checkpoint)}.
 - Evaluated: {found.episodes} {markdown(found.of)}; {found.frames} frames, each episode followed from its first.
+- Camera: {markdown(found.camera)}.
 {left_out}
 {shown}
 

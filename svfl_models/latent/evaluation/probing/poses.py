@@ -11,12 +11,13 @@ from svfl_models.latent.evaluation.frames import Frames
 POSE_PARTS = (Part("vector", (0, 1)), Part("invariant", (2,)), Part("angle", (3,)))
 
 
-def object_poses(dataset: Dataset, frames: Frames) -> np.ndarray | None:
+def object_poses(dataset: Dataset, frames: Frames, camera: str) -> np.ndarray | None:
     """Return the pose of the object in each frame of a dataset, in image-aligned axes.
 
     Args:
         dataset: Dataset that the frames are from.
         frames: The frames.
+        camera: Name of the camera whose axes are used.
 
     Returns:
         x, y relative to the workspace centre and z, [m], and yaw, [rad], shape (F, 4). None if an episode was recorded
@@ -30,7 +31,6 @@ def object_poses(dataset: Dataset, frames: Frames) -> np.ndarray | None:
         reader = dataset.episode(index)
         if "streams/object/pose" not in reader or "streams/object/t_ns" not in reader:
             return None
-        camera = reader.cameras[0]
         rows = frames.episode == index
         t_ns, object_t_ns = reader["observations/t_ns"][()], reader["streams/object/t_ns"][()]
         pose = reader["streams/object/pose"][()][

@@ -29,7 +29,7 @@ class Probing:
         self.network, self.learned, self.evaluated = network, learned, evaluated
         repeats = repeats_per_turn(given.learned.dataset)
         poses = [
-            object_poses(part.dataset, frames)
+            object_poses(part.dataset, frames, part.camera)
             for part, frames in ((given.learned, learned), (given.evaluated, evaluated))
         ]
         self.posed = all(one is not None for one in poses)

@@ -1,17 +1,23 @@
-"""Properties that all episodes of a replay buffer have in common, and the axes in which it keeps their vectors."""
+"""Specification of a replay buffer with the paper's inputs: one RGB-D camera, the wrist wrench and proprioception."""
 
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Protocol
 
 import numpy as np
 
 from svfl_data.errors import DatasetError, FieldError
+from svfl_data.replay.config import ReplayConfig
+from svfl_data.replay.episode_builder import finite
+from svfl_data.replay.specs.layout import REWARD, Array, Layout, Picture, Plane, Stream
+from svfl_data.replay.specs.spec import Observation, Spec, difference
+from svfl_data.replay.stored_episode import StoredEpisode, sparse_reward
 from svfl_data.schema.action_bounds import ActionBounds, planar_limits
 from svfl_data.schema.action_fields import ACTION, MAX_MOVE_M, MAX_TURN_RAD, planar_action
 from svfl_data.schema.episode import Camera, Episode
 from svfl_data.schema.robot import Optics
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 
+PARTS = {"wrench": WRENCH_PARTS, "proprio": PROPRIO_PARTS, "action": ACTION_PARTS}
 MATRICES = ("image_axes", "intrinsics", "T_base_camera")
 Rows = tuple[tuple[float, ...], ...]
 
@@ -148,7 +154,7 @@ class ReplaySpec:
             str(found["task"]), (height, width), scale, axes, (x, y), lens, pose, str(found["view"]), (move, turn)
         )  # fmt: skip
 
-    def require_equal(self, other: "ReplaySpec", where: str, there: str) -> None:
+    def require_equal(self, other: Spec, where: str, there: str) -> None:
         """Refuse another spec if it differs from this spec.
 
         Args:
@@ -159,6 +165,8 @@ class ReplaySpec:
         Raises:
             DatasetError: If the two specs differ.
         """
+        if not isinstance(other, ReplaySpec):
+            raise difference("input", "the paper's (image, wrench, proprio)", "any input by its path", where, there)
         for field in fields(self):
             name, mine, its = field.name, getattr(self, field.name), getattr(other, field.name)
             if mine == its:
@@ -166,7 +174,7 @@ class ReplaySpec:
             if name in MATRICES:  # one row that differs is enough for the message
                 row = next(row for row, (a, b) in enumerate(zip(mine, its, strict=True)) if a != b)
                 name, mine, its = f"{name}[{row}]", mine[row], its[row]
-            raise DatasetError(f"{there}: its {name} is {its}, but {mine} in {where}; one replay buffer holds one kind")
+            raise difference(name, mine, its, where, there)
 
     @property
     def bounds(self) -> ActionBounds:
@@ -175,25 +183,95 @@ class ReplaySpec:
         assert found is not None
         return found
 
-    def proprio(self, values: np.ndarray) -> np.ndarray:
-        """Transform proprioception from base axes to image-aligned axes, with positions from the workspace centre.
+    def layout(self, config: ReplayConfig) -> Layout:
+        """Return what is kept of an episode and given in a batch: all vectors in image-aligned axes.
 
         Args:
-            values: Proprioception in base axes, shape (..., 5).
+            config: Settings of the replay buffer, which give the number of frames and of readings.
+        """
+        color, depth = Array("color", (3, *self.size), "uint8"), Array("depth", self.size, "uint16")
+        frames = Stream((color, depth), config.frames, shown=True)
+        wrench = Array("wrench", (6,), "float32", PARTS["wrench"])
+        planes = Plane("color", (0, 3), divisor=255.0), Plane("depth", 3, smooth=False, factor=self.depth_scale)
+        return Layout(
+            (frames, Stream((wrench,), config.window, end="wrench_end")),
+            (Array("proprio", (5,), "float32", PARTS["proprio"]),),
+            Array("action", (5,), "float32", PARTS["action"]),
+            (Picture("image", frames, planes, (4, -1, -1), "float32", self.size, flat=config.frames == 1),),
+        )
+
+    def kept(self, name: str, values: np.ndarray) -> np.ndarray:
+        """Transform vectors from base axes to image-aligned axes, with positions from the workspace centre.
+
+        Args:
+            name: ``wrench``, ``proprio`` or ``action``.
+            values: Vectors in base axes, shape (..., C).
 
         Returns:
-            Proprioception in image-aligned axes, relative to the workspace centre, shape (..., 5), float32.
+            Vectors in image-aligned axes, shape (..., C), float32.
         """
-        centred = np.asarray(values, np.float64) - np.array([0.0, *self.centre, 0.0, 0.0])
-        return act(np.array(self.image_axes), centred, PROPRIO_PARTS).astype(np.float32)
+        found = np.asarray(values, np.float64)
+        if name == "proprio":
+            found = found - np.array([0.0, *self.centre, 0.0, 0.0])
+        return act(np.array(self.image_axes), found, PARTS[name]).astype(np.float32)
 
-    def wrench(self, values: np.ndarray) -> np.ndarray:
-        """Transform wrenches of shape (..., 6) from base axes to image-aligned axes, float32."""
-        return act(np.array(self.image_axes), np.asarray(values, np.float64), WRENCH_PARTS).astype(np.float32)
+    def recorded(self, episode: Episode, camera: Camera) -> StoredEpisode:
+        """Convert a recorded episode into a demonstration.
 
-    def action(self, values: np.ndarray) -> np.ndarray:
-        """Transform actions of shape (..., 5) from base axes to image-aligned axes, float32."""
-        return act(np.array(self.image_axes), np.asarray(values, np.float64), ACTION_PARTS).astype(np.float32)
+        Args:
+            episode: Recorded episode that is fit for training (`svfl_data.checks.check_usable`).
+            camera: Camera of the episode whose images are kept, one for each observation.
+
+        Raises:
+            DatasetError: If the camera has no frame at or before the first observation.
+        """
+        frames = np.searchsorted(camera.t_ns, episode.t_ns, side="right") - 1
+        if (frames < 0).any():
+            raise DatasetError(f"{episode.name}: camera {camera.name} had no frame yet at the first observation")
+        arrays = {
+            "color": np.ascontiguousarray(camera.color[frames].transpose(0, 3, 1, 2)),  # (N+1, H, W, 3) -> (N+1, 3, ..)
+            "depth": camera.depth[frames],
+            "wrench": self.kept("wrench", episode.tared_wrench),
+            "wrench_end": np.searchsorted(episode.wrench_t_ns, episode.t_ns, side="right"),
+            "proprio": self.kept("proprio", episode.proprio),
+            "action": self.kept("action", episode.action),
+            REWARD: sparse_reward(episode),
+        }
+        return StoredEpisode(arrays, terminated=episode.meta.success, expert=True)
+
+    def observed(self, observation: Observation, layout: Layout) -> dict[str, np.ndarray]:
+        """Return the rows of an observation of one of the environments of `collectors.environment`.
+
+        Args:
+            observation: ``image`` (4, H, W), ``wrench`` (T, 6) and ``proprio`` (5,), base axes.
+            layout: Layout of the replay buffer.
+
+        Raises:
+            FieldError: If an array of the observation is missing or has a wrong shape or value.
+        """
+        for name in ("image", "wrench", "proprio"):
+            if name not in observation:
+                raise FieldError(f"observation: {name} is missing; it has {', '.join(observation) or 'nothing'}")
+        image = finite("image", observation["image"], (4, *self.size))
+        wrench = finite("wrench", observation["wrench"], (layout.streams[1].length, 6))
+        proprio = finite("proprio", observation["proprio"], (5,))
+        color, depth = self.pixels(image)
+        return {"color": color[None], "depth": depth[None], "wrench": wrench, "proprio": proprio}
+
+    def acted(self, action: np.ndarray) -> np.ndarray:
+        """Return an action (5,) in image-aligned axes, float32.
+
+        Raises:
+            FieldError: If it has a wrong shape or value, or is beyond the bounds.
+        """
+        acted = finite("action", action, (5,))
+        if fault := self.bounds.fault(acted[None]):
+            raise FieldError(f"action: {fault[1]}")
+        return self.kept("action", acted)
+
+    def plain(self) -> dict[str, Any]:
+        """Return the spec as plain values for files."""
+        return asdict(self)
 
     def pixels(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Recover the exact integer colour and depth from which an image was computed.

@@ -1,0 +1,1 @@
+"""Specifications of replay buffers: the paper's inputs, or any inputs and any action as recorded."""

@@ -1,0 +1,101 @@
+"""The layout of a replay buffer with any inputs and any action, derived from their declarations."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from svfl_data.errors import UsageError
+from svfl_data.replay.config import ReplayConfig
+from svfl_data.replay.specs.layout import Array, Axes, Layout, Picture, Plane, Stream
+from svfl_data.schema.field import Field
+
+if TYPE_CHECKING:
+    from svfl_data.replay.specs.recorded_spec import RecordedSpec
+
+LONGEST = 100_000
+"""Largest number of rows of a window in a saved file."""
+SMOOTH = ("color", "grey")
+"""Images that are interpolated where pixels do not move onto pixels; of depth and labels the nearest pixel is taken."""
+
+
+def layout_of(spec: "RecordedSpec", config: ReplayConfig) -> Layout:
+    """Return what is kept of an episode and given in a batch.
+
+    Args:
+        spec: Specification of the replay buffer.
+        config: Settings of the replay buffer.
+
+    Raises:
+        UsageError: If transitions are to be rotated, but something does not say how it turns; or `config` gives frames
+            or a window, which are those of the paper's inputs.
+    """
+    if config.frames != 1 or config.window != ReplayConfig.window:
+        raise UsageError("frames and window of the configuration are the paper's; say them in the inputs (InputSpec)")
+    cameras = {name: _axes(spec, name, config.rotate) for name in spec.inputs.cameras}
+    turning = [axes for axes in cameras.values() if axes is not None]
+    group = turning[0] if turning else np.eye(2)
+    streams, pictures = [], []
+    for name, axes in cameras.items():
+        fields = [field for field in spec.fields if field.group == f"cameras/{name}" and field.image]
+        stream = _stream(f"cameras/{name}", fields, spec.inputs.frames, spec, rotate=False)
+        streams.append(stream)
+        pictures += [_picture(field, stream, None if axes is None else _rows(group @ axes.T)) for field in fields]
+    for name, window in spec.inputs.groups.items():
+        fields = [spec.field(path) for path in spec.inputs.windows if path.rpartition("/")[0] == name]
+        streams.append(_stream(name, fields, window.length, spec, config.rotate))
+    vectors = tuple(_array(spec.field(path), spec, config.rotate) for path in spec.inputs.vectors)
+    scales = {path: value for path, value in spec.constants.items() if path.endswith("/depth_scale")}
+    action = _array(spec.field(spec.action), spec, config.rotate)
+    return Layout(tuple(streams), vectors, action, tuple(pictures), _rows(group), scales)
+
+
+def _axes(spec: "RecordedSpec", camera: str, rotate: bool) -> np.ndarray | None:
+    """Return the matrix from base (x, y) to the image of a camera, (2, 2); None if its images stay."""
+    name = f"cameras/{camera}"
+    if name in spec.invariant:
+        return None
+    if f"{name}/T_base_camera" in spec.constants and f"{name}/image_axes" in spec.constants:
+        return np.array(spec.constants[f"{name}/image_axes"])
+    if rotate:
+        raise UsageError(
+            f"rotate: {name} has no fixed pose in base with image axes, so nobody knows how its images turn; "
+            f"invariant=[{name!r}] leaves them as they are"
+        )
+    return None
+
+
+def _stream(group: str, fields: list[Field], length: int, spec: "RecordedSpec", rotate: bool) -> Stream:
+    arrays = tuple(_array(field, spec, rotate) for field in fields)
+    return Stream(
+        arrays, length, f"rows/{group}", f"padded/{group}", f"age/{group}", group, group.startswith("cameras/")
+    )
+
+
+def _array(field: Field, spec: "RecordedSpec", rotate: bool) -> Array:
+    row = tuple(size for size in field.shape[1:] if isinstance(size, int))
+    plain = Array(field.path, row, field.dtype)
+    if not rotate or field.path in spec.invariant:
+        return plain
+    if not field.parts or np.dtype(field.dtype).kind != "f":
+        way = "do without" if field.path == spec.action else f"invariant=[{field.path!r}] leaves it as it is"
+        raise UsageError(f"rotate: {field.path} ({field.dtype}) does not declare how it turns (parts); {way}")
+    if field.about != "base origin":
+        return Array(field.path, row, field.dtype, field.parts)
+    if spec.centre is None:
+        raise UsageError(f"rotate: {field.path} is measured from the base origin; its turns need a workspace")
+    offset = np.zeros(row[-1])
+    for part in field.parts:
+        if part.kind == "vector":
+            offset[list(part.index)] = spec.centre
+    return Array(field.path, row, field.dtype, field.parts, tuple(offset.tolist()))
+
+
+def _picture(field: Field, stream: Stream, axes: Axes | None) -> Picture:
+    height, width, *channels = (size for size in field.shape[1:] if isinstance(size, int))
+    plane = Plane(field.path, smooth=field.path.rpartition("/")[2] in SMOOTH, last=bool(channels))
+    return Picture(field.path, stream, (plane,), (-1, -1, *channels), field.dtype, (height, width), axes)
+
+
+def _rows(matrix: np.ndarray) -> Axes:
+    (a, b), (c, d) = matrix.tolist()
+    return (a, b), (c, d)
