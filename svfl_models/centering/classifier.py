@@ -14,7 +14,8 @@ from svfl_models.networks.heads import OffsetHead
 from svfl_models.networks.inputs import ENCODERS, IMAGE_SIZES, INPUTS
 from svfl_models.networks.layer_factory import Layers, layer_factory
 from svfl_models.networks.presets import PRESETS
-from svfl_models.networks.visual_force import Batch, VisualForceEncoder
+from svfl_models.networks.visual_force import VisualForceEncoder
+from svfl_models.symmetry.actions import Batch
 from svfl_models.symmetry.groups import GROUPS, group_named
 
 LATENT_INPUTS = "vfp"

@@ -13,8 +13,7 @@ from svfl_data.sampling.centering_samples import CenteringSamples
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.networks.image_crops import centre_crop, crop_side, random_crop, scaled
 from svfl_models.networks.inputs import INPUTS
-from svfl_models.networks.visual_force import Batch
-from svfl_models.symmetry.actions import augment
+from svfl_models.symmetry.actions import Batch, augment
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.training.augmentation import MARGIN, recoloured
 

@@ -11,7 +11,7 @@ from svfl_models.latent.inputs import IMAGE_SIZE, WINDOW, Inputs
 from svfl_models.latent.networks.encoder import Encoder
 from svfl_models.latent.networks.network import ENCODERS, LatentNetwork
 from svfl_models.networks.normalization import Normalization
-from svfl_models.networks.visual_force import Batch
+from svfl_models.symmetry.actions import Batch
 
 SMALLEST = 1e-6
 """Smallest standard deviation that a feature is divided by."""

@@ -11,7 +11,7 @@ from torch.nn import functional
 from svfl_data.errors import TrainingError
 from svfl_models.centering.classifier import CenteringClassifier
 from svfl_models.networks.heads import OffsetHead
-from svfl_models.networks.visual_force import Batch
+from svfl_models.symmetry.actions import Batch
 
 FORMAT = "svfl-centering"
 FORMAT_VERSION = "1.0"

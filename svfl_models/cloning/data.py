@@ -23,7 +23,7 @@ from svfl_models.cloning.deployment_spec import DeploymentSpec, deployment_of, d
 from svfl_models.cloning.gripper_view import JITTER, corners
 from svfl_models.cloning.own_data import OwnDemonstrations
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, random_crop, scaled
-from svfl_models.networks.visual_force import Batch
+from svfl_models.symmetry.actions import Batch
 from svfl_models.training.augmentation import MARGIN, recoloured
 
 VALID_BATCH = 256

@@ -13,7 +13,7 @@ from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.loss import LOSSES
 from svfl_models.networks.policy import Policy
 from svfl_models.networks.squashed_gaussian import SquashedGaussian
-from svfl_models.networks.visual_force import Batch
+from svfl_models.symmetry.actions import Batch
 
 FORMAT = "svfl-policy"
 FORMAT_VERSION = "1.0"

@@ -17,7 +17,7 @@ from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.recorded_inputs import RecordedInput, of_plain, windows
 from svfl_models.networks.action_space import ActionSpace
 from svfl_models.networks.image_crops import centre_crop, crop_side, random_crop, scaled, turned
-from svfl_models.networks.visual_force import Batch
+from svfl_models.symmetry.actions import Batch
 from svfl_models.training.augmentation import MARGIN, recoloured
 
 STATISTICS = 1024

@@ -24,8 +24,8 @@ from svfl_data.system.atomic_io import write_atomically
 from svfl_models.centering.classifier import CenteringClassifier
 from svfl_models.centering.latent_trunk import LatentTrunk
 from svfl_models.networks.image_crops import CROP
-from svfl_models.networks.visual_force import Batch
 from svfl_models.programs.program import TOLERANCE, from_bytes
+from svfl_models.symmetry.actions import Batch
 from svfl_models.symmetry.ordinary import plain
 
 FACTS = "svfl_centering.json"

@@ -22,8 +22,8 @@ from svfl_models.cloning.checkpoint import is_policy, load_policy
 from svfl_models.deployment import own_predictions
 from svfl_models.deployment import policy_predictions as cloning
 from svfl_models.networks.image_crops import centre_crop, crop_side, scaled
-from svfl_models.networks.visual_force import Batch
 from svfl_models.programs import exported_policy, own_policy
+from svfl_models.symmetry.actions import Batch
 
 
 def load(file: Path) -> Network:

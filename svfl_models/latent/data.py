@@ -12,8 +12,9 @@ from svfl_data.errors import DatasetError
 from svfl_data.sampling.frames import corners, draws
 from svfl_data.sampling.split import Split, load_split, split_episodes
 from svfl_models.latent.config import PRESETS, LatentConfig
-from svfl_models.latent.inputs import IMAGE_SIZE, Batch, Inputs
+from svfl_models.latent.inputs import IMAGE_SIZE, Inputs
 from svfl_models.latent.recordings import Recording, load_recordings
+from svfl_models.symmetry.actions import Batch
 
 SHARES = {"train": 0.8, "valid": 0.2}
 IMAGES = 256

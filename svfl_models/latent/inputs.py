@@ -10,12 +10,11 @@ from svfl_data.errors import TrainingError
 from svfl_models.latent.config import MODALITIES
 from svfl_models.networks.action_space import PLANAR
 from svfl_models.networks.normalization import Normalization
+from svfl_models.symmetry.actions import Batch
 
 IMAGE_SIZE, WINDOW, PROPRIO = 64, 64, 6
 SHAPES = {"image": (4, IMAGE_SIZE, IMAGE_SIZE), "wrench": (WINDOW, 6), "proprio": (5,)}
-Batch = dict[str, Tensor]
-"""Batch of physical values by name, with vectors in image-aligned axes; shapes are those of `SHAPES` after (B, T), see
-`data.Sequences`."""
+"""Shapes of the physical values of a batch after (B, T), see `data.Sequences`."""
 
 
 class Inputs(nn.Module):

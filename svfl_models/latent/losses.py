@@ -10,11 +10,11 @@ from torch.nn import functional
 
 from svfl_data.errors import TrainingError
 from svfl_models.latent.config import TERMS
-from svfl_models.latent.inputs import Batch
 from svfl_models.latent.mismatch import mismatched
 from svfl_models.latent.networks.decoder import DEPTH_UNIT
 from svfl_models.latent.networks.gaussian import Gaussian
 from svfl_models.latent.networks.network import LatentNetwork, LatentOutput
+from svfl_models.symmetry.actions import Batch
 
 SIGMA = math.sqrt(0.1)
 """Standard deviation of the normal distribution of images (VTT's published code), in units of the decoder's output."""

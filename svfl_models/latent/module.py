@@ -9,9 +9,9 @@ from torch import Tensor
 
 from svfl_data.errors import TrainingError
 from svfl_models.latent.config import TERMS
-from svfl_models.latent.inputs import Batch
 from svfl_models.latent.losses import Objective
 from svfl_models.latent.networks.network import LatentNetwork
+from svfl_models.symmetry.actions import Batch
 
 FORMAT = "svfl-latent"
 FORMAT_VERSION = "1.0"

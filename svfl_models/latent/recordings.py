@@ -10,10 +10,13 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.recording.consistency import check_agreement
 from svfl_data.sampling.named_camera import camera_of_dataset, camera_with_depth
-from svfl_data.sampling.windows import WINDOW, latest
+from svfl_data.sampling.ragged import rows_of
+from svfl_data.sampling.windows import WINDOW
 from svfl_data.schema.action_bounds import planar_limits
 from svfl_data.schema.action_fields import ACTION
+from svfl_data.schema.clocks import Clock
 from svfl_data.schema.episode import Camera, Episode
+from svfl_data.schema.input_spec import Window
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.system.progress import progress
 from svfl_models.latent.inputs import IMAGE_SIZE
@@ -103,20 +106,18 @@ def _check_alike(episodes: Sequence[Episode], dataset: Dataset) -> None:
 
 
 def _recording(index: int, episode: Episode, camera: Camera, contact_n: float, annotated: bool) -> Recording:
-    frames = [latest(camera.t_ns, now) for now in episode.t_ns]
+    frames = _rows(episode, f"cameras/{camera.name}", camera.t_ns, 1)[:, 0] - 1
     if min(frames) < 0:
         raise DatasetError(f"{episode.name}: camera {camera.name} has no frame before the first observation")
     proprio = episode.proprio.copy()
     proprio[:, 1:3] -= episode.centre
     readings = np.concatenate([np.zeros((1, 6), dtype=np.float32), episode.tared_wrench])
-    ends = np.array([latest(episode.wrench_t_ns, now) for now in episode.t_ns]) + 1  # rows of `readings`; 0: none yet
-    windows = np.maximum(ends[:, None] + np.arange(1 - WINDOW, 1), np.minimum(ends, 1)[:, None])
     return Recording(
         index=index,
         color=camera.color[frames],
         depth=camera.depth_m[frames],
         readings=act(camera.image_axes, readings, WRENCH_PARTS),
-        windows=windows,
+        windows=_rows(episode, "streams/wrench", episode.wrench_t_ns, WINDOW),
         proprio=act(camera.image_axes, proprio, PROPRIO_PARTS),
         action=act(camera.image_axes, episode.action, ACTION_PARTS),
         reward=rewards(episode),
@@ -124,3 +125,9 @@ def _recording(index: int, episode: Episode, camera: Camera, contact_n: float, a
         touched=touched(episode, annotated),
         terminated=episode.meta.success,
     )
+
+
+def _rows(episode: Episode, group: str, t_ns: np.ndarray, length: int) -> np.ndarray:
+    """Return the rows of a window at each observation, (N+1, length), numbered from 1; 0 where there is none yet."""
+    found = rows_of([t_ns], [episode.t_ns], [Clock.of(episode.meta, group)], Window(length), group, [episode.name])
+    return found.last(np.arange(len(episode.t_ns)), length)[0]

@@ -15,9 +15,9 @@ from svfl_data.system.printable import printable
 from svfl_models.latent.checkpoint import load_latent, read_latent
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.data import Leg, Sequences, fit, sequences_of
-from svfl_models.latent.inputs import Batch
 from svfl_models.latent.module import LatentModule
 from svfl_models.latent.progress import LegsFile, Row, StepsBar
+from svfl_models.symmetry.actions import Batch
 from svfl_models.training import run_folder
 from svfl_models.training.trainer import parameter_count, run, storage_errors
 from svfl_models.training.writing import write_json

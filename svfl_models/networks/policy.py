@@ -13,7 +13,8 @@ from svfl_models.networks.input_types import inputs_of_plain
 from svfl_models.networks.layer_factory import Layers, layer_factory
 from svfl_models.networks.presets import PRESETS
 from svfl_models.networks.squashed_gaussian import SquashedGaussian
-from svfl_models.networks.visual_force import Batch, VisualForceEncoder
+from svfl_models.networks.visual_force import VisualForceEncoder
+from svfl_models.symmetry.actions import Batch
 from svfl_models.symmetry.groups import GROUPS, group_named
 
 

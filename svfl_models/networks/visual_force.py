@@ -10,11 +10,7 @@ from svfl_models.networks.input_types import ImageInput, NetworkInput, SequenceI
 from svfl_models.networks.layer_factory import Layers
 from svfl_models.networks.normalization import Normalization
 from svfl_models.networks.presets import Widths
-
-Batch = dict[str, Tensor]
-"""Inputs of a network by name, with vectors in image-aligned axes. The paper's inputs are ``image`` (B, 4, H, H):
-colour / 255, then depth in [m]; ``wrench`` (B, T, 6): force [N], then torque [N m]; ``proprio`` (B, 5): gripper opening
-0..1, x and y relative to the workspace centre and z [m], yaw [rad]."""
+from svfl_models.symmetry.actions import Batch
 
 
 class VisualForceEncoder(nn.Module):

@@ -10,9 +10,9 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FormatError
 from svfl_data.sampling.named_camera import camera_of_dataset
 from svfl_models.latent.data import Sequences
-from svfl_models.latent.inputs import Batch
 from svfl_models.latent.module import LatentModule
 from svfl_models.latent.recordings import Recording, load_recordings
+from svfl_models.symmetry.actions import Batch
 
 
 @dataclass(frozen=True, eq=False)

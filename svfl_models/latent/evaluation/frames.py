@@ -10,10 +10,10 @@ from torch import Tensor
 from svfl_data.system.progress import progress
 from svfl_models.latent.config import MODALITIES
 from svfl_models.latent.evaluation.episodes import whole
-from svfl_models.latent.inputs import Batch
 from svfl_models.latent.networks.encoder import Parts
 from svfl_models.latent.networks.network import LatentNetwork, LatentOutput
 from svfl_models.latent.recordings import Recording
+from svfl_models.symmetry.actions import Batch
 
 CHUNK = 64
 """Number of frames to encode at once; a larger number only takes more memory."""

@@ -12,9 +12,9 @@ from svfl_models.latent.evaluation.frames import Followed, Frames, numbers
 from svfl_models.latent.evaluation.probing.probes import Probe, Target
 from svfl_models.latent.evaluation.reconstruction import fidelity, pictures
 from svfl_models.latent.evaluation.scores import auroc, f1, r_squared
-from svfl_models.latent.inputs import Batch
 from svfl_models.latent.networks.network import LatentNetwork
 from svfl_models.latent.networks.poe import PoEEncoder
+from svfl_models.symmetry.actions import Batch
 
 SUBSETS = tuple(chosen for count in (3, 2, 1) for chosen in combinations(MODALITIES, count))
 """All seven non-empty subsets of the modalities, starting with the complete one."""

@@ -23,8 +23,7 @@ import numpy as np
 from svfl_models.latent.evaluation.frames import Encoded, Frames, numbers
 from svfl_models.latent.evaluation.probing.ridge import fit_ridge
 from svfl_models.latent.evaluation.scores import r_squared
-from svfl_models.latent.inputs import Batch
-from svfl_models.symmetry.actions import act_on_batch
+from svfl_models.symmetry.actions import Batch, act_on_batch
 from svfl_models.symmetry.groups import GROUPS
 
 MOVES = dict(

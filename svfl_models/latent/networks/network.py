@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from svfl_data.errors import TrainingError
 from svfl_models.latent.config import MODELS, Sizes
-from svfl_models.latent.inputs import PROPRIO, Batch, Inputs
+from svfl_models.latent.inputs import PROPRIO, Inputs
 from svfl_models.latent.networks.concat import ConcatEncoder
 from svfl_models.latent.networks.decoder import DEPTH_UNIT, Decoder
 from svfl_models.latent.networks.dynamics import ACTION, LatentDynamics, States
@@ -17,6 +17,7 @@ from svfl_models.latent.networks.encoder import Encoder, Encoding, Parts
 from svfl_models.latent.networks.poe import PoEEncoder
 from svfl_models.latent.networks.trunks import perceptron
 from svfl_models.latent.networks.vtt import VTTEncoder
+from svfl_models.symmetry.actions import Batch
 
 ENCODERS: dict[str, type[VTTEncoder] | type[PoEEncoder] | type[ConcatEncoder]] = {
     "vtt": VTTEncoder, "poe": PoEEncoder, "concat": ConcatEncoder,
