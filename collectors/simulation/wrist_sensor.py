@@ -39,11 +39,13 @@ class WristReadings:
 
     def __init__(self, first: NDArray[np.float32], period_ns: int) -> None:
         self._pieces, self._period_ns = [first], period_ns
-        self._given = 0
+        self._length, self._new = len(first), 1  # number of readings, and of pieces that `new` has not returned
 
     def append(self, wrenches: NDArray[np.float32]) -> None:
         """Append the readings of an action, shape (M, 6)."""
         self._pieces.append(wrenches)
+        self._length += len(wrenches)
+        self._new += 1
 
     def last(self, count: int) -> NDArray[np.float32]:
         """Return the last readings, shape (count, 6), or fewer if there are not so many."""
@@ -55,10 +57,9 @@ class WristReadings:
 
     def new(self) -> dict[str, np.ndarray]:
         """Return the readings since the last call of this method: ``t_ns``, (M,), [ns], and ``wrench``, (M, 6)."""
-        pieces, earlier = self._pieces[self._given :], sum(map(len, self._pieces[: self._given]))
-        self._given = len(self._pieces)
+        pieces, self._new = self._pieces[len(self._pieces) - self._new :], 0
         wrench = np.concatenate(pieces) if pieces else np.zeros((0, 6), np.float32)
-        return {"t_ns": self._times(earlier, earlier + len(wrench)), "wrench": wrench}
+        return {"t_ns": self._times(self._length - len(wrench), self._length), "wrench": wrench}
 
     @property
     def wrench(self) -> NDArray[np.float32]:
@@ -68,14 +69,11 @@ class WristReadings:
     @property
     def t_ns(self) -> NDArray[np.int64]:
         """Time of each reading, shape (M,), [ns]. The first reading is one period after the reset."""
-        return self._times(0, len(self))
+        return self._times(0, self._length)
 
     def last_times(self, count: int) -> NDArray[np.int64]:
         """Return the times of the last readings, shape (count,), [ns], or fewer if there are not so many."""
-        return self._times(max(0, len(self) - count), len(self))
-
-    def __len__(self) -> int:
-        return sum(map(len, self._pieces))
+        return self._times(max(0, self._length - count), self._length)
 
     def _times(self, start: int, stop: int) -> NDArray[np.int64]:
         return np.arange(start + 1, stop + 1, dtype=np.int64) * self._period_ns
