@@ -27,8 +27,8 @@ from svfl_models.symmetry.groups import GROUPS, Group
 Batch = dict[str, Tensor]
 """Inputs of a network by name, with vectors in image-aligned axes: the paths of their arrays, or the short names of the
 paper's inputs: ``image`` (B, 4, H, H): colour / 255, then depth in [m]; ``wrench`` (B, T, 6): force [N], then torque
-[N m]; ``proprio`` (B, 5): gripper opening 0..1, x and y relative to the workspace centre and z [m], yaw [rad]. Sequences
-have (B, T) in the place of B."""
+[N m]; ``proprio`` (B, 5): gripper opening 0..1, x and y relative to the workspace centre and z [m], yaw [rad]. Of
+sequences (B, T) is in the place of B."""
 Action = Callable[[np.ndarray, Tensor], Tensor]
 
 PARTS: dict[str, tuple[Part, ...]] = {
