@@ -27,7 +27,7 @@ def camera_strip(axis: Axes, episode: Episode, camera: Camera, kind: str) -> Non
         camera: Camera with at least one frame.
         kind: Last part of the path of the images, such as ``color``.
     """
-    images = camera.depth_m if kind == "depth" else np.asarray(camera.arrays[kind])
+    images = camera.depth_m if kind == "depth" else _drawable(np.asarray(camera.arrays[kind]))
     insets = _row(axis, images, camera.t_ns, holes=kind == "depth")
     if kind == "color":
         _label(insets[-1], episode, camera)
@@ -52,7 +52,7 @@ def field_strip(axis: Axes, episode: Episode, field: Field) -> None:
     values = np.asarray(episode.arrays[field.path])
     t_ns = episode.arrays[clock_of(field.path)][: len(values)]
     if field.image:
-        _row(axis, values if values.ndim == 3 or values.shape[3] in (3, 4) else values[..., 0], t_ns)
+        _row(axis, _drawable(values), t_ns)
         words = title(field)
     else:
         rows = np.linspace(0, len(values) - 1, min(len(values), FRAMES)).round().astype(int)
@@ -87,6 +87,18 @@ def tiled(row: np.ndarray) -> np.ndarray:
     pictures = np.asarray(row, np.float64).reshape(-1, *row.shape[-2:])
     gap = np.full((row.shape[-2], 1), np.nan)
     return np.concatenate([part for picture in pictures for part in (gap, picture)][1:], axis=1)
+
+
+def _drawable(images: np.ndarray) -> np.ndarray:
+    """Return images of other than 1, 3 or 4 channels as grey ones with their channels side by side.
+
+    Args:
+        images: Images, shape (F, H, W) or (F, H, W, channels).
+    """
+    if images.ndim == 3 or images.shape[3] in (3, 4):
+        return images
+    frames, height = images.shape[:2]
+    return np.moveaxis(images, 3, 2).reshape(frames, height, -1)
 
 
 def _row(axis: Axes, images: np.ndarray, t_ns: np.ndarray, holes: bool = False) -> list[Axes]:

@@ -13,6 +13,7 @@ from svfl_data.reports.plot_strips import tiled
 from svfl_data.sampling.split import split_episodes
 from svfl_data.schema.declarations import Declarations, wrench_stream
 from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.field import Field
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import episode_arrays, make_episode
 from tests.helpers.open_episode import OWN, bare_episode, dataset_of, open_arrays, open_episode
@@ -270,3 +271,20 @@ def test_a_card_of_nothing_or_of_damage_is_refused(dataset, tmp_path):
     with pytest.raises(DatasetError, match=r"empty.*no episodes"):
         write_card(Dataset.create_or_resume(tmp_path / "empty", "centering", 0, {}), tmp_path / "card.md")
     assert not (tmp_path / "card.md").exists()
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3, 4, 7])
+@pytest.mark.parametrize("place", ["cameras/front", "streams/skin"])
+def test_images_of_any_number_of_channels_are_drawn(channels, place, tmp_path):
+    path = f"{place}/spectrum"
+    rows = "F" if place.startswith("cameras") else "T"
+    field = Field(path=path, dtype="uint8", shape=(rows, 8, 9, channels), unit="1", image=True)
+    episode, arrays = open_episode(), open_arrays()
+    t_ns = arrays["cameras/front/t_ns"]
+    pixels = np.arange(len(t_ns) * 8 * 9 * channels).reshape(len(t_ns), 8, 9, channels).astype(np.uint8)
+    made = {**arrays, path: pixels, f"{place}/t_ns": t_ns}
+    figure = plot.overview(Episode(episode.meta, made, declarations=OWN.with_own([field])))
+    figure.savefig(tmp_path / "episode.png", dpi=40)
+    wide = 9 if channels in (3, 4) else 9 * channels
+    drawn = [image.get_array() for axis in figure.axes for inset in axis.child_axes for image in inset.get_images()]
+    assert any(one.shape[:2] == (8, wide) for one in drawn)
