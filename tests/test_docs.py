@@ -13,6 +13,8 @@ from collectors.robots.playback import Playback
 from svfl_data.checks import check_episode
 from svfl_data.cli import main
 from svfl_data.datasets.dataset import Dataset
+from svfl_data.sampling.cut import cut_steps
+from svfl_data.sampling.live_cut import LiveCut
 from svfl_data.schema.fields import markdown_table
 from svfl_data.storage.store import read_episode, write_episode
 from tests.helpers.builders import make_episode
@@ -93,6 +95,9 @@ def test_the_page_on_recording_can_be_followed_to_the_letter(tmp_path, monkeypat
     }  # fmt: skip
     assert {path: batch[path].shape for path in shapes} == shapes
     assert not batch["streams/joints/padding"].any()
+    inputs, seen = names["samples"].inputs, names["wiper"].observe()
+    recorded, lived = cut_steps(by_contract, inputs, [-1]), LiveCut(inputs)(seen)  # what a policy learns, and acts, from
+    assert {path: rows.shape for path, rows in lived.items()} == {path: rows.shape for path, rows in recorded.items()}
     transitions = names["transitions"]
     shapes |= {path: (2, 1, 32, 32, *shapes[path][4:]) for path in shapes if path.startswith("cameras/")}
     after = {f"next_{path}": shape for path, shape in shapes.items() if path != "actions/action"}
