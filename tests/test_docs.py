@@ -95,8 +95,8 @@ def test_the_page_on_recording_can_be_followed_to_the_letter(tmp_path, monkeypat
     }  # fmt: skip
     assert {path: batch[path].shape for path in shapes} == shapes
     assert not batch["streams/joints/padding"].any()
-    inputs, seen = names["samples"].inputs, names["wiper"].observe()
-    recorded, lived = cut_steps(by_contract, inputs, [-1]), LiveCut(inputs)(seen)  # what a policy learns, and acts, from
+    inputs = names["samples"].inputs  # a policy acts from what it learned from
+    recorded, lived = cut_steps(by_contract, inputs, [-1]), LiveCut(inputs)(names["wiper"].observe())
     assert {path: rows.shape for path, rows in lived.items()} == {path: rows.shape for path, rows in recorded.items()}
     transitions = names["transitions"]
     shapes |= {path: (2, 1, 32, 32, *shapes[path][4:]) for path in shapes if path.startswith("cameras/")}
