@@ -16,8 +16,8 @@ def add(commands: Commands) -> None:
         help="record demonstrations by a person with keyboard, gamepad or SpaceMouse",
         description="Open a window with the picture of the first camera, in which a person moves the gripper, and "
         "record demonstrations, in simulation at 20 Hz or on a robot at its own rate. The window shows the keys. A "
-        "simulated episode ends by itself when the task is achieved. The same command adds episodes to those of earlier "
-        "sessions. The device script repeats the inputs of a log file without a window, as fast as possible "
+        "simulated episode ends by itself when the task is achieved. The same command adds episodes to those of "
+        "earlier sessions. The device script repeats the inputs of a log file without a window, as fast as possible "
         "(docs/teleoperation.md).",
         example="svfl-collect teleop --task block_picking --device keyboard --out data/mine\n"
         "svfl-collect teleop --task peg_insertion --device gamepad --operator ada --log ada.log --out data/pegs\n"
