@@ -100,7 +100,7 @@ class Playback:
         self._step += 1
 
     def policy(self, observation: Observation) -> NDArray[np.float32] | None:
-        """Return the recorded action of this step, shape (A,), or None at the end, as a `svfl_data.schema.robot.Policy`.
+        """Return the recorded action of this step, shape (A,), or None at the end (`svfl_data.schema.robot.Policy`).
 
         Args:
             observation: Observation, which is ignored.
