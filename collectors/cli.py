@@ -17,7 +17,8 @@ def build_parser() -> Parser:
     """Return the parser of the command line of ``svfl-collect``, with all its commands."""
     root = Parser(
         prog=PROGRAM,
-        description="Record episodes with images and forces, in simulation or by teleoperation, and calibrate cameras.",
+        description="Record episodes with images and forces, in simulation or on a robot of your own, by experts, "
+        "persons and policies, and calibrate cameras.",
         example="svfl-collect expert --task block_picking --episodes 50 --workers 2 --seed 0 --out data/block_picking\n"
         "svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering",
     )

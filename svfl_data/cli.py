@@ -2,22 +2,9 @@
 
 import sys
 
-from svfl_data.commands import (
-    card,
-    info,
-    merge,
-    pack,
-    plot,
-    relabel,
-    repair,
-    split,
-    stats,
-    topdown,
-    upgrade,
-    validate,
-    view,
-)  # fmt: skip
-from svfl_data.commands import filter as filter_
+from svfl_data.commands import card, info, plot, relabel, repair, split, stats, topdown, validate, view
+from svfl_data.commands.new_datasets import filter as filter_
+from svfl_data.commands.new_datasets import merge, pack, upgrade
 from svfl_data.system.command_line import Parser
 from svfl_data.system.command_line import main as run
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from collectors.robots import DEFAULT, make, simulated
+from collectors.robots import DEFAULT, is_simulated, make
 from svfl_data.errors import UsageError
 from svfl_data.system.command_line import Parser, natural, positive
 
@@ -130,7 +130,7 @@ def real_robot(arguments: argparse.Namespace) -> str | None:
     Raises:
         UsageError: If no robot has the name, or an option of the simulation is given for a robot that is not simulated.
     """
-    if simulated(arguments.robot):
+    if is_simulated(arguments.robot):
         return None
     parser = Parser()
     add_world(parser)

@@ -15,13 +15,15 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser(
         "policy",
         help="record episodes of a trained policy, and print its success rate",
-        description="Record episodes of a trained policy in simulated scenes that are in no demonstration, and print "
-        "its success rate. Every episode is kept and counted, whether it succeeds or not. The policy takes the images "
-        "of the camera that it was trained with, which must be among --cameras. svfl-train export and "
-        "svfl_models.programs.exported_policy.save write .pt2 files; other packages can add further kinds of files "
-        "(collectors/sources/policy.py). On a robot that is not simulated, nobody but a person knows the success: all "
-        "episodes are marked as no success, which svfl-data relabel changes.",
-        example="svfl-collect policy --task block_picking --checkpoint policy.pt2 --episodes 100 --out data/trained",
+        description="Record episodes of a trained policy, on a robot or in simulated scenes that are in no "
+        "demonstration, and print its success rate. Every episode is kept and counted, whether it succeeds or not. The "
+        "cameras on "
+        "whose images the policy was trained must be among --cameras. svfl-train export writes .pt2 files; other "
+        "packages can add further kinds of files (collectors/sources/policy.py). On a robot that is not simulated, "
+        "nobody but a person knows the success: all episodes are marked as no success, which svfl-data relabel "
+        "changes.",
+        example="svfl-collect policy --task block_picking --checkpoint policy.pt2 --episodes 100 --out data/trained\n"
+        "svfl-collect policy --task wiping --robot my_arm --checkpoint policy.pt2 --steps 400 --out data/tried",
     )
     parser.add_argument(
         "--task", required=True, metavar="TASK",

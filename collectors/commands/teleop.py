@@ -14,13 +14,15 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser(
         "teleop",
         help="record demonstrations by a person with keyboard, gamepad or SpaceMouse",
-        description="Open a window with the simulation or the picture of a robot's camera, in which a person moves the "
-        "gripper, and record demonstrations, in simulation at 20 Hz. The window shows the keys. A simulated episode "
-        "ends by itself when the task is achieved. The same command adds episodes to those of earlier sessions. The "
-        "device script repeats the inputs of a log file without a window, as fast as possible (docs/teleoperation.md).",
+        description="Open a window with the picture of the first camera, in which a person moves the gripper, and "
+        "record demonstrations, in simulation at 20 Hz or on a robot at its own rate. The window shows the keys. A "
+        "simulated episode ends by itself when the task is achieved. The same command adds episodes to those of "
+        "earlier sessions. The device script repeats the inputs of a log file without a window, as fast as possible "
+        "(docs/teleoperation.md).",
         example="svfl-collect teleop --task block_picking --device keyboard --out data/mine\n"
         "svfl-collect teleop --task peg_insertion --device gamepad --operator ada --log ada.log --out data/pegs\n"
-        "svfl-collect teleop --task peg_insertion --device script ada.log --out data/pegs_again",
+        "svfl-collect teleop --task peg_insertion --device script ada.log --out data/pegs_again\n"
+        "svfl-collect teleop --task wiping --robot my_arm --device spacemouse --out data/wiped",
     )
     parser.add_argument(
         "--task", required=True, metavar="TASK",
@@ -39,8 +41,8 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument(
         "--pace", type=between(0.05, 1, "a number"), default=0.5, metavar="X",
-        help="largest speed of the gripper as a fraction of full speed, which is 0.5 m/s; between 0.05 and 1 "
-        "(default: %(default)g)",
+        help="largest speed of the gripper as a fraction of full speed, which follows from the bounds of the action "
+        "(in simulation 0.5 m/s); between 0.05 and 1 (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
         "--seconds", type=positive, default=120, metavar="N",

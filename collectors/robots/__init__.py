@@ -41,7 +41,7 @@ def robots() -> dict[str, str]:
     return {entry.name: entry.value for entry in entry_points(group=GROUP)} | OWN
 
 
-def simulated(name: str) -> bool:
+def is_simulated(name: str) -> bool:
     """Return whether the robot with a given name is a simulated one.
 
     Raises:
@@ -61,7 +61,7 @@ def robot_class(name: str) -> "type[RobotConfig]":
     Raises:
         UsageError: If no robot has that name, its package does not have what it declares, or it is not simulated.
     """
-    if not simulated(name):
+    if not is_simulated(name):
         raise UsageError(f"robot {name} is not simulated, which this needs; simulated are {', '.join(sorted(OWN))}")
     found: type[RobotConfig] = _loaded(name)
     return found
@@ -87,7 +87,7 @@ def connected(name: str) -> Robot:
         UsageError: If no such robot has that name, or its package does not have what it declares.
         CollectError: If the robot cannot be reached.
     """
-    if simulated(name):
+    if is_simulated(name):
         raise UsageError(f"robot {name} is simulated; it needs a World and a task")
     make_robot: Callable[[], Robot] = _loaded(name)
     robot = make_robot()

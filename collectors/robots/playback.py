@@ -88,7 +88,7 @@ class Playback:
         """Go on to the next recorded observation.
 
         Args:
-            action: Action, which is ignored.
+            action: Action, shape (A,), which is ignored.
 
         Raises:
             CollectError: If there is no further observation.
@@ -100,7 +100,7 @@ class Playback:
         self._step += 1
 
     def policy(self, observation: Observation) -> NDArray[np.float32] | None:
-        """Return the recorded action of this step, or None at the end, as a `svfl_data.schema.robot.Policy`.
+        """Return the recorded action of this step, shape (A,), or None at the end (`svfl_data.schema.robot.Policy`).
 
         Args:
             observation: Observation, which is ignored.

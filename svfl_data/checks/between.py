@@ -7,9 +7,9 @@ from svfl_data.checks.finding import Finding
 from svfl_data.checks.placing import check_place
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.duplicates import content_id, copies
+from svfl_data.datasets.recording_setup import Common, Setup
 from svfl_data.datasets.shards import members, shard_files
 from svfl_data.schema.episode import Episode
-from svfl_data.schema.recording_setup import Common, Setup
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.printable import printable
 

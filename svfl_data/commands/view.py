@@ -53,7 +53,7 @@ def add(commands: Commands) -> None:
         help="folder of a second dataset; compare the forces of both instead of showing episodes (default: none)",
     )  # fmt: skip
     parser.add_argument(
-        "--urdf", type=Path, metavar="FILE", help="URDF file of the arm (default: the Panda arm of the simulation)"
+        "--urdf", type=Path, metavar="FILE", help="URDF file of the arm (default: that of the Panda, for its episodes)"
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(

@@ -18,10 +18,10 @@ import msgspec
 
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.duplicates import content_id
+from svfl_data.datasets.recording_setup import Setup
 from svfl_data.datasets.shards import MEMBER
 from svfl_data.errors import FormatError, OldVersionError, StorageError, SvflError
 from svfl_data.schema.fields import EXTRA
-from svfl_data.schema.recording_setup import Setup
 from svfl_data.storage.chunks import Extent
 from svfl_data.storage.header import FORMAT_VERSION, header, know_own
 from svfl_data.storage.reader import EpisodeReader

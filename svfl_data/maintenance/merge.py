@@ -12,10 +12,10 @@ from svfl_data.checks import sound
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.duplicates import copies, copies_words
 from svfl_data.datasets.index import Entry, entries
+from svfl_data.datasets.recording_setup import Common, first_difference, refuse_difference
 from svfl_data.errors import DatasetError, StorageError
 from svfl_data.maintenance.relabel import history_entry
 from svfl_data.schema.episode import Episode
-from svfl_data.schema.recording_setup import Common, first_difference, refuse_difference
 from svfl_data.storage.store import write_episode
 from svfl_data.system.leftovers import clear_folders, folder_aside
 from svfl_data.system.progress import progress

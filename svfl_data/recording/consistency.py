@@ -15,12 +15,20 @@ import msgspec
 
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.index import entries, known_entries
+from svfl_data.datasets.recording_setup import (
+    DECLARED,
+    RATES,
+    Array,
+    Common,
+    Setup,
+    first_difference,
+    refuse_difference,
+)
 from svfl_data.errors import DatasetError, FormatError, StorageError
 from svfl_data.recording.index_locks import SETUP, inflight, locked, take_over
 from svfl_data.recording.journal import SUFFIX as JOURNAL
 from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Meta
-from svfl_data.schema.recording_setup import DECLARED, RATES, Array, Common, Setup, first_difference, refuse_difference
 from svfl_data.system.regular_file import open_regular
 from svfl_data.system.side_files import parse_as, read_side_file
 

@@ -95,7 +95,7 @@ def cut(
 
 
 def readings(arrays: Mapping[str, Readable], path: str, rows: np.ndarray, name: str = "episode") -> np.ndarray:
-    """Return rows of an array of a stream, minus the ``tare`` of its group if it has one.
+    """Return rows of an array of a stream, (*rows.shape, ...), minus the ``tare`` of its group if it has one.
 
     Args:
         arrays: Arrays by dataset path.
@@ -120,7 +120,7 @@ def _array(arrays: Mapping[str, Readable], path: str, name: str) -> Readable:
 
 
 def rows_from_1(array: Readable, rows: np.ndarray) -> np.ndarray:
-    """Return rows that are numbered from 1; row 0 is one of zeros, for a time before the first reading.
+    """Return rows that are numbered from 1, (*rows.shape, ...); row 0 is one of zeros, before the first reading.
 
     Args:
         array: Array, shape (M, ...).

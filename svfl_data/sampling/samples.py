@@ -1,4 +1,4 @@
-"""Training samples from a dataset: the frames, wrench window and proprioception at a step, and the actions from it on.
+"""Training samples from a dataset: the images, windows of streams and vectors at a step, and the actions from it on.
 
 All values are as recorded, in the units and axes of ``data/README.md``. Colour stays uint8 and depth stays uint16, so
 that little memory is copied until a batch reaches the device that uses it. Each key of a batch is the path of the field
@@ -6,7 +6,7 @@ that the values were taken from.
 """
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -19,13 +19,13 @@ from svfl_data.sampling.batch import Batch, age_key, padding_key
 from svfl_data.sampling.frames import Frames, corners, draws
 from svfl_data.sampling.named_camera import named_camera
 from svfl_data.sampling.ragged import join, rows_of, starts
+from svfl_data.sampling.sample_checks import checked_values, require_memory, require_shapes
 from svfl_data.schema.action_fields import ACTION
 from svfl_data.schema.clocks import Clock
 from svfl_data.schema.input_spec import ACTIONS, EXPERT_ACTION, InputSpec, Window
 from svfl_data.schema.input_spec import PROPRIO as PROPRIO  # imported for users of this module
 from svfl_data.schema.input_spec import WRENCH as WRENCH
 from svfl_data.signals.camera_poses import camera_poses, frame_axes, moves, pose_paths
-from svfl_data.storage.reader import StoredArray
 from svfl_data.system.progress import progress
 
 TIMES = "observations/t_ns"
@@ -223,13 +223,14 @@ class Samples:
         if self.expert_action and ACTION in self.actions:
             for of_episode, reader in zip(stored, readers, strict=True):
                 of_episode[ACTION] = reader[EXPERT_ACTION if EXPERT_ACTION in reader else ACTION]
-        self._check(stored, images)
+        require_shapes(stored, self.labels, images, self.crop)
+        require_memory(stored, images, self.cache, self.budget, self.dataset.path)
         if validated:
             check_usable(self.dataset, self.episodes, [*groups, *self.labels])
         arrays = {path: [of_episode[path] for of_episode in stored] for path in needed}
         self._sizes = {path: stored[0][path].shape[1:3] for path in images}
         self._images = {path: Frames.of(arrays[path], self.cache) for path in images}
-        values = {path: [_sound(array) for array in arrays[path]] for path in needed if path not in images}
+        values = {path: [checked_values(array) for array in arrays[path]] for path in needed if path not in images}
         times = values[TIMES]
         action_counts = [len(piece) - 1 for piece in times]
         steps = [np.arange(count) if self.at == "each action" else np.array([count]) for count in action_counts]
@@ -255,30 +256,6 @@ class Samples:
             self._rows[group] = rows_of(values[f"{group}/t_ns"], now_ns, clocks, window, group, readers)
         self._axes = {group: _axes(group, values, [*paths, f"{group}/t_ns"]) for group, paths in moving.items()}
         self._constants = {path: np.stack(values[path]) for path in (*self.labels, *scales)}
-
-    def _check(self, stored: list[dict[str, StoredArray]], pictures: Collection[str]) -> None:
-        """Refuse episodes with different shapes, and samples that exceed the memory budget, before values are read."""
-        for path, array in stored[0].items():
-            rows = 0 if path in self.labels or not array.shape else 1
-            for other in stored[1:]:
-                if other[path].shape[rows:] != array.shape[rows:]:
-                    raise DatasetError(
-                        f"{path} is {array.shape[rows:]} in {array.extent}, but {other[path].shape[rows:]} in "
-                        f"{other[path].extent}; a batch needs equal shapes"
-                    )
-            if self.crop and path in pictures and not 1 <= self.crop <= min(array.shape[1:3]):
-                raise UsageError(f"crop is {self.crop} px; {path} has {array.shape[1]} x {array.shape[2]} px")
-        small = images = 0
-        for path, array in ((path, array) for of_episode in stored for path, array in of_episode.items()):
-            size = int(np.prod(array.shape, dtype=np.int64)) * array.dtype.itemsize
-            small, images = (small, images + size) if path in pictures else (small + size, images)
-        need = small + (images if self.cache else 0)
-        if need > self.budget:
-            way = "cache=False, " if self.cache else ""
-            raise DatasetError(
-                f"{self.dataset.path}: samples need {need / 1e6:.3g} MB of memory ({images / 1e6:.3g} MB of images), "
-                f"the budget is {self.budget / 1e6:.3g} MB; choose {way}fewer episodes or a larger budget"
-            )
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if not name.startswith("_")}
@@ -319,14 +296,3 @@ def _axes(group: str, values: Mapping[str, list[np.ndarray]], needed: Sequence[s
     pieces = [dict(zip(needed, of_episode, strict=True)) for of_episode in zip(*map(values.get, needed), strict=True)]
     axes = [frame_axes(camera_poses(arrays, camera, arrays[clock])) for arrays in pieces]
     return np.concatenate([np.eye(2)[None], *axes]).astype(np.float32)
-
-
-def _sound(array: StoredArray) -> np.ndarray:
-    """Return a whole array, after checking that it does not run backwards if it holds timestamps."""
-    values = array[()]
-    if array.path.endswith("/t_ns") and (np.diff(values) < 0).any():
-        row = int(np.flatnonzero(np.diff(values) < 0)[0]) + 1
-        raise DatasetError(
-            f"{array.extent}: {array.path} decreases at row {row}; samples need time stamps that do not decrease"
-        )
-    return values

@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_models.centering import checkpoint  # torch, lightning and escnn take seconds to import
     from svfl_models.cloning import acting
     from svfl_models.cloning.checkpoint import is_policy, load_policy
-    from svfl_models.deployment import export  # torch, lightning and escnn take seconds to import
+    from svfl_models.deployment import export
 
     if is_policy(arguments.checkpoint):
         difference = acting.export(load_policy(arguments.checkpoint), arguments.out)

@@ -14,7 +14,7 @@ from svfl_models.programs import exported_policy, own_policy
 from svfl_models.programs.own_policy import InputFacts, OwnPolicy
 
 
-def load(file: Path) -> Policy:
+def load(file: Path | str) -> Policy:
     """Load an exported policy, which says by a mark inside its file of which kind it is.
 
     Args:
@@ -23,7 +23,8 @@ def load(file: Path) -> Policy:
     Raises:
         FormatError: If the file is missing, damaged, or not a policy.
     """
-    return RobotPolicy(own_policy.load(file)) if own_policy.is_own(file) else exported_policy.load(file)
+    path = Path(file)
+    return RobotPolicy(own_policy.load(path)) if own_policy.is_own(path) else exported_policy.load(path)
 
 
 class RobotPolicy:

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import svfl_data.cli
-import svfl_data.commands.rerun_importer
+import svfl_data.viewer.rerun_importer
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.system.command_line import run
 
@@ -97,6 +97,6 @@ PROGRAMS = {
     "svfl-data": svfl_data.cli.main,
     "svfl-collect": collect,
     "svfl-train": train,
-    "rerun-importer-svfl": svfl_data.commands.rerun_importer.main,
+    "rerun-importer-svfl": svfl_data.viewer.rerun_importer.main,
     "library": library,
 }

@@ -169,7 +169,7 @@ class RecordedSpec:
         raise difference("input", "without it", ", ".join(extra), where, there)
 
     def kept(self, name: str, values: np.ndarray) -> np.ndarray:
-        """Return the values unchanged."""
+        """Return the values, shape (M, ...), unchanged."""
         return values
 
     def observed(self, observation: Observation, layout: Layout) -> dict[str, np.ndarray]:

@@ -155,16 +155,7 @@ class ReplaySpec:
         )  # fmt: skip
 
     def require_equal(self, other: Spec, where: str, there: str) -> None:
-        """Refuse another spec if it differs from this spec.
-
-        Args:
-            other: The other spec.
-            where: Origin of this spec, for the error message, such as ``the replay buffer``.
-            there: Origin of the other spec, for the error message.
-
-        Raises:
-            DatasetError: If the two specs differ.
-        """
+        """Refuse another spec if it differs from this spec; see `svfl_data.replay.specs.spec.Spec`."""
         if not isinstance(other, ReplaySpec):
             raise difference("input", "the paper's (image, wrench, proprio)", "any input by its path", where, there)
         for field in fields(self):

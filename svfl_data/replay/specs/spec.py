@@ -38,14 +38,14 @@ class Spec(Protocol):
         """
 
     def acted(self, action: np.ndarray) -> np.ndarray:
-        """Return an action as a batch gives it.
+        """Return an action, shape (C,), as a batch gives it.
 
         Raises:
             FieldError: If the action has a wrong shape or value, or is beyond the bounds.
         """
 
     def kept(self, name: str, values: np.ndarray) -> np.ndarray:
-        """Return observed rows of an array as a batch gives them."""
+        """Return observed rows of an array, shape (M, ...), as a batch gives them."""
 
     def require_equal(self, other: "Spec", where: str, there: str) -> None:
         """Refuse another spec if it differs from this spec.

@@ -10,7 +10,7 @@ import pytest
 from collectors import cli
 from collectors.recording.live_view import shown, viewer
 from collectors.recording.loop import record
-from collectors.robots import GROUP, connected, make, simulated
+from collectors.robots import GROUP, connected, is_simulated, make
 from collectors.robots.playback import Playback
 from collectors.simulation import WorldConfig
 from collectors.sources import policy
@@ -163,7 +163,7 @@ def test_what_it_cannot_do_is_one_line(package, tmp_path, run, monkeypatch, code
 
 
 def test_a_robot_is_simulated_or_not(package):
-    assert (simulated("ur5e_sim"), simulated("finger_arm")) == (True, False)
+    assert (is_simulated("ur5e_sim"), is_simulated("finger_arm")) == (True, False)
     assert connected("finger_arm").name == "finger_arm"
     with pytest.raises(UsageError, match="panda_sim is simulated"):
         connected("panda_sim")

@@ -12,7 +12,6 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from svfl_data.commands import rerun_importer
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, UsageError
 from svfl_data.schema.action_fields import planar_action
@@ -21,7 +20,7 @@ from svfl_data.schema.optics import Calibration
 from svfl_data.storage import seal
 from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import DIRECTIONS
-from svfl_data.viewer import compare, predictions, show
+from svfl_data.viewer import compare, predictions, rerun_importer, show
 from svfl_data.viewer.entities.episode_source import EpisodeSource
 from svfl_data.viewer.live import GAP_NS, Live
 from svfl_data.viewer.predictions import Prediction
@@ -41,7 +40,7 @@ def _strict(monkeypatch):
 
 
 def run_importer(file, *words):
-    program = [sys.executable, "-m", "svfl_data.commands.rerun_importer"]
+    program = [sys.executable, "-m", "svfl_data.viewer.rerun_importer"]
     command = [*program, str(file), "--opened-application-id", "x", *words]
     return subprocess.run(command, capture_output=True, check=False)
 
@@ -66,7 +65,7 @@ def test_the_importer_leaves_foreign_files_to_others_without_loading_anything(tm
         assert run_importer(tmp_path / name).returncode == rerun_importer.FOREIGN
     code = (
         f"import sys; sys.argv[1:] = [{str(tmp_path / 'a.hdf5')!r}]\n"
-        "from svfl_data.commands import rerun_importer; rerun_importer.main()\n"
+        "from svfl_data.viewer import rerun_importer; rerun_importer.main()\n"
     )
     code += "print(*{'numpy', 'h5py', 'rerun'} & sys.modules.keys())"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
