@@ -15,12 +15,15 @@ from svfl_data.cli import main
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.schema.fields import markdown_table
 from svfl_data.storage.store import read_episode, write_episode
+from svfl_models.cli import build_parser as training_commands
+from svfl_models.cloning.recorded_inputs import recorded_input
+from svfl_models.networks.image_crops import crop_side
 from tests.helpers.builders import make_episode
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "Makefile", *sorted((ROOT / "docs").rglob("*.md"))]
 COMMANDS = sorted(
-    {match for page in PAGES for match in re.findall(r"^\s+(?:\$\(BIN\)/)?(svfl-\w+ .*)$", page.read_text(), re.M)}
+    {match for page in PAGES for match in re.findall(r"^\s*(?:\$\(BIN\)/)?(svfl-\w+ .*)$", page.read_text(), re.M)}
 )
 
 
@@ -78,6 +81,11 @@ def test_the_page_on_recording_can_be_followed_to_the_letter(tmp_path, monkeypat
     again = record(playback, playback.policy, len(episode))
     assert again.keys() == episode.arrays.keys()
     assert [path for path in again if not np.array_equal(again[path], episode.arrays[path])] == []
+    command = next(one for one in COMMANDS if one.startswith("svfl-train bc --data data/mine --episodes 10"))
+    words = training_commands().parse_args(shlex.split(command)[1:])
+    reader = Dataset.open("data/mine").episode(0)
+    for one in [recorded_input(one, reader, symmetric=True) for one in words.inputs]:
+        assert one.kind != "image" or crop_side(min(one.size), words.image_size)
     assert [one for one in check_episode(episode) if one.severity == "error"] == []
     assert len(episode.wrench) > 200
     assert len(episode["streams/left_finger/wrench"]) > 200
@@ -92,7 +100,6 @@ def test_the_page_on_recording_can_be_followed_to_the_letter(tmp_path, monkeypat
         "cameras/wrist/color": (2, 1, 32, 32, 3),
     }  # fmt: skip
     assert {path: batch[path].shape for path in shapes} == shapes
-    assert not batch["streams/joints/padding"].any()
     transitions = names["transitions"]
     shapes |= {path: (2, 1, 32, 32, *shapes[path][4:]) for path in shapes if path.startswith("cameras/")}
     after = {f"next_{path}": shape for path, shape in shapes.items() if path != "actions/action"}

@@ -231,7 +231,7 @@ def _axis_fault(field: Field) -> str | None:
             return f"has a part of kind {part.kind} with {len(part.index)} components; vector and axial have 2"
     for pair in (*field.bounds, field.possible):
         if not isinstance(pair, tuple) or len(pair) != 2:
-            return f"has the bounds {pair!r}; bounds are pairs of a lower and an upper one, such as ((0, 1), (-0.1, 0.1))"
+            return f"has the bounds {pair!r}; bounds are pairs of a lower and an upper one, such as ((0, 1), (-2, 2))"
     if not all(-FARTHEST <= low < high <= FARTHEST for low, high in (*field.bounds, field.possible)):
         return f"has bounds that are not lower and upper, or beyond {FARTHEST:g}"
     return None

@@ -1,4 +1,4 @@
-"""A declaration is the same however it was written down: as tuples or lists, with integers, floats or numbers of NumPy."""
+"""A declaration is the same however it was written: as tuples or lists, with integers, floats or numbers of NumPy."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,8 @@ ALIKE = {
 @pytest.mark.parametrize("kind", ALIKE)
 def test_equal_declarations_are_equal_and_come_back_equal(kind):
     field = ALIKE[kind]
-    assert field == AS_FLOATS and hash(field) == hash(AS_FLOATS)
+    assert field == AS_FLOATS
+    assert hash(field) == hash(AS_FLOATS)
     assert Declarations([field]) == Declarations([AS_FLOATS])
     assert field.texts == AS_FLOATS.texts
     assert Declarations([parsed(field.path, field.dtype, [field.attributes[name] for name in MEANING])]).own[0] == field
