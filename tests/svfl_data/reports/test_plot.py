@@ -13,6 +13,7 @@ from svfl_data.reports.plot_strips import tiled
 from svfl_data.sampling.split import split_episodes
 from svfl_data.schema.declarations import Declarations, wrench_stream
 from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.field import Field
 from svfl_data.storage.store import write_episode
 from tests.helpers.builders import episode_arrays, make_episode
 from tests.helpers.open_episode import OWN, bare_episode, dataset_of, open_arrays, open_episode
@@ -270,3 +271,15 @@ def test_a_card_of_nothing_or_of_damage_is_refused(dataset, tmp_path):
     with pytest.raises(DatasetError, match=r"empty.*no episodes"):
         write_card(Dataset.create_or_resume(tmp_path / "empty", "centering", 0, {}), tmp_path / "card.md")
     assert not (tmp_path / "card.md").exists()
+
+
+def test_rows_of_many_numbers_are_one_picture():
+    """Such as sound: no reading is left out of the picture in silence."""
+    sound = np.random.default_rng(0).integers(-3000, 3000, (40, 160), np.int16)
+    field = Field(path="streams/mic/sound", dtype="int16", shape=("T", 160), unit="-")
+    own = Declarations([*OWN.own, field])
+    arrays = open_arrays() | {"streams/mic/sound": sound, "streams/mic/t_ns": np.arange(40) * 10_000_000}
+    figure = plot.overview(Episode(Meta("cups", 0, 0, "teleop", True), arrays, declarations=own))
+    (axis,) = (axis for axis in figure.axes if any("mic/sound" in text.get_text() for text in axis.texts))
+    (inset,) = axis.child_axes
+    np.testing.assert_array_equal(inset.images[0].get_array(), sound.T)
