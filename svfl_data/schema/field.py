@@ -89,8 +89,10 @@ class Field:
 
     def __post_init__(self) -> None:
         # A file gives tuples and floats back. Declarations of equal meaning must be equal, also those given as lists.
-        for name in ("shape", "components", "delta", "possible", "assumed"):
+        for name in ("components", "delta", "possible", "assumed"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
+        sizes = (int(size) if isinstance(size, np.integer) else size for size in self.shape)
+        object.__setattr__(self, "shape", tuple(sizes))
         object.__setattr__(self, "parts", tuple(Part(part.kind, tuple(part.index)) for part in self.parts))
         object.__setattr__(self, "bounds", tuple(map(_pair, self.bounds)))
 
