@@ -18,12 +18,19 @@ from svfl_data.sampling.live_cut import LiveCut
 from svfl_data.schema.clocks import STALE_PERIODS
 from svfl_data.schema.fields import markdown_table
 from svfl_data.storage.store import read_episode, write_episode
+from svfl_models.cli import build_parser as training_commands
+from svfl_models.cloning.recorded_inputs import recorded_input
+from svfl_models.networks.image_crops import crop_side
 from tests.helpers.builders import make_episode
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "Makefile", *sorted((ROOT / "docs").rglob("*.md"))]
 COMMANDS = sorted(
-    {match for page in PAGES for match in re.findall(r"^\s+(?:\$\(BIN\)/)?(svfl-\w+ .*)$", page.read_text(), re.M)}
+    {
+        command
+        for page in PAGES
+        for command in re.findall(r"^\s*(?:\$\(BIN\)/)?(svfl-\w+ .*)$", page.read_text().replace("\\\n", " "), re.M)
+    }
 )
 
 
@@ -81,6 +88,11 @@ def test_the_page_on_recording_can_be_followed_to_the_letter(tmp_path, monkeypat
     again = record(playback, playback.policy, len(episode))
     assert again.keys() == episode.arrays.keys()
     assert [path for path in again if not np.array_equal(again[path], episode.arrays[path])] == []
+    command = next(one for one in COMMANDS if one.startswith("svfl-train bc --data data/mine --episodes 10"))
+    words = training_commands().parse_args(shlex.split(command)[1:])
+    reader = Dataset.open("data/mine").episode(0)
+    for one in [recorded_input(one, reader, symmetric=True) for one in words.inputs]:
+        assert one.kind != "image" or crop_side(min(one.size), words.image_size)
     assert [one for one in check_episode(episode) if one.severity == "error"] == []
     assert len(episode.wrench) > 200
     assert len(episode["streams/left_finger/wrench"]) > 200

@@ -12,7 +12,7 @@ the robot can be replayed. Any other robot is a class, or a function without arg
 `svfl_data.schema.robot.Robot`; ``svfl-collect teleop`` and ``svfl-collect policy`` take it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from importlib import import_module
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
@@ -31,6 +31,9 @@ OWN = {
     "ur5e_sim": "collectors.simulation.arms.ur5e:UR5eConfig",
 }
 """Robots of this package, which are known where the package is not installed as well."""
+METHODS = [name for name, member in vars(Robot).items() if callable(member) and not name.startswith("_")]
+FACTS = [name for name, member in vars(Robot).items() if isinstance(member, property)]
+"""What the contract asks for; the facts may become known by connecting."""
 
 
 def robots() -> dict[str, str]:
@@ -84,15 +87,27 @@ def connected(name: str) -> Robot:
     """Return the robot with a given name that is not simulated, connected.
 
     Raises:
-        UsageError: If no such robot has that name, or its package does not have what it declares.
+        UsageError: If no such robot has that name, its package does not have what it declares, or it is no robot.
         CollectError: If the robot cannot be reached.
     """
     if is_simulated(name):
         raise UsageError(f"robot {name} is simulated; it needs a World and a task")
     make_robot: Callable[[], Robot] = _loaded(name)
     robot = make_robot()
+    _require(robot, METHODS, name)
     robot.connect()
+    try:
+        _require(robot, FACTS, name)
+    except UsageError:
+        robot.close()
+        raise
     return robot
+
+
+def _require(robot: Robot, members: Collection[str], name: str) -> None:
+    if lacking := [member for member in members if not hasattr(robot, member)]:
+        words = f"{robots()[name]} has no {', '.join(lacking)}"
+        raise UsageError(f"robot {name}: {words}, which every robot needs (svfl_data.Robot)")
 
 
 def recorded_class(values: Any) -> "type[RobotConfig]":  # noqa: ANN401 - any JSON value

@@ -16,8 +16,9 @@ from svfl_data.schema.episode import Episode
 from svfl_data.schema.field import Field
 from svfl_data.schema.fields import EXTRA, camera_names
 from svfl_data.schema.input_spec import WINDOW
-from svfl_data.schema.optics import Calibration, image_axes, mounted
+from svfl_data.schema.optics import Calibration, image_axes
 from svfl_data.schema.robot import Frame, Observation
+from svfl_data.signals.camera_poses import camera_poses, moves
 
 CLOCKED = ("streams/", "cameras/")
 """Beginnings of the paths of groups with clocks of their own."""
@@ -121,8 +122,11 @@ class Playback:
         frames = {}
         for camera in camera_names(self._arrays):
             row = latest(self._arrays[f"cameras/{camera}/t_ns"], now_ns)
-            if row >= 0 and "color" in self._groups[f"cameras/{camera}"]:
-                frames[camera] = self._frame(camera, row, values)
+            if row < 0:
+                continue
+            if "color" in self._groups[f"cameras/{camera}"]:
+                frames[camera] = self._frame(camera, row)
+            values |= self._further_images(camera, row)
         wrench = values.get("streams/wrench/wrench")  # where there are fewer readings, the first one is repeated
         position, tcp = values.get("streams/joints/position"), values.get("streams/tcp/pose")
         return Observation(
@@ -182,19 +186,32 @@ class Playback:
                 found[path] = (part - tare).astype(part.dtype)
         return found
 
-    def _frame(self, camera: str, row: int, values: Mapping[str, NDArray[Any]]) -> Frame:
+    def _frame(self, camera: str, row: int) -> Frame:
         group, leaves = f"cameras/{camera}", self._groups[f"cameras/{camera}"]
-        pose = None
-        if "T_base_camera_per_frame" in leaves:
-            pose = np.asarray(self._arrays[f"{group}/T_base_camera_per_frame"][row])
-        elif f"{group}/T_tcp_camera" in self._arrays and "streams/tcp/pose" in values:
-            pose = mounted(values["streams/tcp/pose"][-1:], self._arrays[f"{group}/T_tcp_camera"])[0]
         return Frame(
             np.asarray(self._arrays[f"{group}/color"][row]),
             np.asarray(self._arrays[f"{group}/depth"][row]) if "depth" in leaves else None,
             int(self._arrays[f"{group}/t_ns"][row]),
-            pose,
+            self._pose(camera, row),
         )
+
+    def _further_images(self, camera: str, row: int) -> dict[str, NDArray[Any]]:
+        """Return the images that a `Frame` has no place for; of a camera without colour all, with time and pose."""
+        group, leaves = f"cameras/{camera}", self._groups[f"cameras/{camera}"]
+        images = self.declarations.image_paths(camera, self._arrays)
+        found = {path: np.asarray(self._arrays[path][row]) for path in images}
+        if "color" in leaves:
+            return {path: image for path, image in found.items() if path.rpartition("/")[2] not in ("color", "depth")}
+        pose = self._pose(camera, row)
+        found[f"{group}/t_ns"] = np.asarray(self._arrays[f"{group}/t_ns"][row])
+        return found if pose is None else {**found, f"{group}/T_base_camera_per_frame": pose}
+
+    def _pose(self, camera: str, row: int) -> NDArray[Any] | None:
+        """Return the pose of a camera that moves at one of its frames, NaN before the first pose of the TCP."""
+        if not moves(self._arrays, camera):
+            return None
+        pose: NDArray[Any] = camera_poses(self._arrays, camera, np.asarray(self._arrays[f"cameras/{camera}/t_ns"]))[row]
+        return pose
 
     def _calibration(self, camera: str) -> Calibration | None:
         """Return the calibration of a camera, with its pose at this step if it moves; None if anything is unknown."""
@@ -205,13 +222,9 @@ class Playback:
         pose, mount = known.get("T_base_camera"), known.get("T_tcp_camera")
         if pose is None:
             row = latest(known["t_ns"], int(self._episode.t_ns[self._step]))
-            pose = self._frame(camera, max(row, 0), self._tcp_now()).T_base_camera if "color" in known else None
-        if pose is None or "intrinsics" not in known:
+            pose = self._pose(camera, max(row, 0))
+        if pose is None or not np.isfinite(pose).all() or "intrinsics" not in known:
             return None
         axes = known["image_axes"] if "image_axes" in known else image_axes(pose)
         scale = float(known["depth_scale"]) if "depth_scale" in known else math.nan
         return Calibration(known["intrinsics"], pose, axes, scale, mount)
-
-    def _tcp_now(self) -> dict[str, NDArray[Any]]:
-        now_ns = int(self._episode.t_ns[self._step])
-        return self._window("streams/tcp", now_ns) if "streams/tcp" in self._groups else {}

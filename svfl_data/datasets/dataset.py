@@ -72,7 +72,8 @@ class Dataset:
 
         Args:
             path: Folder of the dataset. It must be absent, be empty, or hold this dataset.
-            task: Name of the task of the episodes.
+            task: Name of the task of the episodes; several names with ``+`` between them, such as ``wiping+pouring``,
+                if each episode is of one of them.
             seed: Seed of the dataset, which is that of all its episodes.
             config: Configuration with which the episodes are recorded (JSON values).
             varies: Paths and groups in which the episodes may differ. It is stored when the dataset is created, and

@@ -250,6 +250,8 @@ def _words(name: str, here: Any, there: Any) -> tuple[str, str]:  # noqa: ANN401
     """Return both values of a fact in words. For a matrix, this is the number that differs most."""
     if name.startswith(DECLARED):
         which = next(at for at in range(len(COMPARED)) if here[at] != there[at])
+        if COMPARED[which] == "declaration":
+            return _declared_words(here[which], there[which])
         return f"{COMPARED[which]} {here[which]!r}", f"{COMPARED[which]} {there[which]!r}"
     if not isinstance(here, list):
         return _row_words(here), _row_words(there)
@@ -262,6 +264,13 @@ def _words(name: str, here: Any, there: Any) -> tuple[str, str]:  # noqa: ANN401
     if int(np.prod(sizes)) == len(here) > 1:
         place = f" at {[int(index) for index in np.unravel_index(position, sizes)]}"
     return f"{here[position]!r}{place}", f"{there[position]!r}"
+
+
+def _declared_words(here: str, there: str) -> tuple[str, str]:
+    """Return the first attribute in which two declarations differ (`svfl_data.schema.field.Stored`), in words."""
+    found, others = (msgspec.json.decode(text) for text in (here, there))
+    name = next(name for name in [*found, *others] if found.get(name) != others.get(name))
+    return f"{name} {found.get(name, 'not declared')}", f"{name} {others.get(name, 'not declared')}"
 
 
 def _row_words(row: tuple[str, Sequence[int]]) -> str:

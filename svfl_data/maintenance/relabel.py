@@ -13,6 +13,7 @@ from typing import Any
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, UsageError
 from svfl_data.schema.episode import Episode, Meta
+from svfl_data.schema.fields import EXTRA
 from svfl_data.signals.contact import CONTACT, ContactRule, contact_annotations
 from svfl_data.signals.transforms import Gravity, LowPass, Tare, as_record
 from svfl_data.storage.store import read_episode, write_episode
@@ -136,7 +137,10 @@ def with_annotation(name: str, start_s: float, end_s: float) -> Change:
     """
 
     def change(episode: Episode) -> Meta:
-        last_s = max(int(clock[-1]) for clock in (episode.t_ns, episode.wrench_t_ns) if len(clock)) / 1e9
+        clocks = [
+            times for path, times in episode.arrays.items() if path.endswith("/t_ns") and not path.startswith(EXTRA)
+        ]
+        last_s = max(int(clock[-1]) for clock in clocks if len(clock)) / 1e9
         if not 0 <= start_s <= end_s <= last_s:
             raise UsageError(
                 f"--annotate {name} {start_s:g} {end_s:g}: needs 0 <= start <= end <= {last_s:g} s, "

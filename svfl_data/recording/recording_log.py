@@ -14,7 +14,7 @@ from svfl_data.schema.rates import declared_rates
 TOOL = "EpisodeWriter"
 FAULTS = 100
 """Largest number of faults of an episode that are kept in words. Further faults are only counted."""
-WRENCH, OBSERVATIONS = "streams/wrench", "observations"
+OBSERVATIONS = "observations"
 
 
 class RecordingLog:
@@ -117,6 +117,6 @@ class RecordingLog:
         )
 
     def _annotations(self) -> list[dict[str, Any]]:
-        last_ns = max(clock.found.last_ns for group, clock in self._clocks.items() if group in (OBSERVATIONS, WRENCH))
+        last_ns = max(clock.found.last_ns for clock in self._clocks.values() if clock.found.count)
         every = [gap.annotation(0, last_ns, TOOL) for gap in self._gaps]
         return [annotation for annotation in every if annotation]

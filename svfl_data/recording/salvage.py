@@ -13,6 +13,7 @@ from svfl_data.recording.recording_clocks import Gap
 from svfl_data.schema.action_fields import ACTION
 from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Meta
+from svfl_data.schema.fields import EXTRA
 from svfl_data.schema.validity import check_arrays
 from svfl_data.storage.store import Rows
 
@@ -149,8 +150,8 @@ def _meta(journal: Journal, kept: Mapping[str, Spans], arrays: Mapping[str, Rows
     if kept.get(OBSERVATIONS, [(0, 0)])[0][0]:
         entry["first_step"] = kept[OBSERVATIONS][0][0]
     t_ns = arrays[f"{OBSERVATIONS}/t_ns"][0 : 2**48]
-    wrench_t_ns = arrays["streams/wrench/t_ns"][0 : 2**48] if "streams/wrench/t_ns" in arrays else t_ns
-    last_ns = max([int(t_ns[-1]), *wrench_t_ns[-1:].tolist()])
+    clocks = [array for path, array in arrays.items() if path.endswith("/t_ns") and not path.startswith(EXTRA)]
+    last_ns = max(int(clock[clock.shape[0] - 1 : clock.shape[0]][0]) for clock in clocks if clock.shape[0])
     gaps = [*_declared(journal), *_missing(kept, arrays, int(t_ns[0]))]
     annotations = [one for gap in gaps if (one := gap.annotation(0, last_ns, TOOL))]
     if journal.end is not None:

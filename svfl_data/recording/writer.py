@@ -26,6 +26,7 @@ from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.episode import Meta, canonical_json
 from svfl_data.schema.field import Field
 from svfl_data.schema.fields import EXTRA
+from svfl_data.schema.rates import checked_rates
 from svfl_data.storage.metadata import checked_meta
 from svfl_data.storage.store import Rows
 from svfl_data.system.own_process import OwnProcess
@@ -83,6 +84,7 @@ class EpisodeWriter(OwnProcess):
             its declaration, or the metadata cannot be stored.
         FormatError: If the folder is not a dataset.
         StorageError: If the disk refuses.
+        UsageError: If a rate is not a number above 0.
 
     Example:
         >>> week = Dataset.create_or_resume("data/mine", "wiping", seed=0, config={})
@@ -117,7 +119,7 @@ class EpisodeWriter(OwnProcess):
         self._constants = {path: np.asarray(array) for path, array in constants.items()}
         self.declarations = Declarations(fields)
         self._growth = Growth(self._constants, self.declarations)
-        declared = {"rates_hz": dict(rates_hz or {}), "varies": sorted(varies)}
+        declared = {"rates_hz": checked_rates(rates_hz or {}), "varies": sorted(varies)}
         config = {**meta.config, **{key: value for key, value in declared.items() if value}}
         meta = self._checked(replace(meta, config=config))
         check_constants(self._constants, self.declarations)
@@ -427,7 +429,11 @@ class EpisodeWriter(OwnProcess):
 
     def _checked(self, meta: Meta) -> Meta:
         if meta.task not in str(self._dataset.info["task"]).split("+"):
-            raise DatasetError(f"{self._dataset.path} is of task {self._dataset.info['task']!r}, not {meta.task!r}")
+            of = str(self._dataset.info["task"])
+            raise DatasetError(
+                f"{self._dataset.path} is of task {of!r}, not {meta.task!r}; a dataset of both is created with the "
+                f"task {f'{of}+{meta.task}'!r}"
+            )
         meta = checked_meta(meta)
         if (size := len(canonical_json(asdict(meta)).encode())) > META_BYTES:
             raise FieldError(

@@ -86,8 +86,9 @@ class ReplayBuffer:
             config: Settings of the priorities and of the batches; the defaults of `ReplayConfig` if None.
             failures: Whether to take episodes without success as well.
             camera: Name of the camera of the paper's inputs. May be None if the episodes have only one camera.
-            inputs: What is taken at each observation, as in `Samples`; then images are whole by default
-                (``ReplayConfig(crop=None)``), and all values are as recorded. None for the paper's inputs: an image of
+            inputs: What is taken at each observation, as in `Samples`; then images are whole without
+                `config` (one that is given says it itself: ``ReplayConfig(crop=None)``), and all values are as
+                recorded. None for the paper's inputs: an image of
                 one RGB-D camera, the last readings of the wrench, and proprioception.
             action: Path of the action, if `inputs` are given.
             invariant: Paths of inputs, or ``cameras/NAME``, that stay as they are when a transition is rotated: sensors

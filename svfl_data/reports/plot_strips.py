@@ -14,6 +14,7 @@ from svfl_data.schema.field_words import camera_pose, clock_of, own, title
 from svfl_data.system.printable import printable
 
 FRAMES = 8  # images in a strip
+WIDEST = 6  # largest width of a picture of rows of one axis, in its heights
 PICTURE = 0.9  # share of a strip's height that the images take; the rest is for the times above them
 KINDS = {"color": "colour", "grey": "grey", "grey16": "grey, 16 bits"}
 
@@ -44,16 +45,23 @@ def camera_strip(axis: Axes, episode: Episode, camera: Camera, kind: str) -> Non
 def field_strip(axis: Axes, episode: Episode, field: Field) -> None:
     """Draw evenly chosen rows of an array as pictures in a row, those of more than two axes side by side.
 
+    Rows of one axis, such as sound, are the columns of one picture.
+
     Args:
         axis: Axes to draw into.
         episode: Episode with the array.
-        field: Declaration of the array, which has rows of several axes.
+        field: Declaration of the array, which has rows of many numbers.
     """
     values = np.asarray(episode.arrays[field.path])
     t_ns = episode.arrays[clock_of(field.path)][: len(values)]
     if field.image:
         _row(axis, _drawable(values), t_ns)
         words = title(field)
+    elif values.ndim == 2:
+        columns = np.linspace(0, len(values) - 1, min(len(values), WIDEST * values.shape[1])).round().astype(int)
+        _row(axis, values[columns].T[None], t_ns[:1])
+        low, high = _range(values)
+        words = f"{title(field)}:\na column each\ndark {low:.3g}\nbright {high:.3g}"
     else:
         rows = np.linspace(0, len(values) - 1, min(len(values), FRAMES)).round().astype(int)
         _row(axis, np.stack([tiled(values[row]) for row in rows]), t_ns[rows])
@@ -72,7 +80,7 @@ def pictured(episode: Episode) -> list[Field]:
     found = []
     for field in own(episode.arrays, episode.declarations):
         array = episode.arrays[field.path]
-        large = array.ndim > 2 and int(np.prod(array.shape[1:])) > MOST_CURVES and array.dtype.kind in "biuf"
+        large = array.ndim > 1 and int(np.prod(array.shape[1:])) > MOST_CURVES and array.dtype.kind in "biuf"
         if field.grows and array.size and (field.image or large) and not field.path.startswith("cameras/"):
             found.append(field)
     return found

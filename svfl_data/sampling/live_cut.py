@@ -70,6 +70,7 @@ class LiveCut:
         now = {path: rows for path, rows in now.items() if rows.ndim and len(rows) == len(now[clock])}
         past = self._past.get(group)
         if past is not None:
+            _fill_poses(group, now, past)
             new = now[clock] > past[clock][-1] if len(past[clock]) else np.ones(len(now[clock]), bool)
             now = {path: np.concatenate([past[path], rows[new]]) for path, rows in now.items() if path in past}
         first = max(0, len(now[clock]) - window.length)
@@ -78,3 +79,11 @@ class LiveCut:
             first = min(first, max(0, int(np.searchsorted(now[clock], begin_ns)) - 1))
         self._past[group] = {path: rows[first:].copy() for path, rows in now.items()}
         return now
+
+
+def _fill_poses(group: str, now: dict[str, np.ndarray], past: dict[str, np.ndarray]) -> None:
+    """Add NaN for the poses of a camera that are known only now, or were known only before."""
+    path = f"{group}/T_base_camera_per_frame"
+    for known, unknown in ((now, past), (past, now)):
+        if path in known and path not in unknown:
+            unknown[path] = np.full((len(unknown[f"{group}/t_ns"]), 4, 4), np.nan)

@@ -5,6 +5,7 @@ is stored beside the episodes, so that everyone trains and tests on the same epi
 """
 
 import hashlib
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -146,7 +147,11 @@ def split_episodes(indices: Sequence[int], shares: Mapping[str, float], seed: in
     left = round(min(1.0, total) * len(indices)) - sizes.sum()
     sizes[np.argsort(sizes - exact, kind="stable")[:left]] += 1
     if (sizes < 1).any():
-        raise DatasetError(f"{len(indices)} episodes are too few to split into {dict(shares)}")
+        words = " ".join(f"{part}={share:g}" for part, share in shares.items())
+        raise DatasetError(
+            f"{len(indices)} episodes are too few to split into {words}: each part needs at least one; "
+            f"{math.ceil(1 / min(shares.values()) - 1e-9)} episodes are enough"
+        )
     shuffled = np.random.default_rng(seed).permutation(np.sort(np.asarray(indices, dtype=np.int64)))
     ends = np.cumsum(sizes)
     parts = {

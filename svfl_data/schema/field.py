@@ -87,6 +87,15 @@ class Field:
     assumed: tuple[str, ...] = ()
     name: str = ""
 
+    def __post_init__(self) -> None:
+        # A file gives tuples and floats back. Declarations of equal meaning must be equal, also those given as lists.
+        for name in ("components", "delta", "possible", "assumed"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        sizes = (int(size) if isinstance(size, np.integer) else size for size in self.shape)
+        object.__setattr__(self, "shape", tuple(sizes))
+        object.__setattr__(self, "parts", tuple(Part(part.kind, tuple(part.index)) for part in self.parts))
+        object.__setattr__(self, "bounds", tuple(map(_pair, self.bounds)))
+
     @functools.cached_property
     def group(self) -> str:
         """Path of the group of the array, whose arrays share a clock, such as ``streams/wrench``."""
@@ -136,6 +145,15 @@ class Field:
     def shape_words(self) -> str:
         """Shape of the field as the documentation writes it, e.g. ``(N+1, 5)``."""
         return "(" + ", ".join(map(str, self.shape)) + ("," if len(self.shape) == 1 else "") + ")"
+
+
+def _pair(bounds: Sequence[float]) -> Sequence[float]:
+    """Return bounds as a file gives them back: floats in a tuple; what are no two numbers as it is (`field_fault`)."""
+    try:
+        low, high = bounds
+        return float(low), float(high)
+    except (TypeError, ValueError):
+        return bounds
 
 
 class Stored(msgspec.Struct, omit_defaults=True):
@@ -213,6 +231,9 @@ def _axis_fault(field: Field) -> str | None:
             return f"has a part of kind {part.kind!r}; possible are {', '.join(get_args(Kind))}"
         if not part.index or (part.kind in ("vector", "axial") and len(part.index) != 2):
             return f"has a part of kind {part.kind} with {len(part.index)} components; vector and axial have 2"
+    for pair in (*field.bounds, field.possible):
+        if not isinstance(pair, tuple) or len(pair) != 2:
+            return f"has the bounds {pair!r}; bounds are pairs of a lower and an upper one, such as ((0, 1), (-2, 2))"
     if not all(-FARTHEST <= low < high <= FARTHEST for low, high in (*field.bounds, field.possible)):
         return f"has bounds that are not lower and upper, or beyond {FARTHEST:g}"
     return None

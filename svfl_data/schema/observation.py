@@ -23,7 +23,8 @@ class Frame:
             None for a camera without depth.
         t_ns: Time at which the images were taken, [ns] of the episode clock. None means the time of the observation.
         T_base_camera: Pose in base, at this moment, of a camera that moves, shape (4, 4), [m]. None for a camera that
-            stands still, whose pose its calibration has, and where the pose is unknown.
+            stands still, whose pose its calibration has, and where the pose is unknown. NaN also stands for a pose
+            that is unknown at this moment.
 
     Example:
         >>> Frame(np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4), np.uint16)).depth.shape
@@ -41,7 +42,8 @@ class Frame:
 
         None if the camera stands still, or its pose is unknown.
         """
-        return None if self.T_base_camera is None else image_axes(self.T_base_camera)
+        pose = self.T_base_camera
+        return None if pose is None or not np.isfinite(pose).all() else image_axes(pose)
 
 
 @dataclass(frozen=True)

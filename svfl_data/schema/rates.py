@@ -7,6 +7,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from svfl_data.errors import UsageError
+
 DOUBTFUL, RATE_FACTOR = 1.1, 2.0
 """Factors between a declared and a found rate. Above the first, the difference is worth a warning. Above the second, it
 is an error: a unit is wrong, or a driver does something else."""
@@ -64,6 +66,22 @@ def declared_rates(config: Mapping[str, Any]) -> dict[str, float]:
     if not isinstance(rates, Mapping):
         return {}
     return {str(group): float(rate) for group, rate in rates.items() if isinstance(rate, int | float) and rate > 0}
+
+
+def checked_rates(rates_hz: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nominal rates that are to be declared.
+
+    Args:
+        rates_hz: Rates by group, [Hz].
+
+    Raises:
+        UsageError: If a rate is not a finite number above 0.
+    """
+    for group, rate in rates_hz.items():
+        number = isinstance(rate, int | float) and not isinstance(rate, bool)
+        if not number or not 0 < rate < math.inf:
+            raise UsageError(f"rates_hz[{group!r}] is {rate!r}; a rate is a number of Hz above 0, such as 500")
+    return dict(rates_hz)
 
 
 def declared_hz(config: Mapping[str, Any], group: str) -> float | None:

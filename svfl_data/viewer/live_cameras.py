@@ -61,9 +61,10 @@ class LiveCamera:
             images.send_depth(recording, self.entity, t_ns, depth, small=False)
 
     def _pose(self, seen: Observation) -> np.ndarray:
-        """Return the pose of the camera in base at an observation, shape (4, 4), [m]."""
+        """Return the pose of the camera in base at an observation, shape (4, 4), [m]; NaN if it is unknown now."""
         pose = seen.frames[self._name].T_base_camera
-        if pose is None:
-            assert self._mount is not None
-            pose = mounted(np.asarray(seen.tcp)[None], self._mount)[0]
-        return pose
+        if pose is not None:
+            return pose
+        if self._mount is None or seen.tcp is None:
+            return np.full((4, 4), np.nan)
+        return mounted(np.asarray(seen.tcp)[None], self._mount)[0]

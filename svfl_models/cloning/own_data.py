@@ -17,6 +17,7 @@ from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.recorded_inputs import RecordedInput, of_plain, windows
 from svfl_models.networks.action_space import ActionSpace
 from svfl_models.networks.image_crops import centre_crop, crop_side, random_crop, scaled, turned
+from svfl_models.programs.own_policy import BRIGHTEST
 from svfl_models.symmetry.actions import Batch
 from svfl_models.training.augmentation import MARGIN, recoloured
 
@@ -118,7 +119,7 @@ def picture(one: RecordedInput, recorded: dict[str, np.ndarray]) -> Tensor:
         if leaf == "depth":
             channels.append((values * np.float32(one.depth_scale))[:, None])
         else:
-            bright = (values / np.float32(255)).astype(np.float32)
+            bright = (values / np.float32(BRIGHTEST[leaf])).astype(np.float32)
             channels.append(bright.transpose(0, 3, 1, 2) if leaf == "color" else bright[:, None])
     return torch.from_numpy(np.concatenate(channels, axis=1).astype(np.float32))
 

@@ -25,6 +25,7 @@ from svfl_models.networks.input_types import (
     parts_of_plain,
     plain_parts,
 )
+from svfl_models.programs.own_policy import BRIGHTEST
 
 WORDS = re.compile(r"(?P<path>[^=@:]+)(=(?P<length>[1-9]\d{0,4}))?(@(?P<rate>\d+(\.\d+)?))?(?P<invariant>:invariant)?")
 EXAMPLE = "cameras/front, streams/wrench/wrench=64@500, observations/proprio"
@@ -41,7 +42,8 @@ class RecordedInput:
         parts: Parts of the components, as plain values (`networks.input_types.PlainParts`); empty for images.
         length: Number of readings of a sequence.
         rate_hz: Rate of a sequence, [Hz]; None for every rate.
-        images: Last parts of the paths of an image's arrays: ``color``, ``grey`` and ``depth``, as far as recorded.
+        images: Last parts of the paths of an image's arrays: ``color``, ``grey``, ``grey16`` and ``depth``, as far as
+            recorded.
         size: Height and width of the images as recorded, [px].
         depth_scale: Metres per unit of depth.
         moves: ``pixels`` if images turn with the world, ``turned`` if they do so after they were turned from the axes
@@ -139,8 +141,8 @@ def recorded_input(words: str, reader: EpisodeReader, symmetric: bool) -> Record
     if path.startswith("cameras/"):
         return _image(path, reader, invariant)
     declared = reader.declarations.at(path) if path in reader else None
-    if declared is None or not declared.grows or not path.startswith(("streams/", "observations/")):
-        raise UsageError(f"{reader.extent}: no input {path!r}; there are {', '.join(_possible(reader))}")
+    if declared is None or not _is_input(declared):
+        raise UsageError(f"{reader.extent}: no input {path!r}; there are {', '.join(_possible(reader)) or 'none'}")
     parts = _parts(declared, reader[path].shape[1:], symmetric, invariant)
     plain = plain_parts(parts)
     offset = _offset(declared, parts, reader)
@@ -161,9 +163,9 @@ def _image(path: str, reader: EpisodeReader, invariant: bool) -> RecordedInput:
     name = path.removeprefix("cameras/")
     if name not in reader.cameras:
         raise UsageError(f"{reader.extent}: no camera {name!r}; there are: {', '.join(reader.cameras) or 'none'}")
-    images = tuple(leaf for leaf in ("color", "grey", "depth") if f"{path}/{leaf}" in reader)
+    images = tuple(leaf for leaf in (*BRIGHTEST, "depth") if f"{path}/{leaf}" in reader)
     if not images:
-        raise UsageError(f"{reader.extent}: {path} has neither colour, grey nor depth images")
+        raise UsageError(f"{reader.extent}: {path} has no images that a network takes: {', '.join(BRIGHTEST)} or depth")
     still = f"{path}/T_base_camera" in reader and f"{path}/image_axes" in reader
     moving: Literal["turned", "invariant"] = "turned" if moves(reader.paths, name) else "invariant"
     scale = float(reader[f"{path}/depth_scale"][()]) if "depth" in images else 1.0
@@ -193,6 +195,11 @@ def _offset(declared: Field, parts: Sequence[Part], reader: EpisodeReader) -> tu
 
 def _possible(reader: EpisodeReader) -> list[str]:
     declared: Declarations = reader.declarations
-    fields = [(path, declared.at(path)) for path in reader.paths if path.startswith(("streams/", "observations/"))]
-    arrays = [path for path, one in fields if one and one.grows and not path.endswith("/t_ns")]
+    arrays = [path for path in reader.paths if (one := declared.at(path)) and _is_input(one)]
     return [*(f"cameras/{camera}" for camera in reader.cameras), *arrays]
+
+
+def _is_input(declared: Field) -> bool:
+    """Return whether an array has a row of real numbers per reading or observation; times and texts are no inputs."""
+    place = declared.path.startswith(("streams/", "observations/")) and not declared.path.endswith("/t_ns")
+    return place and declared.grows and declared.numpy_dtype.kind in "biuf"

@@ -5,6 +5,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from svfl_data.errors import TrainingError
+from svfl_models.networks.inputs import IMAGE_SIZES
 
 CROP = 64 / 76
 """Share of an image's side that a crop keeps (Kohler et al., CoRL 2023, appendix: 76 px are cropped to 64)."""
@@ -24,7 +25,11 @@ def crop_side(side: int, size: int) -> int:
         TrainingError: If `side` is smaller than `size`.
     """
     if side < size:
-        raise TrainingError(f"images are {side} x {side} pixels, smaller than the network's {size} x {size}")
+        fits = [str(one) for one in IMAGE_SIZES if one <= side]
+        raise TrainingError(
+            f"images are {side} x {side} pixels, smaller than the network's {size} x {size}; "
+            + (f"--image-size {' or '.join(fits)} fits" if fits else f"at least {min(IMAGE_SIZES)} are needed")
+        )
     return max(size, round(side * CROP))
 
 

@@ -25,6 +25,8 @@ from svfl_models.programs.program import Program, from_bytes, read
 from svfl_models.programs.program_file import EXTRA
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+BRIGHTEST = {"color": 255, "grey": 255, "grey16": 65535}
+"""Number of the brightest pixel of each kind of image that a policy takes, by the last part of its path."""
 FACTS = "svfl_own_policy.json"
 """Name of the text inside the file that holds the facts, see `Facts`."""
 
@@ -38,7 +40,8 @@ class InputFacts(msgspec.Struct):
             ``cameras/wrist/image_axes``: the matrix from base (x, y) to image (right, up) when the image was taken
             (`svfl_data.image_axes`).
         shape: Shape of the values: images (channels, H, W), image axes (2, 2), windows (T, C), vectors (C,).
-        images: Arrays of a camera that make up the channels, in their order: ``color``, ``grey``, ``depth``.
+        images: Arrays of a camera that make up the channels, in their order: ``color``, ``grey``, ``grey16``,
+            ``depth``.
         depth_scale: Metres per unit of recorded depth.
         rate_hz: Rate of a window, [Hz]; None if it does not matter.
     """
@@ -170,9 +173,9 @@ class OwnPolicy:
 
         Args:
             values: Values by path, as recorded: images ``cameras/NAME/color`` (H, W, 3) uint8, ``.../grey`` (H, W)
-                uint8 and ``.../depth`` (H, W) uint16, or several with the latest last, as in a sample; windows
-                (T, ...), tared, latest last; vectors (C,). Further
-                entries are ignored. Image axes ``cameras/NAME/image_axes`` (2, 2) of cameras that move.
+                uint8, ``.../grey16`` and ``.../depth`` (H, W) uint16, or several with the latest last, as in a sample;
+                windows (T, ...), tared, latest last; vectors (C,). Image axes ``cameras/NAME/image_axes`` (2, 2) of
+                cameras that move. Further entries are ignored.
 
         Raises:
             TrainingError: If a value is missing or has another shape, or the action is not finite.
@@ -210,7 +213,8 @@ def _channel(leaf: str, image: NDArray[np.generic], depth_scale: float) -> NDArr
     values = np.asarray(image, np.float32)
     if leaf == "depth":
         return values[None] * np.float32(depth_scale)
-    return values.transpose(2, 0, 1) / np.float32(255) if values.ndim == 3 else values[None] / np.float32(255)
+    channels = values.transpose(2, 0, 1) if values.ndim == 3 else values[None]
+    return channels / np.float32(BRIGHTEST.get(leaf, 255))
 
 
 def _bounds(facts: Facts) -> bool:

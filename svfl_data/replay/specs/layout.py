@@ -184,7 +184,9 @@ class Layout:
         for picture in self.pictures:
             (height, width), name = picture.size, picture.key
             if crop and crop > min(picture.size):
-                raise UsageError(f"crop is {crop} px; the images of {name} have {height} x {width} px")
+                raise UsageError(
+                    f"crop is {crop} px; the images of {name} have {height} x {width} px; crop=None takes them whole"
+                )
             if rotate and picture.axes and not crop and height != width:
                 raise UsageError(
                     f"rotate needs square images, {name} has {height} x {width} px; crop them (crop=), or do without"

@@ -16,6 +16,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError, FieldError
 from svfl_data.recording.writer import EpisodeWriter
 from svfl_data.sampling.cut import cut, cut_steps
+from svfl_data.sampling.live_cut import LiveCut
 from svfl_data.schema.action_bounds import ActionBounds
 from svfl_data.schema.action_fields import pose_action
 from svfl_data.schema.episode import Episode, Meta
@@ -23,7 +24,7 @@ from svfl_data.schema.input_spec import InputSpec, Window
 from svfl_data.schema.robot import Policy, Robot
 from tests.helpers.collectors import SMALL
 from tests.helpers.finger_robot import FingerRobot
-from tests.helpers.own_robot import own_episode
+from tests.helpers.own_robot import moving_episode, own_episode, tcp_poses
 
 STEPS = 5
 WITH_WRIST = replace(SMALL, cameras={**SMALL.cameras, "wrist": replace(CAMERAS["wrist"], height=16, width=16)})
@@ -342,3 +343,40 @@ def test_a_moving_camera_without_a_mount_is_recorded_with_its_poses():
     np.testing.assert_array_equal(
         Playback(episode_of(Flying(), arrays)).observe().frames["eye"].T_base_camera, poses[0]
     )
+
+
+def slow_tcp(episode):
+    """Poses of the TCP at 7 Hz, the first of them after the first observation."""
+    t_ns = np.arange(episode.t_ns[0] + 20_000_000, episode.t_ns[-1], 143_000_000)
+    tcp = {"streams/tcp/t_ns": t_ns, "streams/tcp/pose": tcp_poses(t_ns)}
+    early = {"cameras/wrist/t_ns": episode["cameras/wrist/t_ns"] - 31_000_000}  # images are older than the observation
+    return replace(episode, arrays={**episode.arrays, **tcp, **early})
+
+
+def grey(episode):
+    """One camera is grey and moves by itself, the other one has infrared beside its colours."""
+    arrays = {path: values for path, values in episode.arrays.items() if not path.startswith("cameras/wrist/")}
+    t_ns = episode["cameras/wrist/t_ns"] - 7_000_000
+    poses = np.repeat(np.eye(4)[None], len(t_ns), axis=0)
+    poses[:, :2, :2] = [[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in np.linspace(0, 1, len(t_ns))]
+    moving = {"t_ns": t_ns, "grey": episode["cameras/wrist/color"][..., 0], "T_base_camera_per_frame": poses}
+    arrays |= {f"cameras/wrist/{name}": values for name, values in moving.items()}
+    arrays["cameras/front/grey16"] = episode["cameras/front/color"][..., 1].astype(np.uint16) * 257
+    return replace(episode, arrays=arrays)
+
+
+@pytest.mark.parametrize("change", [lambda episode: episode, slow_tcp, grey])
+def test_a_record_that_plays_back_is_cut_as_the_record_itself(change):
+    """A policy that acts on a playback sees what a training sees, whatever images there are and however late a pose."""
+    episode = change(moving_episode(0))
+    inputs = InputSpec(cameras=("front", "wrist"), windows={"streams/tactile/pressure": Window(4, rate_hz=100)})
+    playback, live = Playback(episode), LiveCut(inputs, episode.declarations)
+    for step in range(len(episode) + 1):
+        now, expected = live(playback.observe()), cut_steps(episode, inputs, [step])
+        assert now.keys() == expected.keys()
+        for path, values in expected.items():
+            np.testing.assert_array_equal(now[path], values, err_msg=f"{path} at {step}")
+        if step < len(episode):
+            playback.step(np.zeros(7))
+    playback.home()
+    same(record(playback, playback.policy, len(episode)), episode.arrays)

@@ -41,6 +41,14 @@ def short(path):
     return lambda seen: np.zeros(5, np.float32)
 
 nothing = None
+
+class Half:  # not all of the contract
+    name, rate_hz = "half_arm", 20.0
+    def connect(self): pass
+    def observe(self): pass
+
+class Silent(FingerRobot):  # nobody knows how often it takes a step
+    rate_hz = property()
 """
 FINGER = ("policy", "--task", "x", "--robot", "finger_arm", "--checkpoint")
 DOWN, REST = [1, 0, 0, -1, 0], [0.5, 1, 0, 0, 1]
@@ -54,6 +62,7 @@ def package(tmp_path, monkeypatch):
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: finger-package\nVersion: 1.0\n")
     entries = f"[{GROUP}]\nfinger_arm = finger_package:finger\nno_arm = finger_package:nothing\n"
+    entries += "half_arm = finger_package:Half\nsilent_arm = finger_package:Silent\n"
     entries += f"[{policy.GROUP}]\nfixed = finger_package:load\nshort = finger_package:short\n"
     (info / "entry_points.txt").write_text(entries)
     monkeypatch.syspath_prepend(tmp_path)
@@ -144,7 +153,7 @@ def test_a_policy_moves_it(package, tmp_path, run):
          ("policy", "--task", "block_picking", "--checkpoint", "a.fixed", "--steps", 9, "--out", "OUT")),
         (2, "no task 'wiping'; the tasks are block_picking",
          ("policy", "--task", "wiping", "--checkpoint", "a.fixed", "--out", "OUT")),
-        (2, "no robot 'abacus'; the robots are finger_arm, no_arm, panda_sim, ur5e_sim",
+        (2, "no robot 'abacus'; the robots are finger_arm, half_arm, no_arm, panda_sim, silent_arm, ur5e_sim",
          ("policy", "--task", "x", "--robot", "abacus", "--checkpoint", "a.fixed", "--out", "OUT")),
         (2, "robot no_arm: finger_package:nothing cannot be loaded",
          ("policy", "--task", "x", "--robot", "no_arm", "--checkpoint", "a.fixed", "--out", "OUT")),
@@ -171,6 +180,15 @@ def test_a_robot_is_simulated_or_not(package):
         make("finger_arm")
     with pytest.raises(FormatError, match=r"config\.world: .*finger_arm is not simulated"):  # a file that names it
         from_json(WorldConfig, {"robot": {"name": "finger_arm"}}, "config.world")
+
+
+@pytest.mark.parametrize(
+    ("name", "lacking"),
+    [("half_arm", "home, tare, readings, step, stop, close, constants"), ("silent_arm", "rate_hz")],
+)
+def test_what_is_no_robot_is_said_to_be_none(package, name, lacking):
+    with pytest.raises(UsageError, match=rf"robot {name}: finger_package:\w+ has no {lacking}, which every"):
+        connected(name)
 
 
 @pytest.mark.parametrize("robot", [FingerRobot, lambda: Playback(own_episode(0))], ids=["own", "record"])

@@ -10,8 +10,9 @@ import pytest
 
 from svfl_data.checks import check_dataset
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import DatasetError, FieldError, FormatError, StorageError, SvflError
+from svfl_data.errors import DatasetError, FieldError, FormatError, StorageError, SvflError, UsageError
 from svfl_data.maintenance.merge import merge
+from svfl_data.maintenance.relabel import relabel, with_annotation
 from svfl_data.maintenance.repair import repair_dataset
 from svfl_data.recording.index_locks import NEXT
 from svfl_data.recording.writer import EpisodeWriter
@@ -250,3 +251,52 @@ def test_merged_and_packed_datasets_keep_declarations(tmp_path):
     merged = Dataset.open(tmp_path / "c")
     assert len(merged) == 4
     assert all(merged.episode(index).declarations == OWN for index in merged.indices)
+
+
+@pytest.mark.parametrize("rate", [0, -5, "fast", None, True, float("nan"), float("inf")])
+def test_a_rate_that_is_none_is_refused_at_once(dataset, rate):
+    """Not left out in silence: later on nobody would compare with it."""
+    with pytest.raises(UsageError, match=r"rates_hz\['streams/wrench'\] is .*above 0"):
+        EpisodeWriter(dataset, own_episode(0).meta, {}, FIELDS, rates_hz={"streams/wrench": rate})
+
+
+def recorded(dataset, task="wiping", fields=(), index=NEXT):
+    meta = replace(own_episode(0).meta, task=task, index=index, config={})
+    with EpisodeWriter(dataset, meta, {}, fields) as writer:
+        writer.append("observations", t_ns=np.array([0, 50_000_000]))
+        writer.append("actions", action=np.zeros((1, 7), np.float32))
+        return writer.seal()
+
+
+def test_a_dataset_of_several_tasks_holds_each_of_them(tmp_path):
+    dataset = Dataset.create_or_resume(tmp_path / "kitchen", "pouring+wiping", 0, {})
+    for task in ("wiping", "pouring", "wiping"):
+        recorded(dataset, task, FIELDS[:1])
+    assert [dataset.episode(index).meta.task for index in dataset.indices] == ["wiping", "pouring", "wiping"]
+    with pytest.raises(DatasetError, match=r"not 'baking'; a dataset of both is created .* 'pouring\+wiping\+baking'"):
+        recorded(dataset, "baking", FIELDS[:1])
+
+
+def test_two_declarations_differ_by_what_differs(dataset):
+    """And not by two pages of JSON."""
+    recorded(dataset, fields=[pose_action(0.02, 0.1)])
+    with pytest.raises(DatasetError, match=r"actions/action is bounds \[\[-0.02, 0.02\], .* but bounds \[") as found:
+        recorded(dataset, fields=[pose_action(0.02, 0.2)])
+    assert "components" not in str(found.value)
+
+
+def test_notes_last_as_long_as_any_stream(dataset):
+    """Annotations and declared gaps need no wrench: a stream of one's own may go on after the last observation."""
+    words = Field(path="streams/slow/level", dtype="float32", shape=("T",))
+    with EpisodeWriter(dataset, replace(own_episode(0).meta, index=NEXT), {}, [FIELDS[0], words]) as writer:
+        writer.append("observations", t_ns=np.array([0, 50_000_000]))
+        writer.append("actions", action=np.zeros((1, 7), np.float32))
+        writer.append("streams/slow", t_ns=np.array([0, 200_000_000, 400_000_000]), level=np.zeros(3, np.float32))
+        writer.gap("streams/slow", 200_000_000, None, "unplugged")
+        writer.seal(success=False)
+    relabel(dataset, 0, with_annotation("slip", 0.3, 0.4))
+    with pytest.raises(UsageError, match=r"end <= 0.4 s"):
+        relabel(dataset, 0, with_annotation("slip", 0.3, 0.41))
+    gap, slip = dataset.read(0).meta.annotations
+    assert (gap["name"], gap["end_ns"]) == ("gap", 400_000_000)
+    assert (slip["name"], slip["end_ns"]) == ("slip", 400_000_000)

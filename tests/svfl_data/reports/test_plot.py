@@ -288,3 +288,15 @@ def test_images_of_any_number_of_channels_are_drawn(channels, place, tmp_path):
     wide = 9 if channels in (3, 4) else 9 * channels
     drawn = [image.get_array() for axis in figure.axes for inset in axis.child_axes for image in inset.get_images()]
     assert any(one.shape[:2] == (8, wide) for one in drawn)
+
+
+def test_rows_of_many_numbers_are_one_picture():
+    """Such as sound: no reading is left out of the picture in silence."""
+    sound = np.random.default_rng(0).integers(-3000, 3000, (40, 160), np.int16)
+    field = Field(path="streams/mic/sound", dtype="int16", shape=("T", 160), unit="-")
+    own = Declarations([*OWN.own, field])
+    arrays = open_arrays() | {"streams/mic/sound": sound, "streams/mic/t_ns": np.arange(40) * 10_000_000}
+    figure = plot.overview(Episode(Meta("cups", 0, 0, "teleop", True), arrays, declarations=own))
+    (axis,) = (axis for axis in figure.axes if any("mic/sound" in text.get_text() for text in axis.texts))
+    (inset,) = axis.child_axes
+    np.testing.assert_array_equal(inset.images[0].get_array(), sound.T)

@@ -1,5 +1,7 @@
 """What is cut from a robot's observations is what is cut from the episode that they make."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -83,3 +85,23 @@ def test_what_a_robot_does_not_observe_is_one_line():
     assert "\n" not in str(caught.value)
     with pytest.raises(FieldError, match=r"no cameras/side/t_ns"):
         live(Observation(0, values={"observations/tcp_velocity": np.zeros(3)}))
+
+
+@pytest.mark.parametrize("known", [lambda step: step > 2, lambda step: step < 2, lambda step: step == 3])
+def test_a_pose_that_is_known_only_now_and_then_is_a_pose(known):
+    """The first pose of the gripper may come late: the image of its camera is then as before, and its axes are told."""
+    episode = moving_episode(0)
+    live, told = LiveCut(InputSpec(cameras=("wrist",))), 0
+    expected = cut_steps(episode, live.inputs)["cameras/wrist/image_axes"]
+    for step, seen in enumerate(observations(episode)):
+        frame = seen.frames["wrist"]
+        if not known(step):
+            seen = replace(seen, frames={"wrist": replace(frame, T_base_camera=None)})
+        now = live(seen)
+        np.testing.assert_array_equal(now["cameras/wrist/color"][0, 0], frame.color)
+        if known(step):
+            np.testing.assert_allclose(now["cameras/wrist/image_axes"][0], expected[step], atol=1e-6)
+            told += 1
+        elif told:
+            np.testing.assert_array_equal(now["cameras/wrist/image_axes"][0, 0], np.eye(2))
+    assert told

@@ -19,6 +19,8 @@ from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.data import CloningData
 from svfl_models.cloning.evaluate import evaluate
 from svfl_models.cloning.own_acting import OwnActingPolicy
+from svfl_models.cloning.own_data import picture
+from svfl_models.cloning.recorded_inputs import recorded_input
 from svfl_models.cloning.train import network_of, train_cloning
 from svfl_models.networks.action_space import ActionSpace
 from svfl_models.networks.input_types import actions_of
@@ -27,6 +29,7 @@ from svfl_models.programs import own_policy
 from svfl_models.symmetry.actions import act_on_parts
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.training import run_folder
+from tests.helpers.open_episode import dataset_of, open_episode
 from tests.helpers.own_robot import ACTION, CENTRE, IMAGE_AXES, own_dataset, own_episode
 
 INPUTS = [
@@ -178,3 +181,50 @@ def test_the_command(folder, tmp_path, capsys):
     words += ["--inputs", "streams/wrench/wrench=8@500", "observations/tcp_velocity", "--out", str(tmp_path / "o")]
     assert cli.main(words) == 1  # one of five cannot be held out with a tenth
     assert "too few" in capsys.readouterr().err
+
+
+def test_no_network_takes_texts_or_times(tmp_path):
+    """They are neither offered nor taken, also by a network without symmetry."""
+    folder = dataset_of(tmp_path / "d", open_episode, 1).path
+    reader = Dataset.open(folder).episode(0)
+    for path in ("streams/notes/words", "streams/tactile/t_ns", "observations/t_ns", "workspace"):
+        with pytest.raises(UsageError, match=f"no input '{path}'; there are .*streams/tactile/pressure") as found:
+            recorded_input(path, reader, symmetric=False)
+        assert path not in str(found.value).partition("there are")[2]
+
+
+def test_grey_images_of_8_and_of_16_bits_are_learned_from(tmp_path):
+    """All are from 0 to 1, and the program for the robot sees what the training saw."""
+    dataset = Dataset.create_or_resume(tmp_path / "d", "wiping", 0, {})
+    for index in range(5):
+        episode = own_episode(index)
+        color = episode["cameras/front/color"]
+        grey = {"grey": color[..., 0], "grey16": color[..., 1].astype(np.uint16) * 257}
+        arrays = {**episode.arrays, **{f"cameras/front/{leaf}": values for leaf, values in grey.items()}}
+        write_episode(replace(episode, arrays=arrays), dataset.episode_path(index))
+    data = CloningData(config(dataset.path, inputs=["cameras/front"], augment=False))
+    assert data.deployment.inputs[0]["images"] == ("color", "grey", "grey16", "depth")
+    recorded = data.valid_set.samples.batch([0])
+    image = picture(data.valid_set.inputs[0], recorded)[0]
+    assert image.shape == (6, 10, 12)
+    torch.testing.assert_close(image[3:5], image[:2])  # the same numbers, whatever the number of bits
+    program = own_policy.opened(
+        own_policy.exported(Mean(), own_policy.Facts([
+            own_policy.InputFacts("cameras/front", (6, 10, 12), ("color", "grey", "grey16", "depth"), 0.001)
+        ], list("abcdef"), [-1e3] * 6, [1e3] * 6)), "mean",
+    )  # fmt: skip
+    said = program({path: values[0] for path, values in recorded.items()})
+    np.testing.assert_allclose(said, image.mean(dim=(1, 2)), rtol=1e-5)
+
+
+class Mean(torch.nn.Module):
+    """Network whose actions are the means of the channels of its image."""
+
+    def forward(self, image):
+        return image.mean(dim=(2, 3))
+
+
+def test_images_that_are_too_small_name_the_sizes_that_fit(folder):
+    data = CloningData(config(folder, image_size=64))
+    with pytest.raises(TrainingError, match=r"10 x 10 pixels, smaller than the network's 64 x 64; --image-size 8 fits"):
+        data.train_set.batch([0])
