@@ -4,11 +4,17 @@ from typing import Any
 
 import numpy as np
 
+from svfl_data.errors import DatasetError
 from svfl_data.sampling.batch import Batch
 from svfl_data.sampling.cut import cut
+from svfl_data.schema.clocks import Clock
 from svfl_data.schema.declarations import STANDARD, Declarations
 from svfl_data.schema.input_spec import InputSpec, Window
 from svfl_data.schema.observation import Observation
+from svfl_data.schema.rates import RATE_FACTOR
+
+JUDGED_S = 1.0
+"""Time after which the rate of a stream is compared with that of its window, [s]."""
 
 
 class LiveCut:
@@ -39,6 +45,7 @@ class LiveCut:
     def forget(self) -> None:
         """Forget the past, because another episode begins."""
         self._past: dict[str, dict[str, np.ndarray]] = {}
+        self._counted: dict[str, tuple[int, int]] = {}  # time of the first row of a group, and number of rows
         self._now_ns: int | None = None
 
     def __call__(self, seen: Observation) -> Batch:
@@ -49,7 +56,8 @@ class LiveCut:
 
         Raises:
             FieldError: If the robot did not observe something that is taken.
-            DatasetError: If a stream has another rate than its window.
+            DatasetError: If a stream has been coming at less than half or more than twice the rate of its window, for a
+                second or longer. A busy machine delays readings, so the rate of a single window says little.
         """
         if self._now_ns is not None and seen.t_ns <= self._now_ns:
             self.forget()
@@ -59,9 +67,14 @@ class LiveCut:
             if f"{group}/t_ns" in arrays:
                 arrays |= self._with_past(group, window, arrays)
         return cut(
-            arrays, self.inputs, np.array([seen.t_ns], np.int64), np.array([0]), declarations=self._declarations,
-            name="observation",
+            arrays, self.inputs, np.array([seen.t_ns], np.int64), np.array([0]), self._clock, self._declarations,
+            "observation",
         )  # fmt: skip
+
+    def _clock(self, group: str) -> Clock:
+        """Return the clock of a group as if it were declared, because its rate was judged as it came."""
+        window = self._windows[group]
+        return Clock() if window.resample else Clock(window.rate_hz)
 
     def _with_past(self, group: str, window: Window, arrays: dict[str, Any]) -> dict[str, np.ndarray]:
         """Return the arrays of a group with the rows of earlier observations before them, and keep them."""
@@ -69,6 +82,7 @@ class LiveCut:
         now = {path: np.asarray(rows) for path, rows in arrays.items() if path.startswith(f"{group}/")}
         now = {path: rows for path, rows in now.items() if rows.ndim and len(rows) == len(now[clock])}
         past = self._past.get(group)
+        self._judge(group, window, now[clock], past[clock] if past else now[clock][:0])
         if past is not None:
             _fill_poses(group, now, past)
             new = now[clock] > past[clock][-1] if len(past[clock]) else np.ones(len(now[clock]), bool)
@@ -79,6 +93,30 @@ class LiveCut:
             first = min(first, max(0, int(np.searchsorted(now[clock], begin_ns)) - 1))
         self._past[group] = {path: rows[first:].copy() for path, rows in now.items()}
         return now
+
+    def _judge(self, group: str, window: Window, t_ns: np.ndarray, past_ns: np.ndarray) -> None:
+        """Count the new rows of a group, and refuse a rate that is none of a busy machine but another one.
+
+        Args:
+            group: Group of the rows.
+            window: Window of the group.
+            t_ns: Times of the rows of this observation, shape (M,), [ns].
+            past_ns: Times of the rows that were kept of earlier ones, shape (K,), [ns].
+        """
+        new = t_ns[t_ns > past_ns[-1]] if len(past_ns) else t_ns
+        if not len(new):
+            return
+        first, count = self._counted.get(group, (int(new[0]), 0))
+        self._counted[group] = first, count + len(new)
+        elapsed = (int(new[-1]) - first) / 1e9
+        if elapsed < JUDGED_S or window.resample or window.rate_hz is None:
+            return
+        rate = (count + len(new) - 1) / elapsed
+        if not 1 / RATE_FACTOR <= rate / window.rate_hz <= RATE_FACTOR:
+            raise DatasetError(
+                f"observation: {group} has {rate:.4g} Hz, but a window of {window.length} readings at "
+                f"{window.rate_hz:.4g} Hz was asked for; the robot must give the rate that the policy learned from"
+            )
 
 
 def _fill_poses(group: str, now: dict[str, np.ndarray], past: dict[str, np.ndarray]) -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from svfl_data.errors import FieldError
+from svfl_data.errors import DatasetError, FieldError
 from svfl_data.sampling.cut import cut_steps
 from svfl_data.sampling.live_cut import LiveCut
 from svfl_data.schema.episode import Episode
@@ -105,3 +105,34 @@ def test_a_pose_that_is_known_only_now_and_then_is_a_pose(known):
         elif told:
             np.testing.assert_array_equal(now["cameras/wrist/image_axes"][0, 0], np.eye(2))
     assert told
+
+
+def stream(rate_hz: float, seconds: float, late: bool = False) -> list[Observation]:
+    """Readings of a finger at a rate, observed at 20 Hz; with `late`, those of half a second come in its last 0.1 s."""
+    t_ns = np.arange(1, int(rate_hz * seconds)) / rate_hz * 1e9
+    if late:
+        half = 5e8
+        t_ns = t_ns // half * half + 4e8 + t_ns % half / 5
+    t_ns = t_ns.astype(np.int64)
+    found, before = [], -1
+    for now in range(500_000_000, int(seconds * 1e9), 50_000_000):
+        new = t_ns[(t_ns > before) & (t_ns <= now)]
+        values = {"streams/left_finger/t_ns": new, "streams/left_finger/wrench": np.zeros((len(new), 6), np.float32)}
+        found.append(Observation(now, values=values))
+        before = now
+    return found
+
+
+@pytest.mark.parametrize("rate_hz", [350, 500, 700])
+@pytest.mark.parametrize("late", [False, True])
+def test_readings_that_a_busy_machine_delays_are_taken(rate_hz, late):
+    live = LiveCut(InputSpec(windows={"streams/left_finger/wrench": Window(64, rate_hz=500)}))
+    for seen in stream(rate_hz, 4.0, late):
+        live(seen)
+
+
+@pytest.mark.parametrize("rate_hz", [100, 1200])
+def test_another_rate_is_refused_after_a_second(rate_hz):
+    live = LiveCut(InputSpec(windows={"streams/left_finger/wrench": Window(64, rate_hz=500)}))
+    with pytest.raises(DatasetError, match=rf"streams/left_finger has {rate_hz} Hz, but .* 64 readings at 500 Hz"):
+        [live(seen) for seen in stream(rate_hz, 4.0)]
