@@ -73,10 +73,11 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
     experiment = cast(Experiment, importlib.import_module(f"svfl_models.experiments.{name}"))
     out = arguments.out or Path("out") / f"centering_{name}"
     samples = sorted(set(arguments.train_samples or usual_samples))
+    given = _given(arguments)  # a bad model is named before bad data
     base = with_camera(TrainingConfig(str(arguments.data), **{option: getattr(arguments, option) for option in RECIPE}))
     runs = {
         run_name(config, base): config
-        for cell in experiment.cells(base, samples, **_given(arguments))
+        for cell in experiment.cells(base, samples, **given)
         for config in (replace(cell, seed=seed) for seed in range(arguments.seeds))
     }
     about = describe(f"centering-{name}", base, arguments.separate_test)
