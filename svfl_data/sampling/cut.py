@@ -90,6 +90,9 @@ def cut(
                 out[f"{group}/image_axes"] = np.concatenate([np.eye(2, dtype=np.float32)[None], axes])[taken]
             continue
         for path in (path for path in inputs.windows if path.rpartition("/")[0] == group):
+            if (found := _array(arrays, path, name).shape[:1]) != t_ns.shape:
+                rows_found = found[0] if found else "no"
+                raise FieldError(f"{name}: {path} has {rows_found} rows, and {group}/t_ns has {len(t_ns)} times")
             out[path] = readings(arrays, path, taken, name)
     return out
 

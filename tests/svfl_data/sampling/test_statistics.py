@@ -100,8 +100,10 @@ def test_shares_must_be_shares(shares):
 
 
 def test_too_few_episodes_are_refused():
-    with pytest.raises(DatasetError, match=rf"\b2 episodes.*{re.escape(str(SHARES))}"):
+    """In words of the command, with a number of episodes that is enough."""
+    with pytest.raises(DatasetError, match=r"\b2 episodes.*train=0.6 valid=0.2 test=0.2.* 5 episodes are enough"):
         split_episodes(range(2), SHARES, 0)
+    assert all(split_episodes(range(5), SHARES, 0)[part] for part in SHARES)
 
 
 def plain(values: np.ndarray, parts: tuple[Part, ...]) -> tuple[np.ndarray, np.ndarray]:
