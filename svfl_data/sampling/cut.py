@@ -29,7 +29,8 @@ def cut_steps(episode: Episode, inputs: InputSpec, steps: Sequence[int] | None =
         steps: Rows of the observations, S of them; -1 is the final one. All by default.
 
     Returns:
-        Values by the keys of `svfl_data.sampling.samples.Samples`, each of shape (S, ...).
+        Values by the keys of `svfl_data.sampling.samples.Samples`, each of shape (S, ...), without those that an episode
+        has once, such as ``depth_scale``.
 
     Raises:
         FieldError: If the episode was recorded without one of the arrays.
@@ -69,7 +70,8 @@ def cut(
         name: Name of the source in messages.
 
     Returns:
-        Values by the keys of `svfl_data.sampling.samples.Samples`, each of shape (S, ...).
+        Values by the keys of `svfl_data.sampling.samples.Samples`, each of shape (S, ...), without those that an episode
+        has once, such as ``depth_scale``.
 
     Raises:
         FieldError: If an array is missing.
@@ -90,6 +92,9 @@ def cut(
                 out[f"{group}/image_axes"] = np.concatenate([np.eye(2, dtype=np.float32)[None], axes])[taken]
             continue
         for path in (path for path in inputs.windows if path.rpartition("/")[0] == group):
+            if (found := _array(arrays, path, name).shape[:1]) != t_ns.shape:
+                rows_found = found[0] if found else "no"
+                raise FieldError(f"{name}: {path} has {rows_found} rows, and {group}/t_ns has {len(t_ns)} times")
             out[path] = readings(arrays, path, taken, name)
     return out
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import DatasetError, UsageError
+from svfl_data.errors import DatasetError, FieldError, UsageError
 from svfl_data.recording.consistency import check_agreement
 from svfl_data.sampling.batch import Batch, age_key, padding_key
 from svfl_data.sampling.frames import Frames, corners, draws
@@ -211,6 +211,9 @@ class Samples:
         groups = [*self.inputs.groups, *cameras]
         for camera in self.inputs.cameras:
             named_camera(first.cameras, camera, first.extent)
+        for path in self.inputs.windows:
+            if (declared := first.declarations.at(path)) and not declared.grows:
+                raise FieldError(f"{first.extent}: {path} is one value per episode, which has no window")
         images = [path for one in self.inputs.cameras for path in first.declarations.image_paths(one, first.paths)]
         tares = [f"{group}/tare" for group in self.inputs.groups if f"{group}/tare" in first]
         scales = [f"{group}/depth_scale" for group in cameras if f"{group}/depth" in images]

@@ -35,6 +35,8 @@ TRAIN = "train"
 ROWS_AT_ONCE, LARGE_ROWS_AT_ONCE = 2**16, 64
 MEANT = ("shape", "unit", "axes", "about", "components", "parts")
 """Attributes of a declaration that all episodes must share."""
+NOT_COUNTED = ("/t_ns", "/T_base_camera_per_frame")
+"""Last parts of the paths of arrays without statistics: times, and poses, whose numbers have no common unit."""
 CODED = {"uint8": 255.0}
 """Number of the brightest grey level of the images that are stored in this type; they are divided by it."""
 
@@ -188,7 +190,7 @@ def _summarised(reader: EpisodeReader) -> dict[str, Field]:
     found = {}
     for path in reader.paths:
         field = reader.declarations.at(path)
-        counted = field is not None and reader[path].dtype.kind in "iuf" and not path.endswith("/t_ns")
+        counted = field is not None and reader[path].dtype.kind in "iuf" and not path.endswith(NOT_COUNTED)
         if field and counted and (field.grows or (field.group == "labels" and field.parts)):
             found[path] = field
     return found

@@ -9,6 +9,7 @@ from torch import Tensor
 from torch.utils.data import DataLoader, Sampler
 from torch.utils.data import Dataset as TorchDataset
 
+from svfl_data.errors import UsageError
 from svfl_data.sampling.samples import Samples, apart
 
 TensorBatch = dict[str, Tensor]
@@ -59,9 +60,15 @@ class TorchSamples(TorchDataset[TensorBatch]):
 
         Returns:
             Tensors by key, as described in `Samples`.
+
+        Raises:
+            UsageError: If an array holds texts, which are no tensors.
         """
         epoch = keys[0] // len(self)
         batch = self.samples.batch(np.asarray(keys) - epoch * len(self), epoch)
+        for name, values in batch.items():
+            if values.dtype.kind == "S":
+                raise UsageError(f"{name} holds texts, and tensors hold numbers; choose other windows or vectors")
         return {name: torch.from_numpy(values) for name, values in batch.items()}
 
     def loader(

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from numbers import Integral, Real
 from typing import Any
 
 from svfl_data.errors import UsageError
@@ -36,10 +37,10 @@ class Window:
     resample: bool = False
 
     def __post_init__(self) -> None:
-        if self.length < 1:
-            raise UsageError(f"a window has {self.length} readings; it must have at least 1")
-        if self.rate_hz is not None and not self.rate_hz > 0:
-            raise UsageError(f"a window has a rate of {self.rate_hz} Hz; it must be above 0")
+        if not isinstance(self.length, Integral) or self.length < 1:
+            raise UsageError(f"a window has {self.length!r} readings; it must be a whole number, at least 1")
+        if self.rate_hz is not None and not (isinstance(self.rate_hz, Real) and self.rate_hz > 0):
+            raise UsageError(f"a window has a rate of {self.rate_hz!r} Hz; it must be a number above 0")
         if self.resample and self.rate_hz is None:
             raise UsageError("a window that is resampled needs a rate")
 
@@ -67,6 +68,14 @@ class InputSpec:
     def __post_init__(self) -> None:
         if self.frames < 1:
             raise UsageError(f"frames is {self.frames}; it must be at least 1")
+        for path in self.windows:
+            if not path.startswith(("streams/", "observations/")):
+                raise UsageError(f"{path!r} has no window; windows are of arrays below streams/NAME/ or observations/")
+        for path in self.vectors:
+            if not path.startswith("observations/"):
+                raise UsageError(
+                    f"{path!r} is no vector of a step; those are below observations/, streams have windows"
+                )
         groups: dict[str, Window] = {}
         for path, window in self.windows.items():
             group = path.rpartition("/")[0]

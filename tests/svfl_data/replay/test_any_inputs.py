@@ -245,7 +245,6 @@ def without(episode: Episode, *paths: str) -> Episode:
     [
         (replace(SIMPLE, cameras=("top",)), {}, FieldError, r"episode_000000\.hdf5.*'top'.*front, wrist"),
         (replace(SIMPLE, vectors=("observations/mood",)), {}, FieldError, r"episode_000000\.hdf5.*observations/mood"),
-        (replace(SIMPLE, vectors=("workspace",)), {}, UsageError, r"workspace.*observations/"),
         (SIMPLE, {"action": "actions/left"}, FieldError, r"episode_000000\.hdf5.*actions/left.*actions/action"),
         (SIMPLE, {"invariant": ["cameras/wrist"]}, UsageError, r"invariant.*cameras/wrist.*cameras/front"),
         (SIMPLE, {"invariant": ["actions/action"]}, UsageError, r"invariant.*actions/action"),

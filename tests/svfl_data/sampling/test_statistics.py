@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from svfl_data.schema.episode import Episode
 from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import ACTION_PARTS, WRENCH_PARTS, Part, act, dihedral
 from tests.helpers.builders import make_episode
+from tests.helpers.own_robot import own_episode
 
 SHARES = {"train": 0.6, "valid": 0.2, "test": 0.2}
 
@@ -100,8 +102,10 @@ def test_shares_must_be_shares(shares):
 
 
 def test_too_few_episodes_are_refused():
-    with pytest.raises(DatasetError, match=rf"\b2 episodes.*{re.escape(str(SHARES))}"):
+    """In words of the command, with a number of episodes that is enough."""
+    with pytest.raises(DatasetError, match=r"\b2 episodes.*train=0.6 valid=0.2 test=0.2.* 5 episodes are enough"):
         split_episodes(range(2), SHARES, 0)
+    assert all(split_episodes(range(5), SHARES, 0)[part] for part in SHARES)
 
 
 def plain(values: np.ndarray, parts: tuple[Part, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -180,6 +184,19 @@ def test_pixels_without_depth_do_not_count(dataset):
     found = compute_statistics(dataset, [0])["cameras/front/depth"]
     assert found.count == (arrays["cameras/front/depth"] > 0).sum()
     assert found.min[0] > 0.3
+
+
+def test_poses_of_a_camera_that_moves_have_no_mean(tmp_path):
+    """Numbers of a rotation and metres are not one quantity."""
+    episode = own_episode(0)
+    poses = np.repeat(np.eye(4)[None], len(episode.t_ns), axis=0)
+    arrays = {path: array for path, array in episode.arrays.items() if path != "cameras/wrist/T_tcp_camera"}
+    arrays["cameras/wrist/T_base_camera_per_frame"] = poses
+    dataset = Dataset.create_or_resume(tmp_path / "d", "wiping", 0, {})
+    write_episode(replace(episode, arrays=arrays), dataset.episode_path(0))
+    found = compute_statistics(dataset, [0])
+    assert "cameras/wrist/color" in found
+    assert "cameras/wrist/T_base_camera_per_frame" not in found
 
 
 def test_statistics_belong_to_one_split_of_the_same_episodes(dataset):
