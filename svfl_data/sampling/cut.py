@@ -29,8 +29,8 @@ def cut_steps(episode: Episode, inputs: InputSpec, steps: Sequence[int] | None =
         steps: Rows of the observations, S of them; -1 is the final one. All by default.
 
     Returns:
-        Values by the keys of `svfl_data.sampling.samples.Samples`, each of shape (S, ...), without those that an episode
-        has once, such as ``depth_scale``.
+        Values by the keys of `svfl_data.sampling.samples.Samples`, each of shape (S, ...), without what an episode has
+        once, such as ``depth_scale``.
 
     Raises:
         FieldError: If the episode was recorded without one of the arrays.
@@ -70,8 +70,8 @@ def cut(
         name: Name of the source in messages.
 
     Returns:
-        Values by the keys of `svfl_data.sampling.samples.Samples`, each of shape (S, ...), without those that an episode
-        has once, such as ``depth_scale``.
+        Values by the keys of `svfl_data.sampling.samples.Samples`, each of shape (S, ...), without what an episode has
+        once, such as ``depth_scale``.
 
     Raises:
         FieldError: If an array is missing.
