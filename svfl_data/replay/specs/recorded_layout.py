@@ -1,16 +1,12 @@
 """The layout of a replay buffer with any inputs and any action, derived from their declarations."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from svfl_data.errors import UsageError
 from svfl_data.replay.config import ReplayConfig
 from svfl_data.replay.specs.layout import Array, Axes, Layout, Picture, Plane, Stream
+from svfl_data.replay.specs.recorded_inputs import RecordedInputs
 from svfl_data.schema.field import Field
-
-if TYPE_CHECKING:
-    from svfl_data.replay.specs.recorded_spec import RecordedSpec
 
 LONGEST = 100_000
 """Largest number of rows of a window in a saved file."""
@@ -18,7 +14,7 @@ SMOOTH = ("color", "grey")
 """Images that are interpolated where pixels do not move onto pixels; of depth and labels the nearest pixel is taken."""
 
 
-def layout_of(spec: "RecordedSpec", config: ReplayConfig) -> Layout:
+def layout_of(spec: RecordedInputs, config: ReplayConfig) -> Layout:
     """Return what is kept of an episode and given in a batch.
 
     Args:
@@ -49,7 +45,7 @@ def layout_of(spec: "RecordedSpec", config: ReplayConfig) -> Layout:
     return Layout(tuple(streams), vectors, action, tuple(pictures), _rows(group), scales)
 
 
-def _axes(spec: "RecordedSpec", camera: str, rotate: bool) -> np.ndarray | None:
+def _axes(spec: RecordedInputs, camera: str, rotate: bool) -> np.ndarray | None:
     """Return the matrix from base (x, y) to the image of a camera, (2, 2); None if its images stay."""
     name = f"cameras/{camera}"
     if name in spec.invariant:
@@ -64,14 +60,14 @@ def _axes(spec: "RecordedSpec", camera: str, rotate: bool) -> np.ndarray | None:
     return None
 
 
-def _stream(group: str, fields: list[Field], length: int, spec: "RecordedSpec", rotate: bool) -> Stream:
+def _stream(group: str, fields: list[Field], length: int, spec: RecordedInputs, rotate: bool) -> Stream:
     arrays = tuple(_array(field, spec, rotate) for field in fields)
     return Stream(
         arrays, length, f"rows/{group}", f"padded/{group}", f"age/{group}", group, group.startswith("cameras/")
     )
 
 
-def _array(field: Field, spec: "RecordedSpec", rotate: bool) -> Array:
+def _array(field: Field, spec: RecordedInputs, rotate: bool) -> Array:
     row = tuple(size for size in field.shape[1:] if isinstance(size, int))
     plain = Array(field.path, row, field.dtype)
     if not rotate or field.path in spec.invariant:

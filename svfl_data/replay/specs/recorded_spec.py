@@ -11,6 +11,7 @@ from svfl_data.errors import FieldError, UsageError
 from svfl_data.replay.config import ReplayConfig
 from svfl_data.replay.episode_builder import finite
 from svfl_data.replay.specs.layout import Array, Layout
+from svfl_data.replay.specs.recorded_inputs import RecordedInputs
 from svfl_data.replay.specs.recorded_layout import LONGEST, layout_of
 from svfl_data.replay.specs.spec import Observation, Spec, difference
 from svfl_data.sampling.batch import age_key, padding_key
@@ -25,31 +26,12 @@ COMPARED = ("dtype", "shape", "unit", "axes", "about", "components", "parts", "b
 
 
 @dataclass(frozen=True)
-class RecordedSpec:
+class RecordedSpec(RecordedInputs):
     """Properties that must be equal for transitions of different episodes to be mixed in one batch.
 
     The keys of batches are those of `svfl_data.sampling.samples.Samples`, and so are the values: as recorded, in base
     axes, images as integers.
-
-    Attributes:
-        task: Name of the task.
-        inputs: What is taken at each observation.
-        action: Path of the action.
-        fields: Declarations of the images, windows, vectors and the action, sorted by path, with the sizes that were
-            recorded.
-        constants: Calibration of the cameras by path, as nested tuples.
-        centre: Workspace centre, base (x, y), [m], about which positions turn; None if the episodes have no workspace.
-        invariant: Paths of arrays, or ``cameras/NAME``, that stay when a transition is rotated: sensors and cameras on
-            the gripper, and what has no direction.
     """
-
-    task: str
-    inputs: InputSpec
-    action: str
-    fields: tuple[Field, ...]
-    constants: dict[str, Any]
-    centre: tuple[float, float] | None = None
-    invariant: tuple[str, ...] = ()
 
     @classmethod
     def of_episode(
@@ -121,17 +103,6 @@ class RecordedSpec:
     def plain(self) -> dict[str, Any]:
         """Return the spec as plain values for files."""
         return asdict(self)
-
-    def field(self, path: str) -> Field:
-        """Return the declaration of an input or of the action.
-
-        Raises:
-            ValueError: If there is none at the path.
-        """
-        found = [field for field in self.fields if field.path == path]
-        if not found:
-            raise ValueError(f"{path} is not declared")
-        return found[0]
 
     def layout(self, config: ReplayConfig) -> Layout:
         """Return what is kept of an episode and given in a batch (`svfl_data.replay.specs.recorded_layout`).
