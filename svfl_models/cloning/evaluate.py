@@ -219,8 +219,8 @@ def _expect_same_form(environment: Any, deployment: DeploymentSpec, name: str) -
     space = ActionSpace.of_plain(deployment.action)
     if environment.action_space.shape != (len(space),):
         raise TrainingError(
-            f"{name}: gives {len(space)} numbers ({', '.join(space.names)}), the environment's action has shape "
-            f"{environment.action_space.shape}"
+            f"{name}: gives {len(space)} numbers ({printable(', '.join(space.names), 200)}), the environment's action "
+            f"has shape {environment.action_space.shape}"
         )
     for one in of_plain(deployment.inputs):
         if one.kind == "image" and one.moves == "pixels":

@@ -165,6 +165,9 @@ class OwnPolicy:
         shapes = [(1, *one.shape) for one in self.facts.inputs]
         if program.inputs != shapes or program.outputs != [(1, count)] or not _bounds(self.facts):
             raise FormatError(f"{name}: takes {program.inputs} and gives {program.outputs}, but says {shapes}, {count}")
+        for one in self.facts.inputs:
+            if len(one.shape) != _axes(one) or 0 in one.shape:
+                raise FormatError(f"{name}: {printable(one.path, 60)} cannot have the shape {one.shape} that it says")
         self.program, self._name = program.to(DEVICE), name
 
     @torch.inference_mode()
@@ -215,6 +218,13 @@ def _channel(leaf: str, image: NDArray[np.generic], depth_scale: float) -> NDArr
         return values[None] * np.float32(depth_scale)
     channels = values.transpose(2, 0, 1) if values.ndim == 3 else values[None]
     return channels / np.float32(BRIGHTEST.get(leaf, 255))
+
+
+def _axes(one: InputFacts) -> int:
+    """Return the number of axes of an input: images three, windows and the axes of an image two, vectors one."""
+    if one.images:
+        return 3
+    return 2 if one.path.startswith(("streams/", "cameras/")) else 1
 
 
 def _bounds(facts: Facts) -> bool:

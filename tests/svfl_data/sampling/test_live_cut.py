@@ -127,8 +127,10 @@ def stream(rate_hz: float, seconds: float, late: bool = False) -> list[Observati
 @pytest.mark.parametrize("late", [False, True])
 def test_readings_that_a_busy_machine_delays_are_taken(rate_hz, late):
     live = LiveCut(InputSpec(windows={"streams/left_finger/wrench": Window(64, rate_hz=500)}))
-    for seen in stream(rate_hz, 4.0, late):
-        live(seen)
+    taken = [live(seen) for seen in stream(rate_hz, 4.0, late)]
+    assert {one["streams/left_finger/wrench"].shape for one in taken} == {(1, 64, 6)}
+    ages = np.array([one["streams/left_finger/age"][0] for one in taken])
+    assert (ages.max() > 0.3) == late  # a late reading is taken, and its age says so
 
 
 @pytest.mark.parametrize("rate_hz", [100, 1200])
