@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import math
 import types
 import typing
 from collections.abc import Iterator, Sequence
@@ -47,7 +48,9 @@ def option(
         ['epochs']
     """
     extra = {"choices": tuple(choices), "partial": partial, "keys": tuple(keys), "metavar": metavar, "flag": flag}
-    return msgspec.Meta(description=description, ge=ge, gt=gt, le=le, extra=extra)
+    limits: dict[str, Any] = {"ge": ge, "gt": gt, "le": le}
+    given = {name: limit for name, limit in limits.items() if limit is not None}
+    return msgspec.Meta(description=description, extra=extra, **given)
 
 
 @dataclass(frozen=True)
@@ -111,6 +114,8 @@ class Setting:
         except msgspec.ValidationError:
             raise ValueError(f"{value!r} is not {self.words}") from None
         many = found if isinstance(found, list | tuple) else (found,)
+        if any(isinstance(one, float) and not math.isfinite(one) for one in many):
+            raise ValueError(f"{value!r} is not {self.words}")
         if self.choices and any(one is not None and one not in self.choices for one in many):
             raise ValueError(f"{value!r} is not {self.words}{closest(value, self.choices)}")
         return found
@@ -129,7 +134,7 @@ class Setting:
         return f"{one}, or null" if self.optional else one
 
 
-def settings_of(kind: type) -> Iterator[Setting]:
+def settings_of(kind: Any) -> Iterator[Setting]:  # noqa: ANN401 - a dataclass
     """Yield the settings that the fields of a dataclass declare, in their order."""
     hints = typing.get_type_hints(kind, include_extras=True)
     for field in dataclasses.fields(kind):
@@ -155,8 +160,9 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - any plain value
 
 def closest(word: object, possible: Sequence[object]) -> str:
     """Return the question whether a possible word was meant that is spelt similarly; empty if none is."""
-    found = difflib.get_close_matches(str(word), list(map(str, possible)), 1)
-    return f"; did you mean {found[0]}?" if found else ""
+    spelt = {str(one).lower(): str(one) for one in possible}
+    found = difflib.get_close_matches(str(word).lower(), list(spelt), 1)
+    return f"; did you mean {spelt[found[0]]}?" if found else ""
 
 
 def _meta(kind: Any) -> msgspec.Meta | None:  # noqa: ANN401 - a type

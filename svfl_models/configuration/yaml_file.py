@@ -16,6 +16,7 @@ from svfl_models.configuration.setting import Setting
 
 PROGRAM = "program"
 """Key that names the program which the settings are for."""
+PLAIN = ("tag:yaml.org,2002:seq", "tag:yaml.org,2002:map")
 LARGEST = 2**20
 """Largest size of a file of settings, [bytes]."""
 DEEPEST = 8
@@ -122,6 +123,8 @@ def _value(loader: _Loader, node: yaml.Node, path: Path, depth: int) -> Any:  # 
     line = node.start_mark.line + 1
     if depth > DEEPEST:
         raise UsageError(f"{path}:{line}: more than {DEEPEST} levels of mappings and lists")
+    if not isinstance(node, yaml.ScalarNode) and node.tag not in PLAIN:
+        raise UsageError(f"{path}:{line}: not YAML of plain values: {printable(node.tag, 60)}")
     if isinstance(node, yaml.SequenceNode):
         return [_value(loader, one, path, depth + 1) for one in node.value]
     if not isinstance(node, yaml.MappingNode):

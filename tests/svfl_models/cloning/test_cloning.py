@@ -144,7 +144,7 @@ def test_another_configuration_does_not_go_on_there(run, config):
 
 
 def test_a_damaged_checkpoint_is_said_before_training_goes_on(config, tmp_path):
-    run_folder.claim(tmp_path / "run", config.plain())
+    run_folder.claim(tmp_path / "run", "bc", config.plain())
     (tmp_path / "run" / run_folder.CHECKPOINT).write_text("half a file")
     with pytest.raises(FormatError, match=r"checkpoint\.ckpt"):
         train.train_cloning(config, tmp_path / "run", QUIET)
