@@ -110,7 +110,7 @@ class TrainingConfig:
     widths: Annotated[dict[str, Any], option(
         "layers whose sizes differ from those of the preset: numbers of fields of the vision encoder's six layers "
         "(vision), of the force encoder (force) and its attention heads (heads), and of the joint feature (latent)",
-        partial=Widths)] = field(default_factory=dict)  # fmt: skip
+        partial=Widths)] = field(default_factory=dict, hash=False)  # fmt: skip
     crop: Annotated[float, option(
         "side of the square that is cut out of the camera's images and scaled to --image-size, as a share of the "
         "image's side; 64/76 in the paper", gt=0, le=1)] = CROP  # fmt: skip

@@ -46,7 +46,7 @@ class CloningConfig:
         "layers whose sizes differ from those of the preset: numbers of fields of the vision encoder's six layers "
         "(vision), of the force encoder (force) and its attention heads (heads), of the three layers for vectors "
         "(proprio), and of the joint feature (latent)",
-        partial=Widths)] = field(default_factory=dict)  # fmt: skip
+        partial=Widths)] = field(default_factory=dict, hash=False)  # fmt: skip
     image_size: Annotated[int, option(
         "height and width of the network's images, px", choices=IMAGE_SIZES)] = 64  # fmt: skip
     crop: Annotated[float, option(
@@ -71,7 +71,7 @@ class CloningConfig:
         metavar="SHARE")] = 0.1  # fmt: skip
     epochs: Annotated[int, option("number of epochs to train", ge=1)] = 60
     steps: Annotated[int, option(
-        "number of optimiser steps to train, in the place of --epochs", ge=1)] | None = None  # fmt: skip
+        "number of optimiser steps to train, rounded up to whole epochs, in the place of --epochs", ge=1)] | None = None  # fmt: skip
     batch_size: Annotated[int, option("number of demonstrated steps per optimiser step", ge=1)] = 64
     learning_rate: Annotated[float, option("learning rate of Adam at the start of the training", gt=0)] = 1e-3
     schedule: Annotated[str, option(

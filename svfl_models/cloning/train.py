@@ -87,8 +87,8 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
     data = CloningData(config)
     pl.seed_everything(config.seed, verbose=False)
     per_epoch = math.ceil(len(data.train_set) / config.batch_size)
-    steps = config.steps or config.epochs * per_epoch
-    epochs = math.ceil(steps / per_epoch)
+    epochs = math.ceil(config.steps / per_epoch) if config.steps else config.epochs
+    steps = epochs * per_epoch
     network, deployment = network_of(config, data.deployment), data.deployment.plain()
     module = CloningModule(
         network, deployment, config.view, config.loss, config.learning_rate, steps, config.plain(), config.schedule
@@ -101,7 +101,7 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
             run_folder.claim(out, PROGRAM, config.plain())
         metrics = MetricsFile(out / run_folder.METRICS)
         watching = [metrics, CloningProgress(epochs, console or Console())]
-        run(module, data, out, watching, resumed, max_epochs=epochs, max_steps=steps)
+        run(module, data, out, watching, resumed, max_epochs=epochs)
         last = metrics.rows[-1]
         absent: dict[str, Any] = dict.fromkeys(("valid_xy_mm", "valid_z_mm", "valid_turn_deg"))
         found = {name: last[name] for name in Result.__annotations__ if name in last and name != "seconds"}
