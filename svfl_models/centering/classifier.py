@@ -11,12 +11,12 @@ from svfl_models.centering.config import TARGETS
 from svfl_models.centering.data import Crops
 from svfl_models.centering.latent_trunk import LatentTrunk
 from svfl_models.networks.heads import OffsetHead
-from svfl_models.networks.inputs import ENCODERS, IMAGE_SIZES, INPUTS
+from svfl_models.networks.inputs import CROP, ENCODERS, IMAGE_SIZES, INPUTS
 from svfl_models.networks.layer_factory import Layers, layer_factory
-from svfl_models.networks.presets import PRESETS
+from svfl_models.networks.presets import Widths, widths_of
 from svfl_models.networks.visual_force import VisualForceEncoder
 from svfl_models.symmetry.actions import Batch
-from svfl_models.symmetry.groups import GROUPS, group_named
+from svfl_models.symmetry.groups import group_named
 
 LATENT_INPUTS = "vfp"
 
@@ -28,7 +28,7 @@ class CenteringClassifier(nn.Module):
         encoder: Inputs of the network: ``v`` (image), ``f`` (wrench window) or ``vf`` (both); ``vfp`` (both and
             proprioception) with `latent_network`.
         group: Name of the symmetry group, a key of `groups.GROUPS`; ``none`` builds the parameter-matched CNN baseline.
-        preset: Name of the layer sizes, a key of `presets.PRESETS`.
+        preset: Name of the layer sizes, a key of `presets.PRESETS`, unless `widths` are given.
         target: Output of the network: ``direction`` (scores of four classes) or ``offset`` (displacement that centres
             the gripper over the block, in metres).
         image_size: Height and width of the images, one of `networks.inputs.IMAGE_SIZES`, [px].
@@ -38,6 +38,8 @@ class CenteringClassifier(nn.Module):
         latent_network: Arguments of a `LatentTrunk` that replaces the encoders and their fusion. It needs the encoder
             ``vfp``, the group ``none``, and its own image size and window; `preset` and `torque` have no effect then.
             None builds the package's own encoders.
+        widths: Sizes of the layers as plain values (`presets.Widths.plain`), in the place of `preset`.
+        crop: Share of the camera image's side that the images show, see `image_crops.crop_side`.
 
     Raises:
         TrainingError: If an argument is not one of its possible values.
@@ -58,10 +60,11 @@ class CenteringClassifier(nn.Module):
         window: int = 64,
         torque: str = "axial",
         latent_network: dict[str, Any] | None = None,
+        widths: dict[str, Any] | None = None,
+        crop: float = CROP,
     ) -> None:
         super().__init__()
         _check("encoder", encoder, (LATENT_INPUTS,) if latent_network else ENCODERS)
-        _check("preset", preset, tuple(PRESETS))
         _check("target", target, TARGETS)
         _check("image size", image_size, IMAGE_SIZES)
         self.group, self.target = group_named(group), target
@@ -74,9 +77,9 @@ class CenteringClassifier(nn.Module):
             self.trunk = LatentTrunk(**latent_network)
             hidden = layers.hidden(self.trunk.width)
         else:
-            widths = PRESETS[preset]["cnn" if self.group == GROUPS["none"] else "svfl"]
-            self.trunk = VisualForceEncoder(layers, widths, encoder, image_size, window, torque)
-            hidden = layers.hidden(widths.latent)
+            sizes = widths_of(preset, group) if widths is None else Widths.of_plain(widths)
+            self.trunk = VisualForceEncoder(layers, sizes, encoder, image_size, window, torque, crop)
+            hidden = layers.hidden(sizes.latent)
         self.head = layers.scores(hidden) if target == "direction" else OffsetHead(layers, hidden)
 
     def fit(self, samples: CenteringSamples) -> None:

@@ -1,9 +1,14 @@
 """Configuration of a block-centering run, in plain values; importing this module loads no heavy library."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
-from svfl_data.sampling.centering_samples import View
+from svfl_data.sampling.centering_samples import VIEWS, View
+from svfl_models.configuration.setting import option, plain_values
+from svfl_models.networks.inputs import CROP, IMAGE_SIZES, INPUTS
+from svfl_models.networks.presets import PRESETS, Widths, widths_of
+from svfl_models.symmetry.groups import GROUPS, TORQUES
+from svfl_models.training.schedules import SCHEDULES
 
 MODELS = ("svfl", "cnn")
 TARGETS = ("direction", "offset")
@@ -42,39 +47,13 @@ class Latent:
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """Configuration of one block-centering run.
+    """Configuration of one block-centering run; the texts of the fields are also the help of ``svfl-train centering``.
 
     The default batch size and learning rate are those of the paper (Kohler et al., CoRL 2023, appendix).
 
     Attributes:
-        data: Path of the dataset folder.
-        encoder: Inputs of the network: ``v`` image, ``f`` wrench window, ``vf`` both, or ``vfp`` both and
-            proprioception, which latent encoders need.
-        group: Name of the symmetry group, a key of `groups.GROUPS`; ``none`` is the parameter-matched CNN baseline (the
-            paper's CNN).
-        train_samples: Size of the training set, which is balanced over the classes.
-        seed: Seed of the choice of training samples, the initial weights, the batches and the crops.
-        preset: Name of the network's layer sizes, a key of `presets.PRESETS`.
-        target: Quantity that the network learns: one of four ``direction`` classes, or the ``offset`` in metres.
-        torque: How torques transform under reflections: ``axial``, or ``polar`` as in the paper (see
-            `representations.wrench_parts`).
-        camera: Name of the camera whose images are used, and in whose image-aligned axes vectors are given. None stands
-            for the only camera, until `train.with_camera` finds out its name, or for no camera if there are no images.
-        view: Viewpoint of the images: ``camera``, as the camera took them, or ``top``, as seen from straight above
-            (`svfl_data.signals.topdown`).
-        image_size: Height and width of the images that the network gets, [px].
-        augment: Whether the colours and positions of training images are changed at random (`training.augmentation`).
-            False leaves only the random crops of the paper.
-        rotate: Whether every training sample is rotated and mirrored by a random element of D4, the usual substitute
-            for a symmetric network.
-        noise: Level of the noise that is added to every wrench reading, in multiples of `sensor_noise.WHITE`.
-        test_samples: Size of the test set, which holds the same samples for every seed and training size.
-        window: Number of readings per wrench window.
-        epochs: Number of epochs to train, over which the learning rate falls to zero along a cosine.
-        patience: Number of epochs without a better test accuracy after which the training stops, as in the paper. 0
-            turns this off.
-        batch_size: Number of samples per optimiser step.
-        learning_rate: Learning rate of Adam at the start of the training.
+        camera: None stands for the only camera, until `train.with_camera` finds out its name, or for no camera if there
+            are no images. Vectors are given in the image-aligned axes of the camera.
         latent: Pretrained encoder that replaces the package's own ones; `group` must be ``none`` then. None for no
             pretrained encoder.
 
@@ -83,27 +62,61 @@ class TrainingConfig:
         25
     """
 
-    data: str
-    encoder: str = "vf"
-    group: str = "D4"
-    train_samples: int = 100
-    seed: int = 0
-    preset: str = "default"
-    target: str = "direction"
-    torque: str = "axial"
-    camera: str | None = None
-    view: View = "camera"
-    image_size: int = 64
-    augment: bool = True
-    rotate: bool = False
-    noise: float = 0.0
-    test_samples: int = 100
-    window: int = 64
-    epochs: int = 500
-    patience: int = 0
-    batch_size: int = 64
-    learning_rate: float = 1e-3
-    latent: Latent | None = None
+    data: Annotated[str, option("dataset folder of svfl-collect centering", metavar="FOLDER")]
+    encoder: Annotated[str, option(
+        "inputs of the network: v for image, f for wrench (force and torque), vf for both; vfp also for "
+        "proprioception, which pretrained latent encoders need", choices=tuple(INPUTS))] = "vf"  # fmt: skip
+    group: Annotated[str, option(
+        "symmetry group of the network: C for rotations, D for rotations and reflections, and the number of rotations; "
+        "none for no symmetry, the baseline of the paper (CNN) that has about as many parameters",
+        choices=tuple(GROUPS))] = "D4"  # fmt: skip
+    train_samples: Annotated[int, option(
+        "number of training samples, balanced over the four directions", ge=1)] = 100  # fmt: skip
+    seed: Annotated[int, option(
+        "seed of the choice of training samples, the initial weights, the batches and the crops",
+        ge=0)] = 0  # fmt: skip
+    preset: Annotated[str, option("sizes of the network's layers", choices=tuple(PRESETS))] = "default"
+    target: Annotated[str, option(
+        "quantity to predict: one of four directions, or the offset in m", choices=TARGETS)] = "direction"  # fmt: skip
+    torque: Annotated[str, option(
+        "how a torque transforms under reflections: axial (correct), or polar as in the paper",
+        choices=TORQUES)] = "axial"  # fmt: skip
+    camera: Annotated[str, option(
+        "camera whose images are used; must be given if there are several", metavar="NAME")] | None = None  # fmt: skip
+    view: Annotated[View, option(
+        "viewpoint of the images: camera as recorded, or top as seen from straight above",
+        choices=VIEWS)] = "camera"  # fmt: skip
+    image_size: Annotated[int, option(
+        "height and width of the network's images, px", choices=IMAGE_SIZES)] = 64  # fmt: skip
+    augment: Annotated[bool, option(
+        "change colours and depth of training images at random, and shift crops further than in the paper; without it "
+        "there are only the random crops of the paper")] = True  # fmt: skip
+    rotate: Annotated[bool, option(
+        "rotate training samples by random quarter turns and mirror them at random, the usual substitute for a "
+        "symmetric network")] = False  # fmt: skip
+    noise: Annotated[float, option(
+        "noise that is added to every wrench reading, in multiples of the simulated sensor's white noise",
+        ge=0)] = 0.0  # fmt: skip
+    test_samples: Annotated[int, option(
+        "number of test samples, the same ones for every seed and number of training samples", ge=1)] = 100  # fmt: skip
+    window: Annotated[int, option("number of readings per wrench window", ge=1)] = 64
+    epochs: Annotated[int, option("largest number of epochs to train", ge=1)] = 500
+    patience: Annotated[int, option(
+        "number of epochs without a better test accuracy after which a training stops, as in the paper; 0: never",
+        ge=0)] = 0  # fmt: skip
+    batch_size: Annotated[int, option("number of samples per optimiser step", ge=1)] = 64
+    learning_rate: Annotated[float, option("learning rate of Adam at the start of the training", gt=0)] = 1e-3
+    latent: Annotated[Latent, option("pretrained latent encoder, as --latent describes it", flag=False)] | None = None
+    widths: Annotated[dict[str, Any], option(
+        "layers whose sizes differ from those of the preset: numbers of fields of the vision encoder's six layers "
+        "(vision), of the force encoder (force) and its attention heads (heads), and of the joint feature (latent)",
+        partial=Widths)] = field(default_factory=dict, hash=False)  # fmt: skip
+    crop: Annotated[float, option(
+        "side of the square that is cut out of the camera's images and scaled to --image-size, as a share of the "
+        "image's side; 64/76 in the paper", gt=0, le=1)] = CROP  # fmt: skip
+    schedule: Annotated[str, option(
+        "course of the learning rate: cosine falls to zero along a cosine over the training, constant stays",
+        choices=SCHEDULES)] = "cosine"  # fmt: skip
 
     def __post_init__(self) -> None:
         if isinstance(self.latent, dict):  # as `plain` wrote it
@@ -115,11 +128,42 @@ class TrainingConfig:
         return "cnn" if self.group == "none" else "svfl"
 
     def network(self) -> dict[str, Any]:
-        """Return the arguments of `classifier.CenteringClassifier`, as plain values."""
-        names = ("encoder", "group", "preset", "target", "image_size", "window", "torque")
-        return {name: getattr(self, name) for name in names}
+        """Return the arguments of `classifier.CenteringClassifier`, as plain values, with the sizes of all layers."""
+        names = ("encoder", "group", "target", "image_size", "window", "torque", "crop")
+        plain = {name: getattr(self, name) for name in names}
+        return plain | {"widths": widths_of(self.preset, self.group, self.widths).plain()}
 
     def plain(self) -> dict[str, Any]:
         """Return the configuration as plain values for files; ``TrainingConfig(**config.plain())`` restores it."""
-        plain = asdict(self)
+        plain = plain_values(self)
         return {name: value for name, value in plain.items() if name != "latent" or value is not None}
+
+
+@dataclass(frozen=True)
+class SeparateTest:
+    """Second dataset that networks are tested on; it does not tell runs apart."""
+
+    separate_test: Annotated[str, option(
+        "second dataset folder of svfl-collect centering, all of whose samples are tested too and none of which is "
+        "trained on", metavar="FOLDER")] | None = None  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What an experiment of many trainings varies, beside what its kind varies."""
+
+    data: Annotated[str, option("dataset folder of svfl-collect centering", metavar="FOLDER")]
+    train_samples: Annotated[list[Annotated[int, option("", ge=1)]], option(
+        "numbers of training samples to compare")]  # fmt: skip
+    seeds: Annotated[int, option("number of seeds; the seeds are 0 to N-1", ge=1)] = 3
+
+
+@dataclass(frozen=True)
+class LatentSweep:
+    """Pretrained encoders that an experiment compares."""
+
+    latents: Annotated[list[str], option("checkpoints of svfl-train latent to compare", metavar="CHECKPOINT")]
+    uses: Annotated[list[str], option(
+        "how to use the pretrained encoders: frozen trains only the head; fine-tuned trains the encoder as well; "
+        "from-scratch trains both from random weights, for comparison",
+        choices=USES)] = field(default_factory=lambda: list(USES))  # fmt: skip

@@ -12,7 +12,7 @@ from svfl_data.errors import TrainingError
 from svfl_data.sampling.centering_samples import CenteringSamples
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.networks.image_crops import centre_crop, crop_side, random_crop, scaled
-from svfl_models.networks.inputs import INPUTS
+from svfl_models.networks.inputs import CROP, INPUTS
 from svfl_models.symmetry.actions import Batch, augment
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.training.augmentation import MARGIN, recoloured
@@ -34,6 +34,7 @@ class Crops(Dataset[Batch]):
         augment: Whether the colours of images change and crops may reach beyond their edges (`training.augmentation`).
             It has no effect unless `random` is true.
         rotate: Whether every sample is rotated and mirrored by a random element of D4.
+        crop: Share of the camera image's side that the images show.
     """
 
     def __init__(
@@ -44,9 +45,10 @@ class Crops(Dataset[Batch]):
         random: bool = False,
         augment: bool = False,
         rotate: bool = False,
+        crop: float = CROP,
     ) -> None:
         self.tensors = {name: torch.from_numpy(getattr(samples, name)) for name in (*inputs, *LABELS)}
-        self.size, self.random, self.augment, self.rotate = size, random, augment, rotate
+        self.size, self.random, self.augment, self.rotate, self.crop = size, random, augment, rotate, crop
 
     def __len__(self) -> int:
         return len(self.tensors["direction"])
@@ -59,7 +61,7 @@ class Crops(Dataset[Batch]):
         return augment(batch, GROUPS["D4"]) if self.rotate else batch
 
     def _image(self, image: Tensor) -> Tensor:
-        side = crop_side(image.shape[-1], self.size)
+        side = crop_side(image.shape[-1], self.size, self.crop)
         if not self.random:
             return scaled(centre_crop(image, side), self.size)
         if not self.augment:
@@ -111,7 +113,10 @@ class CenteringData(pl.LightningDataModule):
         for samples in (train, test):
             check_samples(samples, config)
         inputs, size = INPUTS[config.encoder], config.image_size
-        self.crops = Crops(train, inputs, size, True, config.augment, config.rotate), Crops(test, inputs, size)
+        self.crops = (
+            Crops(train, inputs, size, True, config.augment, config.rotate, config.crop),
+            Crops(test, inputs, size, crop=config.crop),
+        )
         self.train_set: Crops | Features = self.crops[0]
         self.test_set: Crops | Features = self.crops[1]
         self.batch_size = config.batch_size

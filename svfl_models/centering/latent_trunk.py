@@ -10,6 +10,7 @@ from svfl_models.latent.config import MODELS, Sizes
 from svfl_models.latent.inputs import IMAGE_SIZE, WINDOW, Inputs
 from svfl_models.latent.networks.encoder import Encoder
 from svfl_models.latent.networks.network import ENCODERS, LatentNetwork
+from svfl_models.networks.inputs import CROP
 from svfl_models.networks.normalization import Normalization
 from svfl_models.symmetry.actions import Batch
 
@@ -35,7 +36,7 @@ class LatentTrunk(nn.Module):
 
     feature_mean: Tensor
     feature_scale: Tensor
-    image_size, window = IMAGE_SIZE, WINDOW
+    image_size, window, crop = IMAGE_SIZE, WINDOW, CROP
 
     def __init__(self, model: str, sizes: dict[str, Any]) -> None:
         super().__init__()

@@ -12,6 +12,7 @@ from svfl_data.errors import TrainingError
 from svfl_models.centering.classifier import CenteringClassifier
 from svfl_models.networks.heads import OffsetHead
 from svfl_models.symmetry.actions import Batch
+from svfl_models.training.schedules import scheduler
 
 FORMAT = "svfl-centering"
 FORMAT_VERSION = "1.0"
@@ -26,12 +27,12 @@ class CenteringModule(pl.LightningModule):
     Args:
         network: Arguments of `CenteringClassifier`, plain values.
         learning_rate: Learning rate of Adam at the start of the training.
-        epochs: Number of epochs over which the learning rate falls to zero along a cosine (Loshchilov & Hutter, ICLR
-            2017, one cycle).
+        epochs: Number of epochs of the training, over which the learning rate takes its course.
         training: The whole configuration of the training in plain values, which is only kept in the checkpoint. None if
             there is none.
         trunk_rate: Learning rate of the trunk at the start. 0 leaves the trunk's weights unchanged; None gives the
             trunk the same rate as the head.
+        schedule: Course of the learning rate, one of `schedules.SCHEDULES`.
     """
 
     def __init__(
@@ -41,11 +42,12 @@ class CenteringModule(pl.LightningModule):
         epochs: int = 500,
         training: dict[str, Any] | None = None,
         trunk_rate: float | None = None,
+        schedule: str = "cosine",
     ) -> None:
         super().__init__()
         self.save_hyperparameters()
         self.classifier = CenteringClassifier(**network)
-        self.learning_rate, self.epochs, self.trunk_rate = learning_rate, epochs, trunk_rate
+        self.learning_rate, self.epochs, self.trunk_rate, self.schedule = learning_rate, epochs, trunk_rate, schedule
         if self.frozen:
             self.classifier.trunk.requires_grad_(False)
 
@@ -67,13 +69,13 @@ class CenteringModule(pl.LightningModule):
         self._loss(batch, "test")
 
     def configure_optimizers(self) -> OptimizerLRScheduler:
-        """Return Adam with a learning rate that falls with every epoch."""
+        """Return Adam with a learning rate that takes its course from epoch to epoch."""
         learning: Any = [parameter for parameter in self.parameters() if parameter.requires_grad]
         if self.trunk_rate:
             head, trunk = self.classifier.head.parameters(), self.classifier.trunk.parameters()
             learning = [{"params": head}, {"params": trunk, "lr": self.trunk_rate}]
         adam = torch.optim.Adam(learning, lr=self.learning_rate)
-        return [adam], [torch.optim.lr_scheduler.CosineAnnealingLR(adam, self.epochs)]
+        return [adam], [scheduler(adam, self.schedule, self.epochs)]
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Mark the checkpoint with its format and format version."""

@@ -83,11 +83,15 @@ def module_of(config: TrainingConfig) -> CenteringModule:
     """
     latent = config.latent
     if latent is None:
-        return CenteringModule(config.network(), config.learning_rate, config.epochs, config.plain())
+        return CenteringModule(
+            config.network(), config.learning_rate, config.epochs, config.plain(), schedule=config.schedule
+        )
     pretrained = network_of(latent)
     network = config.network() | {"latent_network": {"model": latent.model, "sizes": plain(pretrained.sizes)}}
     rate = 0.0 if latent.use == "frozen" else latent.learning_rate
-    module = CenteringModule(network, config.learning_rate, config.epochs, config.plain(), rate)
+    module = CenteringModule(
+        network, config.learning_rate, config.epochs, config.plain(), rate, config.schedule
+    )  # fmt: skip
     trunk = module.classifier.trunk
     assert isinstance(trunk, LatentTrunk)
     trunk.take_over(pretrained, weights=latent.use != "from-scratch")

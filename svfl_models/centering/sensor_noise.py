@@ -5,10 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from svfl_data.sampling.centering_samples import CenteringSamples
-
-WHITE = (0.033, 0.033, 0.133, 0.0017, 0.0017, 0.00033)
-"""Standard deviation of the noise of one reading (fx, fy, fz, mx, my, mz) at level 1, [N] and [N m]: a sixth of the
-noise-free resolution of OnRobot's HEX-E/H QC (datasheet v1.5), the sensor that the simulation models."""
+from svfl_models.training.augmentation import WHITE
 
 
 def with_noise(samples: CenteringSamples, level: float) -> CenteringSamples:

@@ -78,7 +78,7 @@ def train_centering(
     module.classifier.fit(train)
 
     with run_folder.held(out):
-        run_folder.claim(out, config.plain())
+        run_folder.claim(out, "centering", config.plain(), {"separate_test": separate_test and str(separate_test)})
         metrics = MetricsFile(out / run_folder.METRICS)
         start = time.monotonic()
         if module.frozen:

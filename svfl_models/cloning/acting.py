@@ -87,7 +87,7 @@ class ActingPolicy(nn.Module):
 
     def _cropped(self, image: Tensor, proprio: Tensor) -> Tensor:
         size, height = self.policy.trunk.image_size, image.shape[-1]
-        side = crop_side(height, size)
+        side = crop_side(height, size, self.policy.trunk.crop)
         if self.view == "camera":
             return scaled(centre_crop(image, side), size)
         return scaled(

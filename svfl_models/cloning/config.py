@@ -1,7 +1,13 @@
 """Configuration of a behaviour cloning run, in plain values; importing this module loads no heavy library."""
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from svfl_models.configuration.setting import option, plain_values
+from svfl_models.networks.inputs import CROP, IMAGE_SIZES
+from svfl_models.networks.presets import PRESETS, Widths, widths_of
+from svfl_models.symmetry.groups import GROUPS
+from svfl_models.training.schedules import SCHEDULES
 
 ENCODERS = ("v", "f", "p", "vf", "vp", "vfp")
 LOSSES = ("action", "likelihood")
@@ -10,54 +16,70 @@ VIEWS = ("gripper", "camera")
 
 @dataclass(frozen=True)
 class CloningConfig:
-    """Configuration of one behaviour cloning run.
-
-    Attributes:
-        data: Path of the dataset folder with the demonstrations.
-        episodes: Number of demonstrations to use: the first ones of the dataset that succeeded.
-        encoder: Inputs of the policy, one of `ENCODERS`: ``v`` image, ``f`` wrench window, ``p`` proprioception, or a
-            combination of them.
-        group: Name of the symmetry group, a key of `groups.GROUPS`; ``none`` is the parameter-matched CNN baseline (the
-            paper's CNN).
-        seed: Seed of the choice of held-out episodes, the initial weights, the batches and the crops.
-        preset: Name of the network's layer sizes, a key of `presets.PRESETS`.
-        loss: Distance between the policy and a demonstrated action, one of `LOSSES`: ``action`` or ``likelihood`` (see
-            `cloning.loss`).
-        augment: Whether the colours and positions of training images are changed at random (`training.augmentation`).
-            False leaves only the random crops.
-        view: Centre of the images, one of `VIEWS`: ``gripper``, cropped around the gripper, or ``camera``, cropped from
-            the middle of the camera image.
-        image_size: Height and width of the images that the network gets, [px].
-        camera: Name of the camera whose images are used. May be None if there is one camera.
-        inputs: Inputs of the user's own, in the place of `encoder`, see `cloning.recorded_inputs`; empty for `encoder`.
-        action: Path of the action that is learned, if `inputs` are given.
-        valid: Share of the demonstrations that is held out to measure how well the policy generalises, 0..1.
-        epochs: Number of epochs to train, over which the learning rate falls to zero along a cosine.
-        batch_size: Number of demonstrated steps per optimiser step.
-        learning_rate: Learning rate of Adam at the start of the training.
+    """Configuration of one behaviour cloning run; the texts of the fields are also the help of ``svfl-train bc``.
 
     Example:
         >>> CloningConfig(data="data/week", group="C4", epochs=5).group
         'C4'
     """
 
-    data: str
-    episodes: int = 50
-    encoder: str = "vfp"
-    group: str = "D4"
-    seed: int = 0
-    preset: str = "default"
-    loss: str = "action"
-    augment: bool = True
-    view: str = "gripper"
-    image_size: int = 64
-    camera: str | None = None
-    inputs: list[str] = field(default_factory=list)
-    action: str = "actions/action"
-    valid: float = 0.1
-    epochs: int = 60
-    batch_size: int = 64
-    learning_rate: float = 1e-3
+    data: Annotated[str, option("dataset folder with demonstrations, as of svfl-collect expert", metavar="FOLDER")]
+    episodes: Annotated[int, option(
+        "number of demonstrations to use: the first ones that succeeded, part of which is held out (valid)",
+        ge=1)] = 50  # fmt: skip
+    encoder: Annotated[str, option(
+        "inputs of the network: v for image, f for wrench (force and torque), p for proprioception, or several of them",
+        choices=ENCODERS)] = "vfp"  # fmt: skip
+    inputs: Annotated[list[str], option(
+        "inputs of your own in the place of --encoder: cameras (cameras/front), windows of streams with number of "
+        "readings and rate (streams/wrench/wrench=64@500), arrays below observations/; :invariant at the end for a "
+        "sensor or camera on the gripper that does not turn with the world; images are cropped to their middle",
+        metavar="INPUT")] = field(default_factory=list)  # fmt: skip
+    action: Annotated[str, option(
+        "array with the actions to learn, if --inputs are given", metavar="PATH")] = "actions/action"  # fmt: skip
+    group: Annotated[str, option(
+        "symmetry group of the network: C for rotations, D for rotations and reflections, and the number of rotations; "
+        "none for no symmetry, the baseline of the paper (CNN) that has about as many parameters",
+        choices=tuple(GROUPS))] = "D4"  # fmt: skip
+    preset: Annotated[str, option("sizes of the network's layers", choices=tuple(PRESETS))] = "default"
+    widths: Annotated[dict[str, Any], option(
+        "layers whose sizes differ from those of the preset: numbers of fields of the vision encoder's six layers "
+        "(vision), of the force encoder (force) and its attention heads (heads), of the three layers for vectors "
+        "(proprio), and of the joint feature (latent)",
+        partial=Widths)] = field(default_factory=dict, hash=False)  # fmt: skip
+    image_size: Annotated[int, option(
+        "height and width of the network's images, px", choices=IMAGE_SIZES)] = 64  # fmt: skip
+    crop: Annotated[float, option(
+        "side of the square that is cut out of the camera's images and scaled to --image-size, as a share of the "
+        "image's shorter side; 64/76 in the paper", gt=0, le=1)] = CROP  # fmt: skip
+    camera: Annotated[str, option(
+        "camera whose images are used; must be given if there are several", metavar="NAME")] | None = None  # fmt: skip
+    view: Annotated[str, option(
+        "centre of the network's images: the gripper, or the middle of the camera image",
+        choices=VIEWS)] = "gripper"  # fmt: skip
+    augment: Annotated[bool, option(
+        "change colours and depth of training images at random, and shift crops further than in the paper; without it "
+        "there are only the random crops of the paper")] = True  # fmt: skip
+    noise: Annotated[float, option(
+        "white noise that is added to the wrench readings of training, in multiples of the simulated sensor's",
+        ge=0)] = 0.0  # fmt: skip
+    loss: Annotated[str, option(
+        "loss: action is the error of the action; likelihood is the negative log-likelihood, with which the standard "
+        "deviations of the actions are learned too", choices=LOSSES)] = "action"  # fmt: skip
+    valid: Annotated[float, option(
+        "share of the demonstrations that is held out to measure how well the policy generalises", gt=0, le=0.5,
+        metavar="SHARE")] = 0.1  # fmt: skip
+    epochs: Annotated[int, option("number of epochs to train", ge=1)] = 60
+    steps: Annotated[int, option(
+        "number of optimiser steps to train, rounded up to whole epochs, in the place of --epochs", ge=1)] | None = None  # fmt: skip
+    batch_size: Annotated[int, option("number of demonstrated steps per optimiser step", ge=1)] = 64
+    learning_rate: Annotated[float, option("learning rate of Adam at the start of the training", gt=0)] = 1e-3
+    schedule: Annotated[str, option(
+        "course of the learning rate: cosine falls to zero along a cosine over the training, constant stays",
+        choices=SCHEDULES)] = "cosine"  # fmt: skip
+    seed: Annotated[int, option(
+        "seed of the choice of held-out episodes, the initial weights, the batches and the crops",
+        ge=0)] = 0  # fmt: skip
 
     @property
     def model(self) -> str:
@@ -65,9 +87,10 @@ class CloningConfig:
         return "cnn" if self.group == "none" else "svfl"
 
     def network(self) -> dict[str, Any]:
-        """Return the arguments of `policy.Policy`, as plain values."""
-        return {name: getattr(self, name) for name in ("encoder", "group", "preset", "image_size")}
+        """Return the arguments of `policy.Policy`, as plain values, with the sizes of all layers."""
+        plain = {name: getattr(self, name) for name in ("encoder", "group", "image_size", "crop")}
+        return plain | {"widths": widths_of(self.preset, self.group, self.widths).plain()}
 
     def plain(self) -> dict[str, Any]:
         """Return the configuration as a dictionary of plain values for files."""
-        return asdict(self)
+        return plain_values(self)

@@ -24,7 +24,7 @@ from svfl_models.cloning.gripper_view import JITTER, corners
 from svfl_models.cloning.own_data import OwnDemonstrations
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, random_crop, scaled
 from svfl_models.symmetry.actions import Batch
-from svfl_models.training.augmentation import MARGIN, recoloured
+from svfl_models.training.augmentation import MARGIN, WHITE, recoloured
 
 VALID_BATCH = 256
 STATISTICS = 1024
@@ -69,7 +69,7 @@ class Demonstrations(TorchDataset[Batch]):
         self.deployment, self.config, self.random = deployment, config, random
         self.axes = np.array(deployment.image_axes)
         self.projection = torch.tensor(deployment.projection, dtype=torch.float32)
-        self.side = crop_side(deployment.image_side, config.image_size) if self.sees else 0
+        self.side = crop_side(deployment.image_side, config.image_size, config.crop) if self.sees else 0
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -95,7 +95,11 @@ class Demonstrations(TorchDataset[Batch]):
             "action": torch.from_numpy(act(self.axes, recorded[ACTION][:, 0] / self.deployment.unit, ACTION_PARTS)),
         }
         if self.feels:
-            batch["wrench"] = torch.from_numpy(act(self.axes, recorded[WRENCH], WRENCH_PARTS))
+            wrench = recorded[WRENCH]
+            if self.random and self.config.noise:
+                draw = np.random.default_rng([self.config.seed, keys[0]]).standard_normal(wrench.shape)
+                wrench = (wrench + self.config.noise * np.array(WHITE) * draw).astype(np.float32)
+            batch["wrench"] = torch.from_numpy(act(self.axes, wrench, WRENCH_PARTS))
         if self.sees:
             color, depth = (recorded[f"cameras/{self.deployment.camera}/{name}"][:, 0] for name in ("color", "depth"))
             with torch.random.fork_rng(devices=[]):

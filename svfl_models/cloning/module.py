@@ -14,6 +14,7 @@ from svfl_models.cloning.loss import LOSSES
 from svfl_models.networks.policy import Policy
 from svfl_models.networks.squashed_gaussian import SquashedGaussian
 from svfl_models.symmetry.actions import Batch
+from svfl_models.training.schedules import scheduler
 
 FORMAT = "svfl-policy"
 FORMAT_VERSION = "1.0"
@@ -31,10 +32,10 @@ class CloningModule(pl.LightningModule):
         view: Centre of the images, one of `cloning.config.VIEWS`: ``gripper`` or ``camera``.
         loss: Name of the loss, one of `cloning.config.LOSSES`: ``action`` or ``likelihood``.
         learning_rate: Learning rate of Adam at the start of the training.
-        steps: Number of optimiser steps over which the learning rate falls to zero along a cosine (Loshchilov & Hutter,
-            ICLR 2017, one cycle).
+        steps: Number of optimiser steps of the training, over which the learning rate takes its course.
         training: The whole configuration of the training in plain values, which is only kept in the checkpoint. None if
             there is none.
+        schedule: Course of the learning rate, one of `schedules.SCHEDULES`.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class CloningModule(pl.LightningModule):
         learning_rate: float = 1e-3,
         steps: int = 1000,
         training: dict[str, Any] | None = None,
+        schedule: str = "cosine",
     ) -> None:
         super().__init__()
         self.save_hyperparameters()
@@ -54,6 +56,7 @@ class CloningModule(pl.LightningModule):
         self.policy, self.deployment = Policy(**network), DeploymentSpec(**deployment)
         self.view = view
         self.loss, self.learning_rate, self.steps = LOSSES[loss], learning_rate, steps
+        self.schedule = schedule
 
     def forward(self, batch: Batch) -> SquashedGaussian:
         """Return the policy's distribution of actions for a batch of observations, in image-aligned axes."""
@@ -68,10 +71,10 @@ class CloningModule(pl.LightningModule):
         self._loss(batch, "valid")
 
     def configure_optimizers(self) -> OptimizerLRScheduler:
-        """Return Adam with a learning rate that falls with every step."""
+        """Return Adam with a learning rate that takes its course from step to step."""
         adam = torch.optim.Adam(self.parameters(), lr=self.learning_rate)
-        slower = torch.optim.lr_scheduler.CosineAnnealingLR(adam, self.steps)
-        return {"optimizer": adam, "lr_scheduler": {"scheduler": slower, "interval": "step"}}
+        course = scheduler(adam, self.schedule, self.steps)
+        return {"optimizer": adam, "lr_scheduler": {"scheduler": course, "interval": "step"}}
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Mark the checkpoint with its format and format version."""

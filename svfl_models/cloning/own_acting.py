@@ -95,7 +95,7 @@ class OwnActingPolicy(nn.Module):
 
     def _cropped(self, image: Tensor) -> Tensor:
         size = self.policy.trunk.image_size
-        return scaled(centre_crop(image, crop_side(image.shape[-1], size)), size)
+        return scaled(centre_crop(image, crop_side(image.shape[-1], size, self.policy.trunk.crop)), size)
 
 
 def action_path(module: CloningModule) -> str:

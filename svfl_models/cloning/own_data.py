@@ -93,7 +93,7 @@ class OwnDemonstrations(TorchDataset[Batch]):
 
     def _image(self, image: Tensor) -> Tensor:
         size, height = self.config.image_size, image.shape[-1]
-        side = crop_side(height, size)
+        side = crop_side(height, size, self.config.crop)
         if not self.random:
             return scaled(centre_crop(image, side), size)
         beyond = round(MARGIN * height) if self.config.augment else 0

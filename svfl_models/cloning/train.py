@@ -9,8 +9,7 @@ import lightning.pytorch as pl
 import torch
 from rich.console import Console
 
-from svfl_data.errors import FormatError
-from svfl_data.system.side_files import read_json
+from svfl_data.errors import TrainingError
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.data import CloningData
@@ -23,6 +22,8 @@ from svfl_models.networks.presets import THREADS
 from svfl_models.training import run_folder
 from svfl_models.training.trainer import parameter_count, run, storage_errors
 from svfl_models.training.writing import write_json
+
+PROGRAM = "bc"
 
 
 @dataclass(frozen=True)
@@ -85,20 +86,22 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
     torch.set_num_threads(min(torch.get_num_threads(), THREADS.get(config.preset, 1)))
     data = CloningData(config)
     pl.seed_everything(config.seed, verbose=False)
-    steps = config.epochs * math.ceil(len(data.train_set) / config.batch_size)
+    per_epoch = math.ceil(len(data.train_set) / config.batch_size)
+    epochs = math.ceil(config.steps / per_epoch) if config.steps else config.epochs
+    steps = epochs * per_epoch
     network, deployment = network_of(config, data.deployment), data.deployment.plain()
     module = CloningModule(
-        network, deployment, config.view, config.loss, config.learning_rate, steps, config.plain()
-    )  # fmt: skip
+        network, deployment, config.view, config.loss, config.learning_rate, steps, config.plain(), config.schedule
+    )
     typical = data.train_set.typical()
     module.policy.trunk.normalization.fit(**{name: values.numpy() for name, values in typical.items()})
     with run_folder.held(out), storage_errors(out):
         resumed = _interrupted(config, out)
         if resumed is None:
-            run_folder.claim(out, config.plain())
+            run_folder.claim(out, PROGRAM, config.plain())
         metrics = MetricsFile(out / run_folder.METRICS)
-        watching = [metrics, CloningProgress(config.epochs, console or Console())]
-        run(module, data, out, watching, resumed, max_epochs=config.epochs)
+        watching = [metrics, CloningProgress(epochs, console or Console())]
+        run(module, data, out, watching, resumed, max_epochs=epochs)
         last = metrics.rows[-1]
         absent: dict[str, Any] = dict.fromkeys(("valid_xy_mm", "valid_z_mm", "valid_turn_deg"))
         found = {name: last[name] for name in Result.__annotations__ if name in last and name != "seconds"}
@@ -134,8 +137,8 @@ def _interrupted(config: CloningConfig, out: Path) -> Path | None:
     if not checkpoint.exists() or (out / run_folder.RESULT).exists():
         return None
     try:
-        same = read_json(out / run_folder.CONFIG) == config.plain()
-    except (OSError, FormatError):
+        same = run_folder.is_same(run_folder.read_config(out) or {}, PROGRAM, config.plain())
+    except TrainingError:
         return None  # `run_folder.claim` reports what is wrong
     if same:
         load_policy(checkpoint)  # reports a damaged checkpoint before the training starts

@@ -1,21 +1,38 @@
 """The command ``svfl-train bc-table``, which clones SVFL and CNN policies on several tasks and compares them."""
 
 import argparse
-import shlex
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, Any
 
 from svfl_data.system.command_line import Commands, positive
 from svfl_data.system.printable import say
-from svfl_models.cloning.config import ENCODERS, VIEWS, CloningConfig
-from svfl_models.networks.presets import PRESETS
+from svfl_models.cloning.config import CloningConfig
+from svfl_models.configuration.program import Program, command_line
+from svfl_models.configuration.setting import option, settings_of
 
 EXAMPLE = (
     "svfl-train bc-table --data data/perturbed/block_picking data/perturbed/block_pushing --workers 2\n"
     "svfl-train bc-table --data data/perturbed/block_picking --episodes 10 25 50 --seeds 1 --trials 50 --out out/curve"
 )
-DEFAULT = CloningConfig(data="")
-RECIPE = ("encoder", "camera", "view", "preset", "epochs")
-"""Options that become part of every policy's configuration."""
+RECIPE = (
+    "encoder", "camera", "view", "preset", "widths", "image_size", "crop", "augment", "noise", "loss", "valid",
+    "epochs", "batch_size", "learning_rate", "schedule",
+)  # fmt: skip
+"""Settings that all policies share."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """What the policies of a table differ in."""
+
+    data: Annotated[list[str], option("dataset folders with demonstrations, one for each task", metavar="FOLDER")]
+    episodes: Annotated[list[Annotated[int, option("", ge=1)]], option(
+        "numbers of demonstrations to train on, one policy for each; --epochs is for the largest one, and with fewer "
+        "demonstrations more epochs are trained, so that all policies have as many optimiser steps",
+    )] = field(default_factory=lambda: [CloningConfig.episodes])  # fmt: skip
+    seeds: Annotated[int, option("number of seeds; the seeds are 0 to N-1", ge=1)] = 3
+    trials: Annotated[int, option("number of episodes in which each policy is evaluated", ge=1)] = 100
 
 
 def add(commands: Commands) -> None:
@@ -24,49 +41,22 @@ def add(commands: Commands) -> None:
     Args:
         commands: Commands of ``svfl-train``, to which this one is added.
     """
-    parser = commands.add_parser(
-        "bc-table", help="compare SVFL and CNN policies that are trained by behaviour cloning on several tasks",
-        example=EXAMPLE,
-        description="Train SVFL and CNN policies by behaviour cloning on several datasets, evaluate each in simulation "
-        "and write a page with their success rates and learning curves. Finished policies are kept. After an "
-        "interruption, the same command continues, each training after its last complete epoch. If a policy fails, "
-        "the others are still trained, and the failure is reported at the end.",
-    )  # fmt: skip
+    parser = PROGRAM.add(commands)
     add = parser.add_argument
-    add("--data", type=Path, nargs="+", required=True, metavar="FOLDER", help="dataset folders with demonstrations")
-    add("--episodes", type=positive, nargs="+", default=[DEFAULT.episodes], metavar="N",
-        help=f"numbers of demonstrations to train on, one policy for each (default: {DEFAULT.episodes})")  # fmt: skip
-    add("--seeds", type=positive, default=3, metavar="N",
-        help="number of seeds; the seeds are 0 to N-1 (default: %(default)s)")  # fmt: skip
-    add("--trials", type=positive, default=100, metavar="N",
-        help="number of episodes in which each policy is evaluated (default: %(default)s)")  # fmt: skip
-    add("--encoder", choices=ENCODERS, default=DEFAULT.encoder,
-        help="inputs of the networks: v for image, f for wrench (force and torque), p for proprioception, or several "
-        "of them (default: %(default)s)")  # fmt: skip
-    add("--view", choices=VIEWS, default=DEFAULT.view,
-        help="centre of the networks' images: the gripper, or the middle of the camera image "
-        "(default: %(default)s)")  # fmt: skip
-    add("--camera", metavar="NAME",
-        help="camera whose images are used; must be given if there are several (default: the only camera)")  # fmt: skip
-    add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset,
-        help="sizes of the networks' layers (default: %(default)s)")  # fmt: skip
-    add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N",
-        help="number of epochs for the largest number of demonstrations; with fewer demonstrations more epochs are "
-        "trained, so that all policies have as many optimiser steps (default: %(default)s)")  # fmt: skip
     add("--workers", type=positive, default=1, metavar="N",
         help="number of policies that are trained or evaluated at the same time (default: %(default)s)")  # fmt: skip
     add("--out", type=Path, default=Path("out/bc_table"), metavar="FOLDER",
         help="folder to write runs and results to (default: %(default)s)")  # fmt: skip
     add("--copy-report-to", type=Path, metavar="FOLDER",
         help="second folder to write the page, its figures and the results of all runs to (default: none)")  # fmt: skip
-    parser.set_defaults(command=run)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(values: dict[str, Any], arguments: argparse.Namespace) -> None:
     """Train and evaluate the unfinished policies of the table, and print its page.
 
     Args:
-        arguments: Options of the command.
+        values: Value of each setting.
+        arguments: Other options of the command.
 
     Raises:
         TrainingError: If the folder holds something else, or, at the end, if policies failed.
@@ -82,22 +72,25 @@ def run(arguments: argparse.Namespace) -> None:
     )
     from svfl_models.experiments.runs.folder import held
     from svfl_models.experiments.runs.grid import Grid
+    from svfl_models.training import run_folder
     from svfl_models.training.trainer import storage_errors
     from svfl_models.training.writing import copy_file
 
-    out, base = arguments.out, CloningConfig("", **{option: getattr(arguments, option) for option in RECIPE})
-    episodes, data = sorted(set(arguments.episodes)), list(map(str, arguments.data))
-    runs = cloning_table.runs(base, data, episodes, arguments.seeds, arguments.trials, out)
+    out, base = arguments.out, CloningConfig("", **{name: values[name] for name in RECIPE})
+    episodes = sorted(set(values["episodes"]))
+    runs = cloning_table.runs(base, values["data"], episodes, values["seeds"], values["trials"], out)
     jobs = {run.folder.name: run for run in runs}
     grid = Grid(out, jobs)
     for folder in {jobs[name].config.data for name in grid.unfinished()}:
         Dataset.open(folder)  # a misspelt folder is reported before anything begins
+    command = command_line("bc-table", values, PROGRAM.settings)
     with held(out):
+        run_folder.write_config(out, "bc-table", values)
         try:
             grid.run(arguments.workers, Console(stderr=True))
         finally:
             with storage_errors(out):
-                words, files = cloning_table_page.write(cloning_table_page.Table(runs), _command_line(arguments), out)
+                words, files = cloning_table_page.write(cloning_table_page.Table(runs), command, out)
         if arguments.copy_report_to:
             with storage_errors(arguments.copy_report_to):
                 arguments.copy_report_to.mkdir(parents=True, exist_ok=True)
@@ -109,13 +102,14 @@ def run(arguments: argparse.Namespace) -> None:
     grid.raise_failures()
 
 
-def _command_line(arguments: argparse.Namespace) -> str:
-    """Return the command line that gives the same numbers."""
-    words = ["svfl-train", "bc-table", "--data", *map(str, arguments.data)]
-    if arguments.episodes != [DEFAULT.episodes]:
-        words += ["--episodes", *map(str, arguments.episodes)]
-    words += ["--seeds", str(arguments.seeds), "--trials", str(arguments.trials)]
-    for option in RECIPE:
-        if getattr(arguments, option) != getattr(DEFAULT, option):
-            words += [f"--{option}", str(getattr(arguments, option))]
-    return shlex.join(words)
+PROGRAM = Program(
+    "bc-table",
+    help="compare SVFL and CNN policies that are trained by behaviour cloning on several tasks",
+    description="Train SVFL and CNN policies by behaviour cloning on several datasets, evaluate each in simulation and "
+    "write a page with their success rates and learning curves. Finished policies are kept. After an interruption, the "
+    "same command continues, each training after its last complete epoch. If a policy fails, the others are still "
+    "trained, and the failure is reported at the end.",
+    example=EXAMPLE,
+    settings=(*settings_of(Table), *(setting for setting in settings_of(CloningConfig) if setting.name in RECIPE)),
+    run=run,
+)

@@ -2,12 +2,21 @@
 
 import argparse
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from svfl_data.system.command_line import Commands, positive
-from svfl_models.centering.config import USES
-from svfl_models.commands.options import add_data, add_recipe
+from svfl_models.centering.config import LatentSweep, SeparateTest, Sweep, TrainingConfig
+from svfl_models.commands.options import add_out
+from svfl_models.configuration.program import Program, command_line
+from svfl_models.configuration.setting import settings_of
+
+RECIPE = (
+    "camera", "test_samples", "preset", "widths", "window", "crop", "epochs", "patience", "batch_size",
+    "learning_rate", "schedule", "augment",
+)  # fmt: skip
+"""Settings that all runs of an experiment share."""
 
 
 @dataclass(frozen=True)
@@ -52,50 +61,54 @@ COMMANDS = {
 }  # fmt: skip
 
 
+def program_of(name: str) -> Program:
+    """Return the command of an experiment.
+
+    Args:
+        name: Name of the experiment, a key of `COMMANDS`.
+    """
+    one = COMMANDS[name]
+    own = {setting.name: setting for setting in settings_of(Sweep)}
+    samples = replace(own["train_samples"], default=list(one.train_samples))
+    recipe = [setting for setting in settings_of(TrainingConfig) if setting.name in RECIPE]
+    settings = [own["data"], *settings_of(SeparateTest), *(settings_of(LatentSweep) if name == "latents" else ())]
+    return Program(
+        f"centering-{name}",
+        help=one.help,
+        description=f"Train and test many block-centering networks to {one.help}.\n"
+        "Finished runs are kept. After an interruption, the same command continues.",
+        example=one.example,
+        settings=(*settings, samples, own["seeds"], *recipe),
+        run=functools.partial(run, name),
+    )
+
+
 def add(commands: Commands) -> None:
     """Add a command for each experiment to the command line.
 
     Args:
         commands: Commands of ``svfl-train``, to which these are added.
     """
-    for name, one in COMMANDS.items():
-        parser = commands.add_parser(
-            f"centering-{name}", help=one.help, example=one.example,
-            description=f"Train and test many block-centering networks to {one.help}.\n"
-            "Finished runs are kept. After an interruption, the same command continues.",
-        )  # fmt: skip
-        add_data(parser)
+    for name in COMMANDS:
+        parser = program_of(name).add(commands)
         add = parser.add_argument
-        if name == "latents":
-            add("--latents", type=Path, nargs="+", required=True, metavar="CHECKPOINT",
-                help="checkpoints of svfl-train latent to compare")  # fmt: skip
-            add("--uses", choices=USES, nargs="+", default=list(USES), metavar="USE",
-                help="how to use the pretrained encoders: frozen trains only the head; fine-tuned trains the encoder "
-                "as well; from-scratch trains both from random weights, for comparison (default: all)")  # fmt: skip
-        add("--seeds", type=positive, default=3, metavar="N",
-            help="number of seeds; the seeds are 0 to N-1 (default: %(default)s)")  # fmt: skip
-        add("--train-samples", type=positive, nargs="+", metavar="N",
-            help="numbers of training samples to compare "
-            f"(default: {' '.join(map(str, one.train_samples))})")  # fmt: skip
         add("--workers", type=positive, metavar="N",
             help="number of trainings that run at the same time (default: one per core)")  # fmt: skip
-        add_recipe(parser)
-        add("--out", type=Path, metavar="FOLDER",
-            help=f"folder to write runs and results to (default: out/centering_{name})")  # fmt: skip
+        add_out(parser, f"out/centering_{name}")
         add("--reuse", type=Path, metavar="FOLDER",
             help="folder of another experiment whose finished runs with equal settings and data are used instead of "
             "new trainings (default: none)")  # fmt: skip
         add("--copy-report-to", type=Path, metavar="FOLDER",
             help="second folder to write the page, its figures and the summary to (default: none)")  # fmt: skip
-        parser.set_defaults(command=functools.partial(run, one), experiment=name)
 
 
-def run(experiment: Experiment, arguments: argparse.Namespace) -> None:
+def run(name: str, values: dict[str, Any], arguments: argparse.Namespace) -> None:
     """Do the unfinished runs of an experiment, and print its page.
 
     Args:
-        experiment: Experiment of the command.
-        arguments: Options of the command.
+        name: Name of the experiment.
+        values: Value of each setting.
+        arguments: Other options of the command.
 
     Raises:
         SvflError: If the data or the folder cannot be used, a file cannot be written or, at the end, if runs failed.
@@ -103,4 +116,4 @@ def run(experiment: Experiment, arguments: argparse.Namespace) -> None:
     """
     from svfl_models.experiments import command  # torch, lightning and escnn take seconds to import
 
-    command.run(arguments, experiment.train_samples)
+    command.run(name, values, command_line(f"centering-{name}", values, program_of(name).settings), arguments)

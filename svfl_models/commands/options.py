@@ -1,15 +1,13 @@
-"""Argument types and options of a training that several commands share."""
+"""Options of a training that several commands share beside its settings."""
 
 import argparse
 import math
 from pathlib import Path
+from typing import Any
 
 from svfl_data.errors import UsageError
-from svfl_data.system.command_line import Parser, natural, positive
-from svfl_models.centering.config import TrainingConfig
-from svfl_models.networks.presets import PRESETS
-
-DEFAULT = TrainingConfig(data="")
+from svfl_data.system.command_line import Parser
+from svfl_models.centering.config import MODELS
 
 
 def positive_number(text: str) -> float:
@@ -27,49 +25,34 @@ def positive_number(text: str) -> float:
     return value
 
 
-def add_data(parser: Parser) -> None:
-    """Add the options that name what is learned from, --data, --separate-test and --camera, to a parser."""
-    parser.add_argument("--data", type=Path, required=True, help="dataset folder of svfl-collect centering")
-    parser.add_argument(
-        "--separate-test", type=Path,
-        help="second dataset folder of svfl-collect centering, all of whose samples are tested too and none of which "
-        "is trained on (default: none)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--camera", metavar="NAME",
-        help="camera whose images are used; must be given if there are several (default: the only camera)",
-    )  # fmt: skip
+def add_model(parser: Parser) -> None:
+    """Add the option --model, which says in the paper's words whether the network is symmetric."""
+    parser.add_argument("--model", choices=MODELS,
+        help="kind of network: svfl is symmetric; cnn is the baseline without symmetry, the same as --group none "
+        "(default: svfl)")  # fmt: skip
 
 
-def add_recipe(parser: Parser) -> None:
-    """Add the options that say how to train, such as sizes and the stopping rule, to a parser."""
-    add = parser.add_argument
-    add("--test-samples", type=positive, default=DEFAULT.test_samples, metavar="N",
-        help="number of test samples (default: %(default)s)")  # fmt: skip
-    add("--preset", choices=tuple(PRESETS), default=DEFAULT.preset,
-        help="sizes of the network's layers (default: %(default)s)")  # fmt: skip
-    add("--epochs", type=positive, default=DEFAULT.epochs, metavar="N",
-        help="number of epochs to train (default: %(default)s)")  # fmt: skip
-    add("--patience", type=natural, default=DEFAULT.patience, metavar="N",
-        help="number of epochs without a better test accuracy after which a training stops, as in the paper; 0: never "
-        "(default: %(default)s)")  # fmt: skip
-    add("--plain-images", dest="augment", action="store_false",
-        help="change training images only by the random crops of the paper (default: colours and depth are changed at "
-        "random too, and crops are shifted further)")  # fmt: skip
-    add("--learning-rate", type=positive_number, default=DEFAULT.learning_rate, metavar="R",
-        help="learning rate of Adam at the start of the training, above 0 (default: %(default)s)")  # fmt: skip
-
-
-def group_of(arguments: argparse.Namespace) -> str:
-    """Return the name of the symmetry group that the options --model and --group choose together.
+def add_out(parser: Parser, default: str) -> None:
+    """Add the option --out, which names the folder of the run.
 
     Args:
-        arguments: Options of the command; both are None if the user does not give them.
+        parser: Parser of the command.
+        default: Folder that is used without the option, in words.
+    """
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help=f"folder to write the run to (default: {default})")
+
+
+def with_model(given: dict[str, Any], arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the given settings with the symmetry group that --model stands for, unless a group is given.
+
+    Args:
+        given: Settings that the user gives.
+        arguments: Other options of the command.
 
     Raises:
-        UsageError: If the two options contradict each other.
+        UsageError: If --model and the group contradict each other.
     """
-    model, group = arguments.model, arguments.group
+    model, group = arguments.model, given.get("group")
     if model and group and (model == "cnn") != (group == "none"):
         raise UsageError(f"--model {model} and --group {group} contradict each other")
-    return group or ("none" if model == "cnn" else DEFAULT.group)
+    return given | {"group": "none"} if model == "cnn" else given

@@ -138,7 +138,7 @@ def _looked_at(module: CloningModule, image: Tensor, proprio: Tensor) -> tuple[T
         edges of the crops, shape (B, 4), [px].
     """
     height, size, deployment = image.shape[-1], module.policy.trunk.image_size, module.deployment
-    side = crop_side(height, size)
+    side = crop_side(height, size, module.policy.trunk.crop)
     corner = torch.full((len(image), 2), (height - side) // 2)
     if module.view == "gripper":
         corner = corners(proprio, torch.tensor(deployment.projection), deployment.table, height, side)

@@ -77,7 +77,7 @@ def _directions(module: CenteringModule, episode: Episode, name: str) -> Predict
     camera = camera_with_depth(episode, trained.camera) if sees else camera_of_axes(episode, trained.camera)
     batch = _vectors(episode, camera, trained.window)
     if sees:
-        batch["image"] = _images(episode, camera, trained.view, trained.image_size)
+        batch["image"] = _images(episode, camera, trained.view, trained.image_size, trained.crop)
     output = module(batch)
     shares = output.softmax(dim=1) if output.shape[1] == 4 else torch.eye(4)[directions(output)]
     words = name + ("" if output.shape[1] == 4 else " (gives offsets, no probabilities)")
@@ -99,11 +99,11 @@ def _vectors(episode: Episode, camera: Camera, window: int) -> Batch:
     }
 
 
-def _images(episode: Episode, camera: Camera, view: str, size: int) -> Tensor:
+def _images(episode: Episode, camera: Camera, view: str, size: int, crop: float) -> Tensor:
     """Return the images of all observations, shape (N+1, 4, size, size), cropped as for testing."""
     steps = range(len(episode.t_ns))
     images = torch.from_numpy(np.stack([_image(episode, camera, view, step) for step in steps]))
-    cropped: Tensor = scaled(centre_crop(images, crop_side(images.shape[-1], size)), size)
+    cropped: Tensor = scaled(centre_crop(images, crop_side(images.shape[-1], size, crop)), size)
     return cropped
 
 

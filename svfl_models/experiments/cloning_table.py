@@ -57,8 +57,8 @@ class Run:
             TrainingError: If the folder holds a run with another configuration, finished or not.
         """
         done = finished(self.folder)
-        begun = done["config"] if done else _read(self.folder / run_folder.CONFIG)
-        if begun not in (None, self.config.plain()):
+        begun = done["config"] if done else run_folder.read_config(self.folder)
+        if begun is not None and not run_folder.is_same(begun | {"program": "bc"}, "bc", self.config.plain()):
             raise TrainingError(f"{self.folder} holds a run with another configuration; choose another --out")
         success = (_read(self.folder / run_folder.EVALUATION) or {}).get("success", ())
         return {**done["result"], "success": success} if done and len(success) == self.trials else None

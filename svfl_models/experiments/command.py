@@ -3,11 +3,10 @@
 import argparse
 import importlib
 import os
-import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Protocol, cast
+from typing import Any, Protocol, cast
 
 from rich.console import Console
 
@@ -15,20 +14,20 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.sampling.centering_samples import sample_of
 from svfl_data.system.printable import say
-from svfl_models.centering.config import USES, Latent, TrainingConfig
+from svfl_models.centering.config import Latent, TrainingConfig
 from svfl_models.centering.pretrained import describe as describe_latent
 from svfl_models.centering.train import with_camera
+from svfl_models.configuration.setting import settings_of
 from svfl_models.experiments import page
 from svfl_models.experiments.results import Results
 from svfl_models.experiments.runs.folder import RUNS, claimed, describe
 from svfl_models.experiments.runs.grid import Grid
 from svfl_models.experiments.runs.run_cache import take_from
 from svfl_models.experiments.runs.training import Training, run_name
+from svfl_models.training import run_folder
 from svfl_models.training.trainer import storage_errors
 from svfl_models.training.writing import copy_file, write_text
 
-RECIPE = ("camera", "test_samples", "preset", "epochs", "patience", "learning_rate", "augment")
-"""Options that become part of every run's configuration."""
 SUMMARY = "summary.csv"
 
 
@@ -57,39 +56,41 @@ class Experiment(Protocol):
         """Write the figures that the page shows to a folder, and return their files."""
 
 
-def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
+def run(name: str, values: Mapping[str, Any], command: str, arguments: argparse.Namespace) -> None:
     """Do the unfinished runs of an experiment, write its results and print its page.
 
     Args:
-        arguments: Options of the command, see `commands.experiments`.
-        usual_samples: Sizes of the training set if the options name none.
+        name: Name of the experiment, a key of `commands.experiments.COMMANDS`.
+        values: Value of each setting, see `commands.experiments.program_of`.
+        command: Command line that gives the same numbers.
+        arguments: Other options of the command.
 
     Raises:
         TrainingError: If the folder does not belong to this experiment, or, at the end, if runs failed.
         SvflError: If the data cannot be used, or a file cannot be written.
         KeyboardInterrupt: If the user stopped the experiment; finished runs are kept.
     """
-    name = arguments.experiment
     experiment = cast(Experiment, importlib.import_module(f"svfl_models.experiments.{name}"))
     out = arguments.out or Path("out") / f"centering_{name}"
-    samples = sorted(set(arguments.train_samples or usual_samples))
-    given = _given(arguments)  # a bad model is named before bad data
-    base = with_camera(TrainingConfig(str(arguments.data), **{option: getattr(arguments, option) for option in RECIPE}))
+    samples, seeds, separate = sorted(set(values["train_samples"])), values["seeds"], values["separate_test"]
+    given = _given(values)  # a bad model is named before bad data
+    recipe = {setting.name: values[setting.name] for setting in settings_of(TrainingConfig) if setting.name in values}
+    base = with_camera(TrainingConfig(**recipe | {"train_samples": TrainingConfig.train_samples}))
     runs = {
         run_name(config, base): config
         for cell in experiment.cells(base, samples, **given)
-        for config in (replace(cell, seed=seed) for seed in range(arguments.seeds))
+        for config in (replace(cell, seed=seed) for seed in range(seeds))
     }
-    about = describe(f"centering-{name}", base, arguments.separate_test)
+    about = describe(f"centering-{name}", base, separate)
     _check_enough(about["data"]["episodes"], max(samples), base)
-    for path in (base.data, arguments.separate_test):
+    for path in (base.data, separate):
         if path is not None:
             _check_labelled(Dataset.open(path), base.camera)
     with claimed(out, about):
         if arguments.reuse:
             with storage_errors(out):
                 take_from(arguments.reuse, about, out, runs)
-        separate = arguments.separate_test
+        run_folder.write_config(out, f"centering-{name}", dict(values))
         grid = Grid(out, {name: Training(config, out / RUNS / name, separate) for name, config in runs.items()})
         try:
             grid.run(arguments.workers or usable_cores(), Console(stderr=True))
@@ -100,7 +101,7 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
                 results.write_summary(out / SUMMARY)
         with storage_errors(out):
             words = f"# {experiment.TITLE}\n\n{experiment.body(results)}\n## How\n\n"
-            words += page.how(command_line(arguments, samples, usual_samples), results, about, arguments.seeds)
+            words += page.how(command, results, about, seeds)
             write_text(out / f"{name}.md", words)
             pictures = experiment.draw(results, out)
         if arguments.copy_report_to:
@@ -127,46 +128,21 @@ def publish(name: str, out: Path, pictures: Sequence[Path], docs: Path) -> None:
     copy_file(out / SUMMARY, docs / f"{name}.csv")
 
 
-def command_line(arguments: argparse.Namespace, samples: Sequence[int], usual_samples: Sequence[int]) -> str:
-    """Return the command line that gives the same numbers, with only those options on which they depend.
-
-    Args:
-        arguments: Options of the command.
-        samples: Sizes of the training set.
-        usual_samples: Sizes of the training set if the options name none.
-    """
-    words = ["svfl-train", f"centering-{arguments.experiment}", "--data", str(arguments.data)]
-    usual = TrainingConfig("")
-    words += ["--separate-test", str(arguments.separate_test)] if arguments.separate_test else []
-    if "latents" in arguments:
-        words += ["--latents", *map(str, arguments.latents)]
-        words += [] if set(arguments.uses) == set(USES) else ["--uses", *arguments.uses]
-    words += ["--seeds", str(arguments.seeds)]
-    if list(samples) != list(usual_samples):
-        words += ["--train-samples", *map(str, samples)]
-    for option in RECIPE:
-        if option == "augment":
-            words += [] if arguments.augment else ["--plain-images"]
-        elif getattr(arguments, option) != getattr(usual, option):
-            words += [f"--{option.replace('_', '-')}", str(getattr(arguments, option))]
-    return shlex.join(words)
-
-
 def usable_cores() -> int:
     """Return the number of CPU cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
-def _given(arguments: argparse.Namespace) -> dict[str, object]:
+def _given(values: Mapping[str, Any]) -> dict[str, object]:
     """Return the arguments that only some experiments take: pretrained encoders and their uses, or nothing.
 
     Raises:
         FormatError: If a file is not the checkpoint of a latent model.
     """
-    if "latents" not in arguments:
+    if "latents" not in values:
         return {}
-    latents = [describe_latent(path, Latent.use) for path in arguments.latents]
-    return {"latents": list({latent.sha256: latent for latent in latents}.values()), "uses": arguments.uses}
+    latents = [describe_latent(path, Latent.use) for path in values["latents"]]
+    return {"latents": list({latent.sha256: latent for latent in latents}.values()), "uses": values["uses"]}
 
 
 def _check_labelled(dataset: Dataset, camera: str | None) -> None:

@@ -150,7 +150,11 @@ class Results:
 
     def values(self, setting: str) -> list[Any]:
         """Return the different values that a setting has in the experiment, in the order of the runs."""
-        return list(dict.fromkeys(getattr(cell.config, setting) for cell in self.cells))
+        found: list[Any] = []
+        for value in (getattr(cell.config, setting) for cell in self.cells):
+            if value not in found:  # some values, such as those of widths, have no hash
+                found.append(value)
+        return found
 
     @property
     def tested_separately(self) -> bool:

@@ -8,10 +8,11 @@ chance beside the image terms (docs/latent.md). `svfl_models.latent` describes w
 observations.
 """
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field, replace
+from typing import Annotated, Any
 
 from svfl_data.errors import TrainingError
+from svfl_models.configuration.setting import option, plain_values
 
 MODELS = ("vtt", "poe", "concat")
 MODALITIES = ("image", "wrench", "proprio")
@@ -125,56 +126,64 @@ PRESETS = {
 
 @dataclass(frozen=True)
 class LatentConfig:
-    """Configuration of one latent pretraining.
-
-    Attributes:
-        data: Path of the dataset folder.
-        model: Kind of latent model, one of `MODELS`.
-        preset: Name of the loss weights and layer sizes, a key of `PRESETS`.
-        steps: Number of optimiser steps.
-        batch_size: Number of sequences per optimiser step.
-        sequence: Number of actions per sequence.
-        camera: Name of the camera whose images are used. None stands for the only camera, until the training finds out
-            its name.
-        seed: Seed of the initial weights and, together with the number of the step, of everything random in a step.
-        split: Name of a split that is stored with the dataset. If empty, a split is drawn with four fifths of the
-            episodes for training.
-        contact_n: Force above which a frame counts as contact, [N].
-        mixed: Whether episodes of different tasks or with different action bounds are allowed.
-        checkpoint_every: Number of steps between two checkpoints.
-        learning_rate: Constant learning rate of Adam.
+    """Configuration of one latent pretraining; the texts of the fields are also the help of ``svfl-train latent``.
 
     Example:
         >>> LatentConfig("data/week", "poe", steps=100).model
         'poe'
     """
 
-    data: str
-    model: str
-    preset: str = "svfl_2023"
-    steps: int = 10_000
-    batch_size: int = PRESETS["svfl_2023"].batch_size
-    sequence: int = PRESETS["svfl_2023"].sequence
-    camera: str | None = None
-    seed: int = 0
-    split: str = ""
-    contact_n: float = PRESETS["svfl_2023"].contact_n
-    mixed: bool = False
-    checkpoint_every: int = 250
-    learning_rate: float = 1e-4
+    data: Annotated[str, option("dataset folder of svfl-collect expert", metavar="FOLDER")]
+    model: Annotated[str, option(
+        "kind of latent model: vtt is a transformer, poe a product of experts, concat concatenates features",
+        choices=MODELS)]  # fmt: skip
+    preset: Annotated[str, option(
+        "publication whose layer sizes and loss weights are used; balanced are this package's own",
+        choices=tuple(PRESETS))] = "svfl_2023"  # fmt: skip
+    steps: Annotated[int, option("number of optimiser steps", ge=1)] = 10_000
+    batch_size: Annotated[int, option(
+        "number of sequences per optimiser step; --preset lee_2020 has 64", ge=1)] = 32  # fmt: skip
+    sequence: Annotated[int, option("number of actions per sequence; --preset lee_2020 has 1", ge=1)] = 8
+    camera: Annotated[str, option(
+        "camera whose images are used; must be given if there are several", metavar="NAME")] | None = None  # fmt: skip
+    seed: Annotated[int, option("seed of everything random in the training", ge=0)] = 0
+    split: Annotated[str, option(
+        "split that svfl-data split has stored in the dataset; without one a new split is drawn with 4 of 5 episodes "
+        "to train on", metavar="NAME")] = ""  # fmt: skip
+    contact_n: Annotated[float, option(
+        "force above which a frame counts as contact, N; --preset vtt_2022 has 15", gt=0,
+        metavar="F")] = 0.5  # fmt: skip
+    mixed: Annotated[bool, option(
+        "allow episodes of different tasks, or with different limits of the actions")] = False  # fmt: skip
+    checkpoint_every: Annotated[int, option("number of optimiser steps between two checkpoints", ge=1)] = 250
+    learning_rate: Annotated[float, option("constant learning rate of Adam", gt=0)] = 1e-4
+    sizes: Annotated[dict[str, Any], option(
+        "layers whose sizes differ from those of the preset", partial=Sizes)] = field(default_factory=dict)  # fmt: skip
+    weights: Annotated[dict[str, float], option(
+        "terms of the loss whose weights differ from those of the preset",
+        keys=TERMS)] = field(default_factory=dict)  # fmt: skip
+
+    @staticmethod
+    def of_preset(preset: str) -> dict[str, Any]:
+        """Return the settings that a preset gives beside layer sizes and loss weights, by name.
+
+        Args:
+            preset: Name of the preset, a key of `PRESETS`.
+        """
+        return {name: getattr(PRESETS[preset], name) for name in ("batch_size", "sequence", "contact_n")}
 
     def network(self) -> dict[str, Any]:
         """Return the arguments of `network.LatentNetwork`, as plain values."""
-        return {"model": self.model, "sizes": plain(PRESETS[self.preset].sizes)}
+        return {"model": self.model, "sizes": plain(replace(PRESETS[self.preset].sizes, **self.sizes))}
 
     def objective(self) -> dict[str, Any]:
         """Return the arguments of `losses.Objective`, as plain values."""
         preset = PRESETS[self.preset]
-        return {"weights": dict(preset.weights), "summed": list(preset.summed), "negatives": preset.negatives}
+        return {"weights": preset.weights | self.weights, "summed": list(preset.summed), "negatives": preset.negatives}
 
     def plain(self) -> dict[str, Any]:
         """Return the configuration as a dictionary of plain values for files."""
-        return asdict(self)
+        return plain_values(self)
 
 
 def plain(sizes: Sizes) -> dict[str, Any]:

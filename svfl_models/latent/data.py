@@ -11,7 +11,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.sampling.frames import corners, draws
 from svfl_data.sampling.split import Split, load_split, split_episodes
-from svfl_models.latent.config import PRESETS, LatentConfig
+from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.inputs import IMAGE_SIZE, Inputs
 from svfl_models.latent.recordings import Recording, load_recordings
 from svfl_models.symmetry.actions import Batch
@@ -162,7 +162,7 @@ def _drawn(dataset: Dataset, indices: list[int]) -> Split:
 
 def _check_labels(train: Sequences, config: LatentConfig) -> None:
     """Refuse training episodes in which a label that is to be learned never changes."""
-    wanted = PRESETS[config.preset].weights
+    wanted = config.objective()["weights"]
     force = [np.linalg.norm(one.readings[one.windows[:, -1], :3], axis=1) for one in train.recordings]
     values = {
         "reward": ([one.reward for one in train.recordings], "none of them succeeded"),

@@ -22,6 +22,8 @@ from svfl_models.training import run_folder
 from svfl_models.training.trainer import parameter_count, run, storage_errors
 from svfl_models.training.writing import write_json
 
+PROGRAM = "latent"
+
 
 @dataclass(frozen=True)
 class LatentResult:
@@ -44,14 +46,13 @@ class LatentResult:
     last: Row
 
 
-def train_latent(config: LatentConfig, out: Path, resume: bool = False, console: Console | None = None) -> LatentResult:
+def train_latent(config: LatentConfig, out: Path, console: Console | None = None) -> LatentResult:
     """Pretrain one model; the same configuration gives the same result on the same machine, interrupted or not.
 
     Args:
         config: Configuration of the model, the data and the training.
-        out: Folder for the checkpoint, metrics and result.
-        resume: Whether to resume from the checkpoint in `out`. The configuration must be the same except for the number
-            of steps.
+        out: Folder for the checkpoint, metrics and result. If it holds an unfinished training of the same
+            configuration, or a finished one with fewer steps, that training is resumed after its last checkpoint.
         console: Console that progress is printed on; standard output by default.
 
     Returns:
@@ -68,9 +69,7 @@ def train_latent(config: LatentConfig, out: Path, resume: bool = False, console:
     """
     console = console or Console()
     config = replace(config, camera=camera_of_dataset(Dataset.open(config.data), config.camera))
-    earlier = _earlier(config, out) if resume else None
-    if not resume:
-        _expect_none(out)
+    earlier = _earlier(config, out)
     train, valid, split = sequences_of(config)
     pl.seed_everything(config.seed, verbose=False)
     module = LatentModule(
@@ -83,9 +82,9 @@ def train_latent(config: LatentConfig, out: Path, resume: bool = False, console:
     parts = {name: parameter_count(part) for name, part in module.network.named_children() if name != "inputs"}
     with run_folder.held(out):
         if earlier is None:
-            run_folder.claim(out, config.plain())
+            run_folder.claim(out, PROGRAM, config.plain())
         else:
-            write_json(out / run_folder.CONFIG, config.plain())
+            run_folder.write_config(out, PROGRAM, config.plain())
         _announce(config, train, valid, console)
         metrics = LegsFile(out / run_folder.METRICS, module.steps)
         data, watching = LatentData(train, valid, config, module), [metrics, StepsBar(config.steps, console)]
@@ -127,21 +126,18 @@ class LatentData(pl.LightningDataModule):
         return DataLoader(self.valid, sampler=batches, batch_size=None)
 
 
-def _expect_none(out: Path) -> None:
-    """Refuse an output folder that already holds a checkpoint, whose training could be resumed."""
-    checkpoint = out / run_folder.CHECKPOINT
-    if checkpoint.exists():
-        raise TrainingError(f"{checkpoint} exists; --resume goes on from there, or choose another --out")
+def _earlier(config: LatentConfig, out: Path) -> dict[str, Any] | None:
+    """Return the content of the checkpoint to resume from; None if the training begins anew.
 
-
-def _earlier(config: LatentConfig, out: Path) -> dict[str, Any]:
-    """Return the content of the checkpoint to resume from.
+    It does so without a checkpoint, and after a finished training with as many steps.
 
     Raises:
         TrainingError: If the checkpoint has another configuration, or already has as many steps as asked for.
         FormatError: If there is no sound checkpoint.
     """
     checkpoint = out / run_folder.CHECKPOINT
+    if not checkpoint.exists() or run_folder.read_config(out) is None:
+        return None  # `run_folder.claim` reports what is wrong
     load_latent(checkpoint)  # reports a damaged checkpoint before the training starts
     found = read_latent(checkpoint)
     before, now = {"camera": config.camera} | found["hyper_parameters"]["training"], config.plain()
@@ -153,9 +149,9 @@ def _earlier(config: LatentConfig, out: Path) -> dict[str, Any]:
     if changed:
         raise TrainingError(f"{checkpoint} is of a training with {'; '.join(changed)}; choose another --out")
     done = found["svfl"]["steps"]
-    if done >= config.steps:
+    if done > config.steps:
         raise TrainingError(f"{checkpoint} was trained for {done} steps already; asked for {config.steps}")
-    return found
+    return found if done < config.steps else None
 
 
 def _announce(config: LatentConfig, train: Sequences, valid: Sequences, console: Console) -> None:

@@ -5,18 +5,16 @@ from torch import Tensor
 from torch.nn import functional
 
 from svfl_data.errors import TrainingError
-from svfl_models.networks.inputs import IMAGE_SIZES
-
-CROP = 64 / 76
-"""Share of an image's side that a crop keeps (Kohler et al., CoRL 2023, appendix: 76 px are cropped to 64)."""
+from svfl_models.networks.inputs import CROP, IMAGE_SIZES
 
 
-def crop_side(side: int, size: int) -> int:
+def crop_side(side: int, size: int, crop: float = CROP) -> int:
     """Return the side of the crop that is scaled to the input image of a network, [px].
 
     Args:
         side: Height and width of the camera's images, [px].
         size: Height and width of the images that the network takes, [px].
+        crop: Share of the camera image's side that the crop keeps, above 0 and at most 1.
 
     Returns:
         Height and width of the crop, at least `size`, [px].
@@ -30,7 +28,7 @@ def crop_side(side: int, size: int) -> int:
             f"images are {side} x {side} pixels, smaller than the network's {size} x {size}; "
             + (f"--image-size {' or '.join(fits)} fits" if fits else f"at least {min(IMAGE_SIZES)} are needed")
         )
-    return max(size, round(side * CROP))
+    return max(size, round(side * crop))
 
 
 def centre_crop(image: Tensor, side: int) -> Tensor:

@@ -2,6 +2,8 @@
 
 ENCODERS = ("v", "f", "vf")
 IMAGE_SIZES = (8, 16, 32, 64, 128)
+CROP = 64 / 76
+"""Share of an image's side that a crop keeps (Kohler et al., CoRL 2023, appendix: 76 px are cropped to 64)."""
 INPUTS = {
     "v": ("image",), "f": ("wrench",), "vf": ("image", "wrench"), "vfp": ("image", "wrench", "proprio"),
 }  # fmt: skip

@@ -5,17 +5,17 @@ from typing import Any
 
 from torch import nn
 
-from svfl_data.errors import TrainingError
 from svfl_data.sampling.windows import WINDOW
 from svfl_models.networks.action_space import PLANAR, ActionSpace
 from svfl_models.networks.heads import Actor
 from svfl_models.networks.input_types import inputs_of_plain
+from svfl_models.networks.inputs import CROP
 from svfl_models.networks.layer_factory import Layers, layer_factory
-from svfl_models.networks.presets import PRESETS
+from svfl_models.networks.presets import Widths, widths_of
 from svfl_models.networks.squashed_gaussian import SquashedGaussian
 from svfl_models.networks.visual_force import VisualForceEncoder
 from svfl_models.symmetry.actions import Batch
-from svfl_models.symmetry.groups import GROUPS, group_named
+from svfl_models.symmetry.groups import group_named
 
 
 class Policy(nn.Module):
@@ -25,13 +25,15 @@ class Policy(nn.Module):
         encoder: Inputs of the policy by the short names of the paper's: ``v`` image, ``f`` wrench window, ``p``
             proprioception, or several, e.g. ``vfp``.
         group: Name of the symmetry group, one of `groups.GROUPS`; ``none`` builds the parameter-matched CNN baseline.
-        preset: Name of the network's sizes, one of `presets.PRESETS`.
+        preset: Name of the network's sizes, one of `presets.PRESETS`, unless `widths` are given.
         image_size: Height and width of the images, one of `inputs.IMAGE_SIZES`, [px].
         window: Number of readings T per wrench window.
         inputs: Inputs of the policy as plain values (`input_types.plain_inputs`), in the place of `encoder`. None for
             the paper's inputs.
         action: Parts and bounds of the action as plain values (`ActionSpace.plain`). None for the paper's planar
             action.
+        widths: Sizes of the layers as plain values (`presets.Widths.plain`), in the place of `preset`.
+        crop: Share of the camera image's side that the images show, see `image_crops.crop_side`.
 
     Raises:
         TrainingError: If there is no such group or preset, or inputs or action cannot be read.
@@ -51,16 +53,16 @@ class Policy(nn.Module):
         window: int = WINDOW,
         inputs: Sequence[dict[str, Any]] | None = None,
         action: dict[str, Any] | None = None,
+        widths: dict[str, Any] | None = None,
+        crop: float = CROP,
     ) -> None:
         super().__init__()
-        if preset not in PRESETS:
-            raise TrainingError(f"unknown preset {preset!r}; possible: {', '.join(PRESETS)}")
         self.group = group_named(group)
         layers: Layers = layer_factory(self.group)
-        widths = PRESETS[preset]["cnn" if self.group == GROUPS["none"] else "svfl"]
+        sizes = widths_of(preset, group) if widths is None else Widths.of_plain(widths)
         given = encoder if inputs is None else inputs_of_plain(inputs)
-        self.trunk = VisualForceEncoder(layers, widths, given, image_size, window)
-        self.actor = Actor(layers, widths.latent, PLANAR if action is None else ActionSpace.of_plain(action))
+        self.trunk = VisualForceEncoder(layers, sizes, given, image_size, window, crop=crop)
+        self.actor = Actor(layers, sizes.latent, PLANAR if action is None else ActionSpace.of_plain(action))
 
     def forward(self, batch: Batch) -> SquashedGaussian:
         """Return the distribution of actions for each sample of a batch, in image-aligned axes.

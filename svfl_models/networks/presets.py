@@ -1,6 +1,16 @@
 """Sizes of the networks: that of the paper, and smaller ones that a laptop can train."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from typing import Annotated, Any
+
+import msgspec
+
+from svfl_data.errors import TrainingError
+
+Count = Annotated[int, msgspec.Meta(ge=1, le=512)]
+"""A number of units; no layer of `PRESETS` has more than 294."""
 
 
 @dataclass(frozen=True)
@@ -17,11 +27,41 @@ class Widths:
         latent: Number of units of the output of each encoder and of the fusion.
     """
 
-    vision: tuple[int, int, int, int, int, int]
-    force: int
-    heads: int
-    proprio: tuple[int, int, int]
-    latent: int
+    vision: tuple[Count, Count, Count, Count, Count, Count]
+    force: Count
+    heads: Count
+    proprio: tuple[Count, Count, Count]
+    latent: Count
+
+    def __post_init__(self) -> None:
+        if self.force % self.heads:
+            raise TrainingError(f"widths: {self.heads} attention heads do not divide the {self.force} fields of force")
+
+    def plain(self) -> dict[str, Any]:
+        """Return the sizes as plain values; `Widths.of_plain` restores them."""
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+
+    @classmethod
+    def of_plain(cls, plain: Mapping[str, Any]) -> "Widths":
+        """Restore sizes from plain values.
+
+        Raises:
+            TrainingError: If they are not the sizes of a network.
+        """
+        try:
+            return msgspec.convert(plain, cls)
+        except msgspec.ValidationError as error:
+            raise TrainingError(f"widths: {error}") from error
+
+    def fewest_weights(self, kinds: str) -> int:
+        """Return a lower bound of the number of weights of a network, for each of whose layers one per pair of units.
+
+        Args:
+            kinds: Encoders of the network: ``v`` for images, ``f`` for windows, ``p`` for vectors.
+        """
+        layers = {"v": self.vision, "f": (self.force, self.force), "p": self.proprio}
+        chains = [(*layers[kind], self.latent) for kind in kinds]
+        return sum(before * after for chain in chains for before, after in pairwise(chain))
 
 
 PRESETS = {
@@ -45,6 +85,24 @@ PRESETS = {
 }
 """Sizes by name of the preset and kind of network. Each ``cnn`` baseline has as many parameters as the D4 network of
 its preset (``svfl``), within 10 %; tests check this."""
+
+
+def widths_of(preset: str, group: str, changes: Mapping[str, Any] | None = None) -> Widths:
+    """Return the sizes of a preset for a group, with some of them replaced.
+
+    Args:
+        preset: Name of the preset, a key of `PRESETS`.
+        group: Name of the symmetry group; ``none`` is the baseline without symmetry.
+        changes: Sizes that differ from the preset's, by name of the attribute of `Widths`.
+
+    Raises:
+        TrainingError: If there is no such preset, or the sizes are impossible.
+    """
+    if preset not in PRESETS:
+        raise TrainingError(f"unknown preset {preset!r}; possible: {', '.join(PRESETS)}")
+    base = PRESETS[preset]["cnn" if group == "none" else "svfl"]
+    return Widths.of_plain(base.plain() | dict(changes or {}))
+
 
 THREADS = {"default": 1, "paper": 8}
 """Most threads of a training, by preset. Networks as narrow as those of the default preset gain little from a second

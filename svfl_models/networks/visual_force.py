@@ -7,6 +7,7 @@ from torch import Tensor, nn
 from svfl_data.errors import TrainingError
 from svfl_models.networks.encoders import ForceEncoder, Fusion, InvariantVision, VectorEncoder, VisionEncoder
 from svfl_models.networks.input_types import ImageInput, NetworkInput, SequenceInput, paper_inputs
+from svfl_models.networks.inputs import CROP
 from svfl_models.networks.layer_factory import Layers
 from svfl_models.networks.normalization import Normalization
 from svfl_models.networks.presets import Widths
@@ -25,6 +26,8 @@ class VisualForceEncoder(nn.Module):
         window: Number of readings T per wrench window, if the inputs are given by short names.
         torque: How a torque transforms, if the inputs are given by short names: ``axial``, or the paper's ``polar``
             (see `representations.wrench_parts`).
+        crop: Share of the camera image's side that the images show, which is kept for those who cut them
+            (`image_crops.crop_side`).
 
     Raises:
         TrainingError: If there is no input, or two have the same name.
@@ -45,13 +48,14 @@ class VisualForceEncoder(nn.Module):
         image_size: int = 64,
         window: int = 64,
         torque: str = "axial",
+        crop: float = CROP,
     ) -> None:
         super().__init__()
         given = paper_inputs(inputs, window, torque) if isinstance(inputs, str) else tuple(inputs)
         self.inputs = {one.name: one for one in given}
         if not given or len(self.inputs) < len(given):
             raise TrainingError(f"a network needs inputs with different names, got {[one.name for one in given]}")
-        self.image_size, self.window = image_size, window
+        self.image_size, self.window, self.crop = image_size, window, crop
         self.normalization = Normalization(given)
         self.encoders = nn.ModuleList(_encoder(one, layers, widths, image_size) for one in given)
         self.fusion = Fusion(layers, len(given), widths.latent)

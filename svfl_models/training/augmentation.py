@@ -15,6 +15,9 @@ DEPTH = 0.05
 """Largest change of an image's depth, by which all its pixels are shifted together, [m]."""
 MARGIN = 8 / 76
 """Largest distance by which a crop may reach beyond an image's edges, as a share of the image's side."""
+WHITE = (0.033, 0.033, 0.133, 0.0017, 0.0017, 0.00033)
+"""Standard deviation of the noise of one reading (fx, fy, fz, mx, my, mz) at level 1, [N] and [N m]: a sixth of the
+noise-free resolution of OnRobot's HEX-E/H QC (datasheet v1.5), the sensor that the simulation models."""
 
 
 def recoloured(image: Tensor) -> Tensor:

@@ -18,6 +18,8 @@ from torch import Tensor, nn
 from svfl_data.errors import FormatError
 from svfl_data.system.printable import printable
 from svfl_data.system.stored_zip import stored
+from svfl_models.networks.input_types import ImageInput, SequenceInput, inputs_of_plain
+from svfl_models.networks.presets import Widths
 
 Module = TypeVar("Module", bound=nn.Module)
 LARGEST = 4096
@@ -86,6 +88,7 @@ def rebuilt(kind: type[Module], found: dict[str, Any], path: Path, training: typ
         msgspec.convert(described.get("training"), training | None)
         _check_modest(described)
         _check_tensors(state, path)
+        _check_widths(described["network"], state)
         _check_shapes(kind, described, state)
         module = kind(**described)
         _check_types(module, state)
@@ -137,6 +140,19 @@ def _check_modest(described: Mapping[str, Any]) -> None:
             inside += [(name, one, depth + 1) for one in value]
 
 
+def _check_widths(network: Mapping[str, Any], state: Mapping[str, Tensor]) -> None:
+    """Refuse layers that must have more weights than there are, before memory is taken for them."""
+    if network.get("widths") is None:
+        return
+    kinds = {ImageInput: "v", SequenceInput: "f"}
+    inputs = inputs_of_plain(network["inputs"]) if network.get("inputs") else ()
+    letters = "".join(kinds.get(type(one), "p") for one in inputs) or network["encoder"]
+    fewest = Widths.of_plain(network["widths"]).fewest_weights(letters)
+    held = sum(tensor.numel() for tensor in state.values())
+    if fewest > held:
+        raise ValueError(f"layers of these widths have at least {fewest} weights, the file holds {held}")
+
+
 def _check_tensors(state: Mapping[str, Any], path: Path) -> None:
     """Refuse weights that are not plain tensors or not finite, or that declare more numbers than the file holds."""
     for key, tensor in state.items():
@@ -163,7 +179,7 @@ def _check_shapes(kind: type[Module], described: Mapping[str, Any], state: Mappi
         with torch.device("meta"):
             built = kind(**described).state_dict()
     except NotImplementedError:
-        return  # symmetric layers compute kernels when they are built, so need memory; their sizes are those of presets
+        return  # symmetric layers compute kernels when they are built, so need memory; `_check_widths` bounds it
     for name, tensor in built.items():
         if name in state and state[name].shape != tensor.shape:
             raise ValueError(f"{name} has shape {tuple(state[name].shape)}, described is {tuple(tensor.shape)}")

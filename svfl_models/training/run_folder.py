@@ -8,14 +8,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from svfl_data.errors import FormatError, StorageError, TrainingError
+from svfl_data.errors import StorageError, TrainingError, UsageError
 from svfl_data.system.leftovers import clear_files
-from svfl_data.system.side_files import read_json
-from svfl_models.training.writing import write_json
+from svfl_models.configuration.yaml_file import PROGRAM, read_yaml, text_of
+from svfl_models.training.writing import write_text
 
 NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 """Error numbers with which a file system answers that it has no locks."""
-CONFIG = "config.json"
+CONFIG = "run.yaml"
 CHECKPOINT = "checkpoint.ckpt"
 METRICS = "metrics.csv"
 PREDICTIONS = "predictions.csv"
@@ -65,25 +65,29 @@ def _lock(descriptor: int, out: Path) -> None:
             raise StorageError(f"{out}: {error.strerror or error}") from error
 
 
-def claim(out: Path, config: dict[str, Any]) -> None:
-    """Reserve a folder for a run, and write the run's configuration into it.
+def claim(out: Path, program: str, config: dict[str, Any], beside: dict[str, Any] | None = None) -> None:
+    """Reserve a folder for a run, and write the run's settings into it, which ``svfl-train rerun`` reads.
 
     The files of an earlier run are removed from the folder if that run had the same configuration, or left neither a
     checkpoint nor a result (`WORTH`).
 
     Args:
         out: Folder of the run, locked by this process (`held`).
-        config: Configuration of the run, as plain values.
+        program: Name of the command of ``svfl-train`` that does the run.
+        config: Configuration of the run, as plain values, which tells it from other runs.
+        beside: Settings that do not tell it from other runs, such as the device.
 
     Raises:
         TrainingError: If the folder belongs to a run with another configuration or to a dataset, or holds files that
             the run would overwrite.
         StorageError: If the folder cannot be written.
     """
-    found = _read_config(out)
-    if found is not None and found != config and any((out / name).exists() for name in WORTH):
+    found = read_config(out)
+    if found is not None and not is_same(found, program, config) and any((out / name).exists() for name in WORTH):
         changed = [
-            f"{key} = {found.get(key)!r}, now {value!r}" for key, value in config.items() if found.get(key) != value
+            f"{key} = {found.get(key)!r}, now {value!r}"
+            for key, value in ({PROGRAM: program} | config).items()
+            if found.get(key) != value
         ]
         raise TrainingError(f"{out} holds a training run with {'; '.join(changed)}; choose another --out or delete it")
     occupied = [name for name in ("dataset.json", *OWN) if (out / name).exists()]
@@ -95,17 +99,39 @@ def claim(out: Path, config: dict[str, Any]) -> None:
             (out / name).unlink(missing_ok=True)
     except OSError as error:
         raise StorageError(f"{out}: {error.strerror or error}") from error
-    write_json(out / CONFIG, config)
+    write_config(out, program, config, beside)
 
 
-def _read_config(out: Path) -> dict[str, Any] | None:
+def write_config(out: Path, program: str, config: dict[str, Any], beside: dict[str, Any] | None = None) -> None:
+    """Write the settings of a run into its folder; the arguments are those of `claim`.
+
+    Raises:
+        StorageError: If the file cannot be written; an earlier one then stays as it was.
+    """
+    write_text(out / CONFIG, text_of(program, config | (beside or {})))
+
+
+def read_config(out: Path) -> dict[str, Any] | None:
+    """Return the settings of the run in a folder; None if there are none.
+
+    Raises:
+        TrainingError: If the file that should hold them holds something else.
+    """
     path = out / CONFIG
     if not path.is_file():
         return None
     try:
-        found = read_json(path)
-    except (OSError, FormatError) as error:
-        raise TrainingError(
-            f"{path} is not the configuration of a training run ({error}); choose another --out"
-        ) from error
-    return found if isinstance(found, dict) else {}
+        return read_yaml(path)
+    except UsageError as error:
+        raise TrainingError(f"{error}; so {out} holds no training run; choose another --out") from error
+
+
+def is_same(found: dict[str, Any], program: str, config: dict[str, Any]) -> bool:
+    """Return whether the settings of a run are those of a program with a configuration.
+
+    Args:
+        found: Settings that `read_config` returned.
+        program: Name of the command.
+        config: Configuration, as plain values.
+    """
+    return all(found.get(key) == value for key, value in ({PROGRAM: program} | config).items())

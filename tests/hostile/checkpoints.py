@@ -133,6 +133,6 @@ CONTENTS = {
     "escapes": json.dumps({HIDDEN: HIDDEN}).encode(),
 }  # fmt: skip
 for file in ("bc.ckpt", "latent.ckpt"):
-    for member in ("config.json", "metrics.csv", "result.json"):
+    for member in ("run.yaml", "metrics.csv", "result.json"):
         for name, content in CONTENTS.items():
             _run_file(file, name, member, content)

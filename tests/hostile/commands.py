@@ -127,7 +127,7 @@ MODEL_COMMANDS = tuple(
          "--use", "frozen", "--train-samples", "2", "--test-samples", "8", "--epochs", "1", "--out", "out/made")),
         ("load_buffer", "buffer.replay", ("library", "load_buffer", "buffer.replay")),
         ("bc_again", "bc.ckpt_run", BY_NAME["bc"]),
-        ("latent_again", "latent.ckpt_run", (*BY_NAME["latent"], "--resume", "--steps", "2")),
+        ("latent_again", "latent.ckpt_run", (*BY_NAME["latent"], "--steps", "2")),
     )
 )  # fmt: skip
 REPLAY = Command("replay", ("svfl-collect", "replay", "data", "--episode", "0"), frozenset({"config"}), heavy=True)

@@ -25,6 +25,7 @@ from svfl_models.cloning import acting, train
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.evaluate import environment_of, evaluate
+from svfl_models.configuration.resolving import build
 from svfl_models.deployment import predictions
 from svfl_models.experiments import cloning_table
 from svfl_models.networks.action_space import PLANAR
@@ -159,7 +160,7 @@ def test_an_evaluation_is_written_beside_the_checkpoint(checkpoint, capsys):
 
 
 def test_a_table_tries_what_is_trained(checkpoint):
-    config = CloningConfig(**json.loads((checkpoint.parent / run_folder.CONFIG).read_text()))
+    config = build(CloningConfig, run_folder.read_config(checkpoint.parent))
     run, before = cloning_table.Run(config, checkpoint.parent, trials=2), checkpoint.read_bytes()
     assert run.words() is None
     run()

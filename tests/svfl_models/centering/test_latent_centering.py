@@ -25,6 +25,7 @@ from svfl_models.latent.checkpoint import load_latent
 from svfl_models.latent.config import MODELS, plain
 from svfl_models.latent.recordings import load_recordings
 from svfl_models.networks.inputs import INPUTS
+from svfl_models.training import run_folder
 from tests.helpers.latent_small import SIZES, lifting, written
 from tests.helpers.pretrained import STEPS, write_latent
 from tests.helpers.trained import untrained, write
@@ -226,7 +227,7 @@ def test_a_whole_run(checkpoints, tmp_path, capsys):
     few = ("--train-samples", 8, "--test-samples", 8, "--epochs", 1)
     assert command("--latent", checkpoints["poe"], "--use", "frozen", *few, "--out", tmp_path / "run") == 0
     assert "V+F+P PoE frozen, 8 training samples: test accuracy" in capsys.readouterr().out
-    settings = json.loads((tmp_path / "run" / "config.json").read_text())
+    settings = run_folder.read_config(tmp_path / "run")
     assert settings["latent"]["sha256"] == pretrained.digest(checkpoints["poe"])
     assert settings["augment"] is False
 

@@ -47,7 +47,7 @@ def config(dataset):
 def test_a_run_leaves_everything_that_it_promises(config, tmp_path, batch):
     result = train_centering(config, tmp_path / "run")
     assert {file.name for file in (tmp_path / "run").iterdir()} == {
-        "config.json", "checkpoint.ckpt", "metrics.csv", "predictions.csv", "learning_curve.png",
+        "run.yaml", "checkpoint.ckpt", "metrics.csv", "predictions.csv", "learning_curve.png",
         "confusion_matrix.png", "report.md", "result.json",
     }  # fmt: skip
     rows = list(csv.reader((tmp_path / "run" / "metrics.csv").open()))

@@ -53,7 +53,7 @@ def test_a_whole_run(dataset, tmp_path, capsys):
         (["--model", "mlp"], "--model.* 'mlp'"),
         (["--preset", "big"], "--preset.* 'big'"),
         (["--train-samples", "0"], "--train-samples.* '0' .*at least 1"),
-        (["--learning-rate", "-1"], "--learning-rate.* '-1' .*positive"),
+        (["--learning-rate", "-1"], "--learning-rate.* '-1' .*above 0"),
         (["--group", "D5"], "--group.* 'D5'"),
         (["--image-size", "63"], "--image-size.* 63"),
         (["--model", "cnn", "--group", "D8"], "--model cnn .*--group D8"),

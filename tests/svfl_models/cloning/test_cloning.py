@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import re
 import subprocess
 import sys
@@ -49,6 +50,20 @@ def corners():
     """Actions on their bounds, all of them, and one in the middle."""
     signs = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0])] * 5)
     return torch.tensor(PLANAR.centre) + torch.tensor(PLANAR.scale) * torch.cat([signs, torch.zeros(1, 5)])
+
+
+def test_settings_of_the_training_have_their_effect(config, run, tmp_path):
+    """Steps in the place of epochs, the course of the learning rate, the crop and the noise."""
+    per_epoch = math.ceil(run[0].steps[0] / config.batch_size)
+    by_steps = train.train_cloning(replace(config, steps=2 * per_epoch - 1), tmp_path / "steps", QUIET)
+    assert by_steps.epochs == 2
+    before = load_policy(run[1] / run_folder.CHECKPOINT).state_dict()
+    for change in ({"schedule": "constant"}, {"crop": 1.0}, {"noise": 3.0}, {"widths": {"latent": 5}}):
+        train.train_cloning(replace(config, **change), tmp_path / "other", QUIET)
+        after = load_policy(tmp_path / "other" / run_folder.CHECKPOINT).state_dict()
+        assert any(not torch.equal(after[name], before[name]) for name in before)
+        (tmp_path / "other" / run_folder.CHECKPOINT).unlink()
+        (tmp_path / "other" / run_folder.RESULT).unlink()
 
 
 @pytest.mark.parametrize("name", LOSSES)
@@ -144,7 +159,7 @@ def test_another_configuration_does_not_go_on_there(run, config):
 
 
 def test_a_damaged_checkpoint_is_said_before_training_goes_on(config, tmp_path):
-    run_folder.claim(tmp_path / "run", config.plain())
+    run_folder.claim(tmp_path / "run", "bc", config.plain())
     (tmp_path / "run" / run_folder.CHECKPOINT).write_text("half a file")
     with pytest.raises(FormatError, match=r"checkpoint\.ckpt"):
         train.train_cloning(config, tmp_path / "run", QUIET)

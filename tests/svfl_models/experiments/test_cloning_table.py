@@ -17,6 +17,8 @@ from svfl_models.cloning import evaluate, train
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.evaluate import Evaluation
 from svfl_models.cloning.metrics import MetricsFile
+from svfl_models.commands import bc_table
+from svfl_models.configuration.program import command_line
 from svfl_models.experiments import cloning_table, cloning_table_page
 from svfl_models.experiments.cloning_table import Rate
 from svfl_models.experiments.runs.folder import held
@@ -104,7 +106,7 @@ def test_a_run_of_another_configuration_is_refused(runs, finished):
     if finished:
         pretend(runs[0])
     else:
-        run_folder.claim(runs[0].folder, runs[0].config.plain())
+        run_folder.claim(runs[0].folder, "bc", runs[0].config.plain())
     other = replace(runs[0], config=replace(runs[0].config, epochs=7))
     with pytest.raises(TrainingError, match=f"{runs[0].folder} .*--out"):
         other.words()
@@ -224,11 +226,14 @@ def test_the_page_says_what_is_known(runs, tmp_path, finished):
 
 
 def test_the_command_line_is_what_gives_the_numbers():
-    from svfl_models.commands.bc_table import _command_line
-
-    given = "bc-table --data a b --episodes 10 50 --seeds 2 --trials 20 --view camera --epochs 7 --workers 3 --out c"
-    arguments = cli.build_parser().parse_args(given.split())
-    assert (
-        _command_line(arguments)
-        == "svfl-train bc-table --data a b --episodes 10 50 --seeds 2 --trials 20 --view camera --epochs 7"
-    )
+    given = "bc-table --data a b --episodes 10 50 --seeds 2 --trials 20 --epochs 7 --view camera --set widths.latent=9"
+    seen = []
+    program = replace(bc_table.PROGRAM, run=lambda values, _: seen.append(values))
+    arguments = cli.build_parser().parse_args([*given.split(), "--workers", "3", "--out", "c"])
+    program.start(arguments)
+    words = command_line("bc-table", seen[0], program.settings).split()
+    assert words[0] == "svfl-train"
+    program.start(cli.build_parser().parse_args(words[1:]))
+    assert seen[0] == seen[1]
+    assert "--workers" not in words
+    assert "--valid" not in words

@@ -84,7 +84,7 @@ def test_the_only_camera_needs_no_name_and_resuming_keeps_it(tmp_path):
     folder = written(tmp_path / "one", [without(seen_by_two(index), "front") for index in range(5)])
     train_latent(config(folder), tmp_path / "out", console=QUIET)
     assert load_latent(tmp_path / "out" / run_folder.CHECKPOINT).hparams["training"]["camera"] == "above"
-    train_latent(config(folder, steps=3), tmp_path / "out", resume=True, console=QUIET)
+    train_latent(config(folder, steps=3), tmp_path / "out", console=QUIET)
 
 
 def test_an_evaluation_takes_the_camera_of_the_training(folder, trained, tmp_path):

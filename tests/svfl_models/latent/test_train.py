@@ -90,7 +90,7 @@ def test_an_interrupted_training_resumes_bit_for_bit(model, config, tmp_path, mo
             train.train_latent(config, tmp_path / "broken")
     assert weights(tmp_path / "broken")["svfl"]["steps"] == 4
     torch.manual_seed(99)  # whatever happened in between
-    result = train.train_latent(config, tmp_path / "broken", resume=True)
+    result = train.train_latent(config, tmp_path / "broken")
     assert result.steps == 7
     assert_same_training(weights(tmp_path / "whole"), weights(tmp_path / "broken"))
     without_time = [
@@ -103,11 +103,21 @@ def test_an_interrupted_training_resumes_bit_for_bit(model, config, tmp_path, mo
 def test_a_training_can_be_made_longer(config, tmp_path):
     train.train_latent(config, tmp_path / "long")
     train.train_latent(dataclasses.replace(config, steps=4), tmp_path / "short")
-    train.train_latent(config, tmp_path / "short", resume=True)
+    train.train_latent(config, tmp_path / "short")
     assert_same_training(weights(tmp_path / "long"), weights(tmp_path / "short"))
-    assert json.loads((tmp_path / "short" / "config.json").read_text()) == named(config)
-    with pytest.raises(TrainingError, match=r"\b5 steps .*asked for 5\b"):
-        train.train_latent(config, tmp_path / "short", resume=True)
+    assert run_folder.is_same(run_folder.read_config(tmp_path / "short"), "latent", named(config))
+    with pytest.raises(TrainingError, match=r"\b5 steps .*asked for 4\b"):
+        train.train_latent(dataclasses.replace(config, steps=4), tmp_path / "short")
+
+
+def test_a_finished_training_is_done_anew(config, tmp_path):
+    config = dataclasses.replace(config, steps=1)
+    train.train_latent(config, tmp_path / "run")
+    before = weights(tmp_path / "run")
+    (tmp_path / "run" / "metrics.csv").write_text("spoilt")
+    train.train_latent(config, tmp_path / "run")
+    assert_same_training(before, weights(tmp_path / "run"))
+    assert len(read_numbers(tmp_path / "run" / "metrics.csv")) == 1
 
 
 def test_seeds_make_other_trainings(config, tmp_path):
@@ -121,11 +131,7 @@ def test_a_checkpoint_of_another_training_is_not_gone_on_from(config, tmp_path):
     train.train_latent(dataclasses.replace(config, steps=1), tmp_path / "run")
     other = dataclasses.replace(config, preset="lee_2020")
     with pytest.raises(TrainingError, match=r"preset = 'svfl_2023'.* 'lee_2020'"):
-        train.train_latent(other, tmp_path / "run", resume=True)
-    with pytest.raises(TrainingError, match="--resume"):
-        train.train_latent(config, tmp_path / "run")
-    with pytest.raises(FormatError, match="nothing"):
-        train.train_latent(config, tmp_path / "nothing", resume=True)
+        train.train_latent(other, tmp_path / "run")
 
 
 def test_only_checkpoints_of_this_kind_open(config, tmp_path, monkeypatch):
@@ -167,8 +173,7 @@ def test_the_command(folder, tmp_path, capsys):
     assert "concat, preset svfl_2023: " in printed
     assert "step 2/2: loss " in printed
     assert f"checkpoint  {tmp_path / 'run' / 'checkpoint.ckpt'}" in printed
-    assert main([*common, "--steps", "2", "--batch-size", "4", "--sequence", "3"]) == 1
-    assert "--resume" in capsys.readouterr().err
-    assert main([*common, "--steps", "3", "--batch-size", "4", "--sequence", "3", "--resume"]) == 0
+    assert main([*common, "--steps", "3", "--batch-size", "4", "--sequence", "3"]) == 0
+    assert "step 3/3: loss " in capsys.readouterr().out
     assert main(["latent", "--model", "poe", "--data", str(tmp_path / "no")]) == 1
     assert str(tmp_path / "no") in capsys.readouterr().err
