@@ -134,7 +134,7 @@ def test_an_environment_of_another_wrench_rate_is_one_clear_line():
     env.unwrapped.wrench_hz = 500.0
     for learned_hz in (0.0, 260.0, 500.0, 990.0):
         module._expect_same(env, DeploymentSpec("picking", wrench_hz=learned_hz), "policy")
-    with pytest.raises(TrainingError, match="policy: learned from wrench readings at 100 Hz, .* come at 500 Hz"):
+    with pytest.raises(TrainingError, match=r"policy: learned from wrench readings at 100 Hz, .* come at 500 Hz"):
         module._expect_same(env, DeploymentSpec("picking", wrench_hz=100.0), "policy")
 
 
