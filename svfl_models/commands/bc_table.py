@@ -92,12 +92,14 @@ def run(arguments: argparse.Namespace) -> None:
     grid = Grid(out, jobs)
     for folder in {jobs[name].config.data for name in grid.unfinished()}:
         Dataset.open(folder)  # a misspelt folder is reported before anything begins
+    table = cloning_table_page.Table(runs)
     with held(out):
+        started = cloning_table_page.note(table, out)
         try:
             grid.run(arguments.workers, Console(stderr=True))
         finally:
             with storage_errors(out):
-                words, files = cloning_table_page.write(cloning_table_page.Table(runs), _command_line(arguments), out)
+                words, files = cloning_table_page.write(table, _command_line(arguments), out, started)
         if arguments.copy_report_to:
             with storage_errors(arguments.copy_report_to):
                 arguments.copy_report_to.mkdir(parents=True, exist_ok=True)

@@ -15,7 +15,7 @@ Cropping, normalisation and the change to image-aligned axes are part of the pro
 
 import io
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -80,7 +80,11 @@ def save(
 
 
 def exported(
-    network: nn.Module, image_size: tuple[int, int], depth_scale: float = 1e-4, camera: str | None = None
+    network: nn.Module,
+    image_size: tuple[int, int],
+    depth_scale: float = 1e-4,
+    camera: str | None = None,
+    texts: Mapping[str, str] | None = None,
 ) -> bytes:
     """Export a network, in eval mode, and return the content of the file that `save` writes.
 
@@ -90,6 +94,7 @@ def exported(
         image_size: Height and width of the images, [px].
         depth_scale: Metres per unit of the camera's depth images.
         camera: Name of the camera whose images the network takes, see `Facts`.
+        texts: Further texts to keep in the file, by name; None for none.
 
     Raises:
         TrainingError: If the network does not take image, wrench and proprio, or does not return an action. Forbidden
@@ -106,7 +111,7 @@ def exported(
     with torch.no_grad():
         program = torch.export.export(network, inputs)
     buffer, facts = io.BytesIO(), {"depth_scale": depth_scale, "camera": camera}
-    torch.export.save(program, buffer, extra_files={FACTS: json.dumps(facts)})
+    torch.export.save(program, buffer, extra_files={FACTS: json.dumps(facts), **(texts or {})})
     return buffer.getvalue()
 
 

@@ -73,13 +73,14 @@ class Facts(msgspec.Struct):
     action: str = ACTION
 
 
-def exported(network: nn.Module, facts: Facts) -> bytes:
+def exported(network: nn.Module, facts: Facts, texts: Mapping[str, str] | None = None) -> bytes:
     """Export a network, in eval mode, and return the content of its file.
 
     Args:
         network: Network that maps the inputs of `facts`, each with a batch dimension, to an action. It is moved to the
             CPU and put into eval mode.
         facts: What the policy takes and gives.
+        texts: Further texts to keep in the file, by name; None for none.
 
     Raises:
         TrainingError: If the network does not take these inputs or give this action.
@@ -95,7 +96,8 @@ def exported(network: nn.Module, facts: Facts) -> bytes:
     with torch.no_grad():
         program = torch.export.export(network, inputs)
     buffer = io.BytesIO()
-    torch.export.save(program, buffer, extra_files={FACTS: json.dumps(msgspec.to_builtins(facts))})
+    kept = {FACTS: json.dumps(msgspec.to_builtins(facts)), **(texts or {})}
+    torch.export.save(program, buffer, extra_files=kept)
     return buffer.getvalue()
 
 

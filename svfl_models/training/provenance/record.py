@@ -6,7 +6,7 @@ types; whoever shows it makes its texts printable (`words`).
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -66,6 +66,21 @@ def recorded(out: Path) -> list[Session]:
     except OSError as error:
         raise FormatError(f"{path}: cannot be read ({error.strerror or error})") from error
     return _of_content(found, path)
+
+
+def of_runs(folders: Iterable[Path]) -> list[list[Session]]:
+    """Return the sessions of each of several runs; none for a run whose folder does not tell, or holds something else.
+
+    Args:
+        folders: Folders of the runs.
+    """
+    found: list[list[Session]] = []
+    for folder in folders:
+        try:
+            found.append(recorded(folder))
+        except FormatError:
+            found.append([])
+    return found
 
 
 def of_checkpoint(found: Mapping[str, Any], where: object) -> list[Session]:

@@ -100,7 +100,7 @@ class Session:
 
     def plain(self) -> dict[str, Any]:
         """Return the attributes as a dictionary of plain values for files."""
-        return asdict(self) | {"seeds": list(self.seeds)}
+        return asdict(self)
 
 
 def session(data: Mapping[str, Material], seeds: Sequence[int] = (), device: str | None = None) -> Session:
