@@ -30,6 +30,7 @@ from svfl_models.symmetry.ordinary import plain
 
 FACTS = "svfl_centering.json"
 """Name of a text inside an exported file that holds the facts which the program itself does not state, see `facts`."""
+FORMAT = "svfl-centering-exported"
 FORMAT_VERSION = "1.0"
 CONTENTS = {
     "image": "red, green, blue in 0..1, then depth in [m]; rows run downwards",
@@ -186,7 +187,7 @@ def facts(classifier: CenteringClassifier, view: str = "camera", camera: str | N
     )
     width = len(DIRECTIONS) if classifier.target == "direction" else 2
     return {
-        "format": "svfl-centering-exported",
+        "format": FORMAT,
         "format_version": FORMAT_VERSION,
         "inputs": {
             name: {"shape": ["samples", *shape], "dtype": "float32", "content": CONTENTS[name]}

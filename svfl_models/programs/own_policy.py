@@ -9,7 +9,6 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
@@ -20,9 +19,8 @@ from torch import Tensor, nn
 from svfl_data.errors import FormatError, TrainingError
 from svfl_data.schema.action_fields import ACTION
 from svfl_data.system.printable import printable
-from svfl_data.system.stored_zip import stored
 from svfl_models.programs.program import Program, from_bytes, read
-from svfl_models.programs.program_file import EXTRA
+from svfl_models.programs.program_file import text_of
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
 BRIGHTEST = {"color": 255, "grey": 255, "grey16": 65535}
@@ -122,9 +120,8 @@ def is_own(file: Path) -> bool:
         file: File of an exported network (``.pt2``).
     """
     try:
-        with stored(file) as archive:
-            return any(name.endswith(f"/{EXTRA}{FACTS}") for name in archive.members)
-    except (OSError, FormatError, BadZipFile):
+        return text_of(file, FACTS) is not None
+    except FormatError:
         return False
 
 
