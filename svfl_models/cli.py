@@ -2,7 +2,18 @@
 
 from svfl_data.system.command_line import Parser
 from svfl_data.system.command_line import main as run
-from svfl_models.commands import bc, bc_table, centering, check, evaluate, experiments, export, info, latent, latent_eval
+from svfl_models.commands import (
+    bc,
+    bc_table,
+    centering,
+    check,
+    evaluate,
+    experiments,
+    export,
+    info,
+    latent,
+    latent_eval,
+)
 
 PROGRAM = "svfl-train"
 COMMANDS = (centering, check, experiments, export, bc, bc_table, evaluate, latent, latent_eval, info)

@@ -32,9 +32,9 @@ def add(commands: Commands) -> None:
         help="print what a dataset holds: episodes, steps, hours, tasks, streams and fields with units, size",
         description="Print what a dataset holds: episodes, steps, hours, tasks, instructions, robots, success rate, "
         "sources, streams with rate and unit, cameras with size, rate and place, actions and fields of your own with "
-        "unit, axes, bounds and what is assumed, bytes, operators, versions, identity. With --episode, or if PATH is an episode file, print "
-        "the details of one episode. The identity of a dataset is a hash over the seals of its episodes; runs name the "
-        "data that they have learned from by it.",
+        "unit, axes, bounds and what is assumed, bytes, operators, versions, and the identity: a hash over the seals "
+        "of all episodes, by which runs name the data that they have learned from. With --episode, or if PATH is an "
+        "episode file, print the details of one episode.",
         example="svfl-data info data/centering\nsvfl-data info data/centering --episode 3 --json",
     )
     add_path(parser)
@@ -154,7 +154,7 @@ def _software(found: Summary) -> str:
     """Return the packages that recorded the episodes, with numbers of episodes if these differ in them."""
     counts = found.recorded_with
     if len(counts) == 1 and sum(counts.values()) == found.episodes:
-        return printable(*counts, LONGEST_KEPT)
+        return printable(next(iter(counts)), LONGEST_KEPT)
     return _counts(counts, LONGEST_KEPT) if counts else "unknown"
 
 

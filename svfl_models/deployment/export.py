@@ -118,7 +118,7 @@ def save_onnx(
             verbose=False,
         )
     assert program is not None  # it is None only if `export` writes a file
-    program.model.metadata_props |= {FACTS: json.dumps(facts(classifier, view, camera)), **(texts or {})}
+    program.model.metadata_props.update({FACTS: json.dumps(facts(classifier, view, camera)), **(texts or {})})
     content = program.model_proto.SerializeToString()
     session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
 

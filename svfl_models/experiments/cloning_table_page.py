@@ -78,7 +78,13 @@ def write(table: Table, command: str, out: Path, started: Session | None = None)
         The page in Markdown, and the files that were written: page, figures and ``runs.csv``.
     """
     words = "\n\n".join(
-        ["# Behaviour cloning: success in simulation", _success(table), _errors(table), _how(table, command), _provenance(table, started)]
+        [
+            "# Behaviour cloning: success in simulation",
+            _success(table),
+            _errors(table),
+            _how(table, command),
+            _provenance(table, started),
+        ]
     )
     page = out / "bc_table.md"
     write_text(page, words + "\n")

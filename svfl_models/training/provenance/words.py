@@ -13,7 +13,9 @@ def software(session: Session) -> str:
     """Return the commit and the package versions of a session in words."""
     state = {True: "clean", False: "not clean", None: "not known whether clean"}[session.clean]
     commit = f"commit {printable(session.commit[:SHORT])} ({state})" if session.commit else "no git commit"
-    versions = ", ".join(f"{printable(name, 40)} {printable(version, 40)}" for name, version in session.packages.items())
+    versions = ", ".join(
+        f"{printable(name, 40)} {printable(version, 40)}" for name, version in session.packages.items()
+    )
     return f"{commit}; {versions or 'unknown packages'}"
 
 
