@@ -6,7 +6,8 @@ from svfl_data.system.printable import markdown, printable
 from svfl_models.training.provenance.session import Material, Session
 
 SHORT = 12
-"""Digits of a hash that a page shows."""
+"""Digits of a hash, and most seeds, that are shown."""
+LONGEST_COMMAND_SAID = 2000
 
 
 def software(session: Session) -> str:
@@ -45,14 +46,22 @@ def material(name: str, one: Material) -> str:
 
 
 def lines(session: Session) -> list[str]:
-    """Return a session in lines of text, the time first."""
+    """Return a session in lines of text, the time first and the command last."""
+    return [*_facts(session), f"command: {command(session)}"]
+
+
+def command(session: Session) -> str:
+    """Return the command line of a session in one line."""
+    return printable(session.command, LONGEST_COMMAND_SAID)
+
+
+def _facts(session: Session) -> list[str]:
     seeds = ", ".join(map(str, session.seeds[:SHORT])) + (", ..." if len(session.seeds) > SHORT else "")
     return [
         f"{printable(session.started, 40)} on {machine(session)}",
         software(session),
         *(material(name, one) for name, one in session.data.items()),
         *([f"seed {seeds}"] if seeds else []),
-        f"command: {printable(session.command, 2000)}",
     ]
 
 
@@ -65,10 +74,11 @@ def section(own: Session | None, runs: Sequence[Sequence[Session]] = ()) -> str:
     """
     said = ["## Provenance", ""]
     if own is not None:
-        said += [f"- {markdown(line)}" for line in lines(own)]
+        said += [*(f"- {markdown(fact)}" for fact in _facts(own)), f"- command:\n\n      {command(own)}\n"]
     groups: dict[str, int] = {}
     for sessions in runs:
-        for words in dict.fromkeys(f"{software(one)}; on {machine(one)}" for one in sessions) or ["unknown provenance"]:
+        alike = dict.fromkeys(f"{markdown(software(one))}; on {markdown(machine(one))}" for one in sessions)
+        for words in alike or ["unknown provenance"]:
             groups[words] = groups.get(words, 0) + 1
-    said += [f"- {count} {'run' if count == 1 else 'runs'}: {markdown(words)}" for words, count in groups.items()]
-    return "\n".join(said) + "\n"
+    said += [f"- {count} {'run' if count == 1 else 'runs'}: {words}" for words, count in groups.items()]
+    return "\n".join(said).rstrip() + "\n"
