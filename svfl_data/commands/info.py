@@ -155,13 +155,13 @@ def _software(found: Summary) -> str:
     counts = found.recorded_with
     if len(counts) == 1 and sum(counts.values()) == found.episodes:
         return printable(next(iter(counts)), LONGEST_KEPT)
-    return _counts(counts, LONGEST_KEPT) if counts else "unknown"
+    return _counts(counts, LONGEST_KEPT, "; ") if counts else "unknown"
 
 
-def _counts(counts: dict[str, int], longest: int = 40) -> str:
+def _counts(counts: dict[str, int], longest: int = 40, between: str = ", ") -> str:
     named = [f"{printable(name, longest)} ({count})" for name, count in counts.items()]
     more = [f"{len(named) - MOST_NAMED} more"] if len(named) > MOST_NAMED else []
-    return ", ".join([*named[:MOST_NAMED], *more]) or "-"
+    return between.join([*named[:MOST_NAMED], *more]) or "-"
 
 
 def _rates(stream: dict[str, Any]) -> str:

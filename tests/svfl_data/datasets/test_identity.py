@@ -51,7 +51,7 @@ def test_files_beside_the_episodes_do_not_count(dataset):
 
 
 def _relabelled(dataset):
-    relabel(dataset, 1, lambda meta: replace(meta, success=not meta.success))
+    relabel(dataset, 1, lambda episode: replace(episode.meta, success=not episode.meta.success))
 
 
 def _one_number(dataset):
@@ -114,7 +114,7 @@ def test_info_tells_it_and_what_collected_the_episodes(tmp_path, capsys):
     text = capsys.readouterr().out
     assert f"  identity  {identity(dataset)}\n" in text
     assert "  operators Ada (2), Grace (1)\n" in text
-    assert "  software  driver 7, svfl 1 (2), driver 7, svfl 2 (1)\n" in text
+    assert "  software  driver 7, svfl 1 (2); driver 7, svfl 2 (1)\n" in text
     with mock.patch.object(sys, "argv", ["svfl-data", "info", str(dataset.path), "--json"]):
         assert main() == 0
     found = json.loads(capsys.readouterr().out)
