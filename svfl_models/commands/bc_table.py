@@ -80,6 +80,7 @@ def run(arguments: argparse.Namespace) -> None:
         cloning_table,  # torch, lightning and escnn take seconds to import
         cloning_table_page,  # torch, lightning and escnn take seconds to import
     )
+    from svfl_models.experiments.runs import provenance
     from svfl_models.experiments.runs.folder import held
     from svfl_models.experiments.runs.grid import Grid
     from svfl_models.training.trainer import storage_errors
@@ -92,14 +93,15 @@ def run(arguments: argparse.Namespace) -> None:
     grid = Grid(out, jobs)
     for folder in {jobs[name].config.data for name in grid.unfinished()}:
         Dataset.open(folder)  # a misspelt folder is reported before anything begins
-    table = cloning_table_page.Table(runs)
     with held(out):
-        started = cloning_table_page.note(table, out)
+        started = provenance.table_started(out, runs)
         try:
             grid.run(arguments.workers, Console(stderr=True))
         finally:
             with storage_errors(out):
-                words, files = cloning_table_page.write(table, _command_line(arguments), out, started)
+                made = provenance.runs_section(started, (run.folder for run in runs if run.outcome()))
+                table, command = cloning_table_page.Table(runs), _command_line(arguments)
+                words, files = cloning_table_page.write(table, command, out, made)
         if arguments.copy_report_to:
             with storage_errors(arguments.copy_report_to):
                 arguments.copy_report_to.mkdir(parents=True, exist_ok=True)

@@ -14,9 +14,6 @@ from svfl_models.experiments.figures import MODEL_COLOURS, panels
 from svfl_models.experiments.page import duration, markdown
 from svfl_models.training import run_folder
 from svfl_models.training.figures import save
-from svfl_models.training.provenance.record import of_runs, record
-from svfl_models.training.provenance.session import Session, dataset, session
-from svfl_models.training.provenance.words import section
 from svfl_models.training.writing import read_numbers, write_rows, write_text
 
 PICTURES = ("bc_success.png", "bc_curves.png")
@@ -65,26 +62,21 @@ class Table:
         return Rate.of(found) if found else None
 
 
-def write(table: Table, command: str, out: Path, started: Session | None = None) -> tuple[str, list[Path]]:
+def write(table: Table, command: str, out: Path, provenance: str = "") -> tuple[str, list[Path]]:
     """Write the page, its figures and ``runs.csv``.
 
     Args:
         table: Runs of the table.
         command: Command line that makes the table again.
         out: Folder to write to.
-        started: Provenance of the page; None if it is not known.
+        provenance: Section on the provenance of the page, in Markdown; empty for none.
 
     Returns:
         The page in Markdown, and the files that were written: page, figures and ``runs.csv``.
     """
     words = "\n\n".join(
-        [
-            "# Behaviour cloning: success in simulation",
-            _success(table),
-            _errors(table),
-            _how(table, command),
-            _provenance(table, started),
-        ]
+        ["# Behaviour cloning: success in simulation", _success(table), _errors(table), _how(table, command)]
+        + [provenance.rstrip()] * bool(provenance)
     )
     page = out / "bc_table.md"
     write_text(page, words + "\n")
@@ -150,25 +142,6 @@ def _how(table: Table, command: str) -> str:
         f"- Same recipe for both networks: {recipe}."
         + ("" if len(table.counts) == 1 else FEWER.format(most=table.counts[-1]))
     )
-
-
-def note(table: Table, out: Path) -> Session:
-    """Record this start of a table in its folder, and return it.
-
-    Args:
-        table: Runs of the table.
-        out: Folder of the table, locked by this process.
-
-    Raises:
-        FormatError: If the file of the earlier starts is damaged.
-        StorageError: If the file cannot be written.
-    """
-    data = {run.task: dataset(run.config.data) for run in {run.task: run for run in table.runs}.values()}
-    return record(out, session(data, sorted({run.config.seed for run in table.runs}), device=""))[-1]
-
-
-def _provenance(table: Table, started: Session | None) -> str:
-    return section(started, of_runs(run.folder for run in table.runs if run.outcome())).rstrip()
 
 
 def _draw_success(table: Table, file: Path) -> Path:

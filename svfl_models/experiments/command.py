@@ -20,12 +20,11 @@ from svfl_models.centering.pretrained import describe as describe_latent
 from svfl_models.centering.train import with_camera
 from svfl_models.experiments import page
 from svfl_models.experiments.results import Results
-from svfl_models.experiments.runs.folder import RUNS, claimed, describe, note
+from svfl_models.experiments.runs.folder import RUNS, claimed, describe
 from svfl_models.experiments.runs.grid import Grid
+from svfl_models.experiments.runs.provenance import experiment_started, runs_section
 from svfl_models.experiments.runs.run_cache import take_from
 from svfl_models.experiments.runs.training import Training, run_name
-from svfl_models.training.provenance.record import of_runs as provenance
-from svfl_models.training.provenance.words import section
 from svfl_models.training.trainer import storage_errors
 from svfl_models.training.writing import copy_file, write_text
 
@@ -88,7 +87,7 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
         if path is not None:
             _check_labelled(Dataset.open(path), base.camera)
     with claimed(out, about):
-        started = note(out, about, arguments.seeds)
+        started = experiment_started(out, about, arguments.seeds)
         if arguments.reuse:
             with storage_errors(out):
                 take_from(arguments.reuse, about, out, runs)
@@ -104,7 +103,7 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
         with storage_errors(out):
             words = f"# {experiment.TITLE}\n\n{experiment.body(results)}\n## How\n\n"
             words += page.how(command_line(arguments, samples, usual_samples), results, about, arguments.seeds)
-            words += f"\n{section(started, provenance(run.folder for run in results.runs if run.result))}"
+            words += f"\n{runs_section(started, (run.folder for run in results.runs if run.result))}"
             write_text(out / f"{name}.md", words)
             pictures = experiment.draw(results, out)
         if arguments.copy_report_to:

@@ -11,8 +11,6 @@ from svfl_data.errors import FormatError, StorageError, TrainingError
 from svfl_data.system.side_files import read_json
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.training import run_folder
-from svfl_models.training.provenance.record import record
-from svfl_models.training.provenance.session import Material, Session, session
 from svfl_models.training.writing import write_json
 
 ABOUT = "experiment.json"
@@ -129,23 +127,6 @@ def _changes(found: dict[str, Any], now: dict[str, Any]) -> list[str]:
                 f"an earlier content of {after['path']} ({before.get('episodes')} episodes, now {after['episodes']})"
             )
     return changes
-
-
-def note(out: Path, about: dict[str, Any], seeds: int) -> Session:
-    """Record this start of an experiment in its folder, and return it.
-
-    Args:
-        out: Folder of the experiment, locked by this process.
-        about: Description of the experiment, as `describe` returns it.
-        seeds: Number of seeds.
-
-    Raises:
-        FormatError: If the file of the earlier starts is damaged.
-        StorageError: If the file cannot be written.
-    """
-    known = {"data": about["data"], "separate-test": about["separate_test"]}
-    data = {name: Material(**one) for name, one in known.items() if one}
-    return record(out, session(data, range(seeds), device=""))[-1]
 
 
 def finished(folder: Path) -> dict[str, Any] | None:
