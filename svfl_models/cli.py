@@ -10,13 +10,14 @@ from svfl_models.commands import (
     evaluate,
     experiments,
     export,
+    info,
     latent,
     latent_eval,
     rerun,
-)  # fmt: skip
+)
 
 PROGRAM = "svfl-train"
-COMMANDS = (centering, check, experiments, export, bc, bc_table, evaluate, latent, latent_eval, rerun)
+COMMANDS = (centering, check, experiments, export, bc, bc_table, evaluate, latent, latent_eval, info, rerun)
 
 
 def main(arguments: list[str] | None = None) -> int:

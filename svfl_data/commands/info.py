@@ -7,7 +7,9 @@ from typing import Any
 
 from svfl_data.commands.source import add_episode, add_json, add_path, is_episode, print_json, reader
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.datasets.index import Summary, summary
+from svfl_data.datasets.fingerprint import Identity, identity
+from svfl_data.datasets.index import LONGEST_SAID as LONGEST_KEPT
+from svfl_data.datasets.index import Summary, software_words, summary
 from svfl_data.errors import SvflError
 from svfl_data.schema.field import Field
 from svfl_data.schema.field_words import camera_pose, meaning, own, title
@@ -30,8 +32,9 @@ def add(commands: Commands) -> None:
         help="print what a dataset holds: episodes, steps, hours, tasks, streams and fields with units, size",
         description="Print what a dataset holds: episodes, steps, hours, tasks, instructions, robots, success rate, "
         "sources, streams with rate and unit, cameras with size, rate and place, actions and fields of your own with "
-        "unit, axes, bounds and what is assumed, bytes, versions. With --episode, or if PATH is an episode file, print "
-        "the details of one episode.",
+        "unit, axes, bounds and what is assumed, bytes, operators, versions, and the identity: a hash over the seals "
+        "of all episodes, by which runs name the data that they have learned from. With --episode, or if PATH is an "
+        "episode file, print the details of one episode.",
         example="svfl-data info data/centering\nsvfl-data info data/centering --episode 3 --json",
     )
     add_path(parser)
@@ -54,12 +57,13 @@ def run(arguments: argparse.Namespace) -> None:
     found = summary(dataset)
     first = _first_readable(dataset) if found.episodes else None
     software = first.meta.software if first else {}
-    strays = dataset.strays()
+    strays, who = dataset.strays(), identity(dataset)
     if arguments.json:
         facts = {"path": str(dataset.path), "info": dataset.info, "software": software, "not_counted": strays}
+        facts["identity"] = dataclasses.asdict(who)
         print_json({**facts, **dataclasses.asdict(found), "fields": field_facts(first) if first else {}})
     else:
-        print(dataset_words(dataset, found, first, strays))
+        print(dataset_words(dataset, found, first, strays, who))
 
 
 def _first_readable(dataset: Dataset) -> EpisodeReader | None:
@@ -83,14 +87,17 @@ def units(group: str, episode: EpisodeReader | None) -> str:
     return ", ".join(dict.fromkeys(unit for one in declared for unit in one.split(", ") if unit != "-")) or "-"
 
 
-def dataset_words(dataset: Dataset, found: Summary, first: EpisodeReader | None, strays: list[str]) -> str:
+def dataset_words(
+    dataset: Dataset, found: Summary, first: EpisodeReader | None, strays: list[str], who: Identity
+) -> str:
     """Return a description of a dataset in a few lines of text.
 
     Args:
         dataset: Dataset to describe.
         found: Summary of the dataset.
-        first: First episode, whose declarations and software are told; None if it cannot be read.
+        first: First episode, whose declarations are told; None if it cannot be read.
         strays: Names of files that look like episode files but are not counted, because their names are not exact.
+        who: Identity of the dataset.
     """
     rate = f"{found.successes / found.episodes:.1%}" if found.episodes else "-"
     lines = [
@@ -99,6 +106,7 @@ def dataset_words(dataset: Dataset, found: Summary, first: EpisodeReader | None,
         f"  tasks     {_counts(found.tasks)}",
         *([f"  to do     {_counts(found.instructions, LONGEST_SAID)}"] if found.instructions else []),
         *([f"  robots    {_counts(found.robots)}"] if found.robots else []),
+        *([f"  operators {_counts(found.operators)}"] if found.operators else []),
         f"  sources   {_counts(found.sources)}",
         f"  success   {found.successes} of {found.episodes} ({rate})",
     ]
@@ -115,7 +123,8 @@ def dataset_words(dataset: Dataset, found: Summary, first: EpisodeReader | None,
     lines += [*(f"  field     {_field_words(field)}" for field in fields[:MOST_NAMED]), *more]
     lines += [
         f"  format    {_counts(found.format_versions)}",
-        f"  software  {_versions(first.meta.software if first else {})}",
+        f"  software  {_software(found)}",
+        f"  identity  {who}",
         *_some("damaged", list(found.damaged.values())),
         *_some("no name", [f"{name}: not counted; an episode is named like episode_000012.hdf5" for name in strays]),
     ]
@@ -141,14 +150,18 @@ def _some(head: str, words: list[str]) -> list[str]:
     return [*(f"  {head:9} {printable(one)}" for one in words[:MOST_NAMED]), *more]
 
 
-def _versions(software: dict[str, str]) -> str:
-    return printable(", ".join(f"{name} {version}" for name, version in software.items()) or "unknown")
+def _software(found: Summary) -> str:
+    """Return the packages that recorded the episodes, with numbers of episodes if these differ in them."""
+    counts = found.recorded_with
+    if len(counts) == 1 and sum(counts.values()) == found.episodes:
+        return printable(next(iter(counts)), LONGEST_KEPT)
+    return _counts(counts, LONGEST_KEPT, "; ") if counts else "unknown"
 
 
-def _counts(counts: dict[str, int], longest: int = 40) -> str:
+def _counts(counts: dict[str, int], longest: int = 40, between: str = ", ") -> str:
     named = [f"{printable(name, longest)} ({count})" for name, count in counts.items()]
     more = [f"{len(named) - MOST_NAMED} more"] if len(named) > MOST_NAMED else []
-    return ", ".join([*named[:MOST_NAMED], *more]) or "-"
+    return between.join([*named[:MOST_NAMED], *more]) or "-"
 
 
 def _rates(stream: dict[str, Any]) -> str:
@@ -227,7 +240,7 @@ def episode_words(episode: EpisodeReader) -> str:
         f"  success   {'yes' if meta.success else 'no'}",
         f"  source    {printable(meta.source, 40)}, seed {meta.seed}",
         *(f"  {label:9} {printable(text, 200)}" for name, label in NAMED.items() if (text := getattr(meta, name))),
-        f"  software  {_versions(meta.software)}",
+        f"  software  {printable(software_words(meta.software) or 'unknown')}",
         f"  file      format {episode.format_version}, {size_words(episode.extent.size)}, sha256 {episode.seal[:12]}",
     ]
     fields = [field for path in episode.paths if (field := episode.declarations.at(path)) and meaning(field)]

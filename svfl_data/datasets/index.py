@@ -36,7 +36,7 @@ SIZE_LIMIT = 2**29
 two kilobytes."""
 LINE_LIMIT = 2**20
 LONGEST_SAID = 200
-"""Largest number of characters of an instruction, and of the name of a robot, that the index keeps."""
+"""Largest number of characters of an instruction, a robot, an operator or of software that the index keeps."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,10 @@ class Entry:
         cameras: Number of rows, mean rate [Hz], image height and image width [px] of each camera by name. The rate is
             None with fewer than two rows.
         instruction: What was to be done, in words, cut to `LONGEST_SAID` characters; empty if nobody said. A line
-            without it, or without the robot, is of an earlier version and does not count.
+            without one of these last attributes is of an earlier version and does not count.
         robot: Name of the robot, likewise.
+        operator: Who operated the robot, likewise.
+        software: Packages that recorded the episode, each with its version, in words, likewise.
     """
 
     name: str
@@ -88,6 +90,8 @@ class Entry:
     cameras: dict[str, tuple[Count, float | None, Count, Count]] = field(default_factory=dict)
     instruction: str = field(kw_only=True)
     robot: str = field(kw_only=True)
+    operator: str = field(kw_only=True)
+    software: str = field(kw_only=True)
 
 
 _DECODER = msgspec.json.Decoder(Entry)
@@ -107,6 +111,8 @@ class Summary:
         tasks: Number of episodes by task.
         instructions: Number of episodes by instruction, of those that say one.
         robots: Number of episodes by name of the robot, of those that say one.
+        operators: Number of episodes by operator, of those that name one.
+        recorded_with: Number of episodes by the packages that recorded them, in words, of those that name any.
         sources: Number of episodes by source.
         format_versions: Number of episodes by format version.
         streams: Figures of each stream by name: number of episodes that have it (``episodes``), number of rows
@@ -124,6 +130,8 @@ class Summary:
     tasks: dict[str, int]
     instructions: dict[str, int]
     robots: dict[str, int]
+    operators: dict[str, int]
+    recorded_with: dict[str, int]
     sources: dict[str, int]
     format_versions: dict[str, int]
     streams: dict[str, dict[str, Any]]
@@ -206,6 +214,8 @@ def summary(dataset: Dataset) -> Summary:
         tasks=dict(Counter(entry.task for entry in good)),
         instructions=dict(Counter(entry.instruction for entry in good if entry.instruction)),
         robots=dict(Counter(entry.robot for entry in good if entry.robot)),
+        operators=dict(Counter(entry.operator for entry in good if entry.operator)),
+        recorded_with=dict(Counter(entry.software for entry in good if entry.software)),
         sources=dict(Counter(entry.source for entry in good)),
         format_versions=dict(Counter(entry.format_version for entry in good)),
         streams=_gathered([entry.streams for entry in good]),
@@ -289,11 +299,21 @@ def describe(extent: Extent) -> Entry:
                 for camera, path in cameras.items()
             },
             instruction=meta.instruction[:LONGEST_SAID], robot=meta.robot[:LONGEST_SAID],
+            operator=meta.operator[:LONGEST_SAID], software=software_words(meta.software)[:LONGEST_SAID],
         )  # fmt: skip
     except OldVersionError:
         raise
     except SvflError as error:
-        return Entry(*place, Setup(), "", str(error), instruction="", robot="")
+        return _unreadable(place, error)
+
+
+def software_words(software: Mapping[str, str]) -> str:
+    """Return the packages that recorded an episode in words, each with its version.
+
+    Args:
+        software: Versions by name of the package, as `Meta.software` holds them.
+    """
+    return ", ".join(f"{name} {version}" for name, version in software.items())
 
 
 def _rounded(rate: float | None) -> float | None:
@@ -330,8 +350,11 @@ def _examine(dataset: Dataset, place: _Place) -> Entry:
         raise
     except SvflError as error:  # a link, a pipe, or gone since it was listed
         name = dataset.file_name(place.index)
-        where = (name, place.index, place.size, place.mtime_ns, 0)
-        return Entry(*where, Setup(), "", str(error), instruction="", robot="")
+        return _unreadable((name, place.index, place.size, place.mtime_ns, 0), error)
+
+
+def _unreadable(place: tuple[str, int, int, int, int], error: SvflError) -> Entry:
+    return Entry(*place, Setup(), "", str(error), instruction="", robot="", operator="", software="")
 
 
 def _read_lines(file: Path) -> list[Entry]:

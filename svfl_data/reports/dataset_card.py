@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.fingerprint import identity
 from svfl_data.datasets.index import Summary, entries, summary
 from svfl_data.errors import DatasetError, StorageError
 from svfl_data.reports import plot
@@ -175,7 +176,7 @@ def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, p
         "",
         "| | |",
         "| --- | --- |",
-        *(f"| {key} | {value} |" for key, value in _figures(dataset, found, facts, first.meta.software)),
+        *(f"| {key} | {value} |" for key, value in _figures(dataset, found, facts)),
         "",
         "## Streams",
         "",
@@ -209,9 +210,7 @@ def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, p
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _figures(
-    dataset: Dataset, found: Summary, facts: Sequence[Facts], software: dict[str, str]
-) -> Iterator[tuple[str, str]]:
+def _figures(dataset: Dataset, found: Summary, facts: Sequence[Facts]) -> Iterator[tuple[str, str]]:
     peaks = [fact.peak_n for fact in facts if fact.peak_n is not None]
     yield "success", f"{found.successes} of {found.episodes} ({found.successes / found.episodes:.1%})"
     yield "duration of an episode", f"{_range([fact.seconds for fact in facts])} s"
@@ -227,8 +226,9 @@ def _figures(
     splits = sorted(file.stem for file in (dataset.path / SPLITS).glob("*.json") if "." not in file.stem)
     yield "splits", ", ".join(map(markdown, splits)) or "none"
     yield "seed", markdown(dataset.info.get("seed"))
+    yield "identity (SHA-256 over the seals)", str(identity(dataset))
     yield "format", _listed(found.format_versions)
-    yield "software", ", ".join(markdown(f"{package} {version}") for package, version in software.items()) or "unknown"
+    yield "software", _listed(found.recorded_with) if found.recorded_with else "unknown"
 
 
 def _range(values: Sequence[float]) -> str:

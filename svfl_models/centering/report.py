@@ -1,5 +1,6 @@
 """Writes the results of a training run: two figures, a Markdown page and the numbers as JSON."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ from svfl_models.centering.config import Latent, TrainingConfig
 from svfl_models.centering.paper_figures import centering_figure, centering_words
 from svfl_models.training import run_folder
 from svfl_models.training.progress import History
+from svfl_models.training.provenance import words
+from svfl_models.training.provenance.session import Session
 from svfl_models.training.writing import write_figure, write_json, write_text
 
 NAMES = {
@@ -69,7 +72,9 @@ def pretraining(latent: Latent) -> str:
     return f"{latent.steps:,} steps on {markdown(latent.data)}, preset {markdown(latent.preset)}"
 
 
-def write_report(out: Path, config: TrainingConfig, result: Result, history: History) -> None:
+def write_report(
+    out: Path, config: TrainingConfig, result: Result, history: History, sessions: Sequence[Session] = ()
+) -> None:
     """Write the figures, the page and the numbers of a run into its folder.
 
     Args:
@@ -77,17 +82,19 @@ def write_report(out: Path, config: TrainingConfig, result: Result, history: His
         config: Configuration of the run.
         result: Outcome of the run.
         history: Loss and accuracy of each epoch.
+        sessions: Provenance of the run.
     """
     plot_history(history, out / run_folder.LEARNING_CURVE, cell_name(config))
     plot_confusion(np.array(result.confusion), out / run_folder.CONFUSION, cell_name(config))
-    write_text(out / run_folder.REPORT, page(config, result))
+    write_text(out / run_folder.REPORT, page(config, result, sessions))
     figure = centering_figure(config.encoder, config.model, config.train_samples)
     numbers = {"config": config.plain(), "result": asdict(result), "paper_accuracy_percent": figure}
     write_json(out / run_folder.RESULT, numbers)
 
 
-def page(config: TrainingConfig, result: Result) -> str:
+def page(config: TrainingConfig, result: Result, sessions: Sequence[Session] = ()) -> str:
     """Return the report of a run in Markdown."""
+    provenance = "".join(f"\n{words.section(one)}" for one in sessions)
     paper = centering_words(config.encoder, config.model, config.train_samples)
     settings = "\n".join(f"| {name} | {markdown(value)} |" for name, value in _settings(config).items())
     return f"""# Block centering: {cell_name(config)}
@@ -112,7 +119,7 @@ the same samples.
 | setting | value |
 | --- | --- |
 {settings}
-"""
+{provenance}"""
 
 
 def _settings(config: TrainingConfig) -> dict[str, Any]:

@@ -26,6 +26,8 @@ from svfl_models.networks.inputs import INPUTS
 from svfl_models.networks.presets import THREADS
 from svfl_models.training import run_folder
 from svfl_models.training.progress import MetricsFile, ProgressLine
+from svfl_models.training.provenance.callback import ProvenanceRecord
+from svfl_models.training.provenance.session import Material, dataset, file
 from svfl_models.training.trainer import parameter_count, run, storage_errors
 
 TEST_EVERY = 10
@@ -83,8 +85,9 @@ def train_centering(
         start = time.monotonic()
         if module.frozen:
             data.encode(module.classifier.trunk)
+        provenance = ProvenanceRecord(out, materials(config, separate_test), [config.seed])
         with storage_errors(out):
-            fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console())])
+            fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console()), provenance])
         seconds = time.monotonic() - start
 
         evaluated = {name: evaluate(module, some, config) for name, some in others.items()}
@@ -101,8 +104,21 @@ def train_centering(
         )
         with storage_errors(out):
             write_predictions(evaluated, out / run_folder.PREDICTIONS)
-            write_report(out, config, result, metrics.rows)
+            write_report(out, config, result, metrics.rows, provenance.sessions)
     return result
+
+
+def materials(config: TrainingConfig, separate_test: Path | str | None = None) -> dict[str, Material]:
+    """Return the identities of the datasets and files that a training reads, by the option that names them.
+
+    Args:
+        config: Configuration of the run.
+        separate_test: Dataset folder whose samples are tested as well; None for none.
+    """
+    found = {"data": dataset(config.data)}
+    if separate_test is not None:
+        found["separate-test"] = dataset(separate_test)
+    return found | ({} if config.latent is None else {"latent": file(config.latent.checkpoint)})
 
 
 def with_camera(config: TrainingConfig) -> TrainingConfig:

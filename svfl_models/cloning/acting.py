@@ -1,6 +1,6 @@
 """Trained policy as collectors and environments call it: whole images and base axes as input, base axes as output."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -122,19 +122,21 @@ def load(file: Path | str) -> Callable[[Observation], NDArray[np.float32]]:
     return exported_policy.opened(_exported(module), str(file))
 
 
-def _exported(module: CloningModule) -> bytes:
+def _exported(module: CloningModule, texts: Mapping[str, str] | None = None) -> bytes:
     known = module.deployment
     size = known.image_side, known.image_side
-    return exported_policy.exported(acting(module), size, known.depth_scale, known.camera, known.wrench_hz or None)
+    hz = known.wrench_hz or None
+    return exported_policy.exported(acting(module), size, known.depth_scale, known.camera, hz, texts)
 
 
-def export(module: CloningModule, file: Path) -> float:
+def export(module: CloningModule, file: Path, texts: Mapping[str, str] | None = None) -> float:
     """Write a trained policy as a program that runs without this package (`svfl_models.programs.exported_policy`).
 
     Args:
         module: The trained policy.
         file: File to write, whose name ends in ``.pt2``. An existing file is replaced only after the new program has
             been tested.
+        texts: Further texts to keep in the file, by name, such as its provenance; None for none.
 
     Returns:
         Largest difference between the actions of the program and of the network on random inputs, as a share of the
@@ -150,8 +152,8 @@ def export(module: CloningModule, file: Path) -> float:
     if not file.parent.is_dir():
         raise StorageError(f"{file}: no such folder")
     if module.deployment.inputs:
-        return own_acting.export(module, file)
-    content = _exported(module)
+        return own_acting.export(module, file, texts)
+    content = _exported(module, texts)
     worst = _difference(module, content)
     if not worst < TOLERANCE:
         raise TrainingError(f"{file}: not written, its actions differ from the network's by {worst:.1g}")

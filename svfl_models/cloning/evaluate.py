@@ -26,6 +26,7 @@ from svfl_models.cloning.deployment_spec import OTHER_RATE, DeploymentSpec
 from svfl_models.cloning.recorded_inputs import of_plain
 from svfl_models.networks.action_space import ActionSpace
 from svfl_models.programs.policy_file import inputs_of
+from svfl_models.training.provenance.session import Session, file, session
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Evaluation:
         seed: Seed of the scenes.
         success: For each episode, whether it succeeded.
         steps: Number of steps of each episode.
+        provenance: What the evaluation was made with; None if it is not known.
     """
 
     checkpoint: str
@@ -45,6 +47,7 @@ class Evaluation:
     seed: int
     success: list[bool]
     steps: list[int]
+    provenance: Session | None = None
 
     @property
     def rate(self) -> float:
@@ -112,6 +115,7 @@ def evaluate(
     """
     module = load_policy(checkpoint)
     environment = environment_of(module.deployment.task)
+    provenance = session({"checkpoint": file(checkpoint)}, [seed])
     console = console or Console(stderr=True)
     columns = (TextColumn("episode"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
     outcomes: dict[int, tuple[bool, int]] = {}
@@ -124,7 +128,7 @@ def evaluate(
             succeeded = sum(success for success, _ in outcomes.values())
             bar.update(shown, advance=1, description=f"{succeeded} of {len(outcomes)} succeeded")
     success, steps = (list(values) for values in zip(*(outcomes[index] for index in range(episodes)), strict=True))
-    return Evaluation(str(checkpoint), environment, seed, success, steps)
+    return Evaluation(str(checkpoint), environment, seed, success, steps, provenance)
 
 
 class Trial:

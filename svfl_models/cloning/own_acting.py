@@ -1,5 +1,6 @@
 """Trained policy with inputs and an action of the user's own: recorded values and base axes in, base axes out."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -116,12 +117,13 @@ def acting(module: CloningModule) -> OwnActingPolicy:
     return OwnActingPolicy(plain(module.policy), module.deployment).eval()  # type: ignore[arg-type] # a copy of a Policy
 
 
-def export(module: CloningModule, file: Path) -> float:
+def export(module: CloningModule, file: Path, texts: Mapping[str, str] | None = None) -> float:
     """Write a trained policy as a program that runs without this package (`svfl_models.programs.own_policy`).
 
     Args:
         module: The trained policy.
         file: File to write. An existing file is replaced only after the new program has been tested.
+        texts: Further texts to keep in the file, by name; None for none.
 
     Returns:
         Largest difference between the actions of the program and of the network on random inputs, as a share of the
@@ -131,7 +133,7 @@ def export(module: CloningModule, file: Path) -> float:
         TrainingError: If the actions differ by more than rounding.
         StorageError: If the file cannot be written.
     """
-    content = _exported(module)
+    content = _exported(module, texts)
     own_policy.opened(content, str(file))
     worst = _difference(OwnActingPolicy(module.policy, module.deployment).eval(), content)
     if not worst < TOLERANCE:
@@ -150,9 +152,9 @@ def opened(module: CloningModule, name: str) -> own_policy.OwnPolicy:
     return own_policy.opened(_exported(module), name)
 
 
-def _exported(module: CloningModule) -> bytes:
+def _exported(module: CloningModule, texts: Mapping[str, str] | None = None) -> bytes:
     policy = acting(module)
-    return own_policy.exported(policy, policy.facts(action_path(module)))
+    return own_policy.exported(policy, policy.facts(action_path(module)), texts)
 
 
 @torch.no_grad()

@@ -20,6 +20,8 @@ from svfl_models.cloning.recorded_inputs import of_plain
 from svfl_models.networks.input_types import plain_inputs
 from svfl_models.networks.presets import THREADS
 from svfl_models.training import run_folder
+from svfl_models.training.provenance.callback import ProvenanceRecord
+from svfl_models.training.provenance.session import dataset
 from svfl_models.training.trainer import parameter_count, run, storage_errors
 from svfl_models.training.writing import write_json
 
@@ -100,7 +102,8 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
         if resumed is None:
             run_folder.claim(out, PROGRAM, config.plain())
         metrics = MetricsFile(out / run_folder.METRICS)
-        watching = [metrics, CloningProgress(epochs, console or Console())]
+        provenance = ProvenanceRecord(out, {"data": dataset(config.data)}, [config.seed])
+        watching = [metrics, CloningProgress(epochs, console or Console()), provenance]
         run(module, data, out, watching, resumed, max_epochs=epochs)
         last = metrics.rows[-1]
         absent: dict[str, Any] = dict.fromkeys(("valid_xy_mm", "valid_z_mm", "valid_turn_deg"))

@@ -70,6 +70,7 @@ def run(values: dict[str, Any], arguments: argparse.Namespace) -> None:
         cloning_table,  # torch, lightning and escnn take seconds to import
         cloning_table_page,  # torch, lightning and escnn take seconds to import
     )
+    from svfl_models.experiments.runs import provenance
     from svfl_models.experiments.runs.folder import held
     from svfl_models.experiments.runs.grid import Grid
     from svfl_models.training import run_folder
@@ -86,11 +87,13 @@ def run(values: dict[str, Any], arguments: argparse.Namespace) -> None:
     command = command_line("bc-table", values, PROGRAM.settings)
     with held(out):
         run_folder.write_config(out, "bc-table", values)
+        started = provenance.table_started(out, runs)
         try:
             grid.run(arguments.workers, Console(stderr=True))
         finally:
             with storage_errors(out):
-                words, files = cloning_table_page.write(cloning_table_page.Table(runs), command, out)
+                made = provenance.runs_section(started, (run.folder for run in runs if run.outcome()))
+                words, files = cloning_table_page.write(cloning_table_page.Table(runs), command, out, made)
         if arguments.copy_report_to:
             with storage_errors(arguments.copy_report_to):
                 arguments.copy_report_to.mkdir(parents=True, exist_ok=True)

@@ -49,11 +49,24 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_models.deployment import export
 
     if is_policy(arguments.checkpoint):
-        difference = acting.export(load_policy(arguments.checkpoint), arguments.out)
+        difference = acting.export(load_policy(arguments.checkpoint), arguments.out, _texts(arguments.checkpoint))
         say(f"{arguments.out}: actions differ from the network's by {difference:.1g} of their bounds, at most")
         return
     save = export.saver(arguments.out)
     module = checkpoint.load_classifier(arguments.checkpoint)
     trained = checkpoint.configuration(module)
-    difference = save(module.classifier, arguments.out, trained.view, trained.camera)
+    kept = _texts(arguments.checkpoint)
+    difference = save(module.classifier, arguments.out, trained.view, trained.camera, kept)
     say(f"{arguments.out}: outputs differ from the network's by {difference:.1g} of the largest output, at most")
+
+
+def _texts(checkpoint: Path) -> dict[str, str]:
+    """Return the provenance of a checkpoint as the text that goes into an exported file, by its name.
+
+    Raises:
+        FormatError: If the checkpoint holds something else in its place.
+    """
+    from svfl_models.training.checkpoint_io import read
+    from svfl_models.training.provenance.record import TEXT, as_text, of_checkpoint
+
+    return {TEXT: as_text(of_checkpoint(read(checkpoint), checkpoint))}

@@ -10,7 +10,7 @@ import io
 import json
 import logging
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ from svfl_models.symmetry.ordinary import plain
 
 FACTS = "svfl_centering.json"
 """Name of a text inside an exported file that holds the facts which the program itself does not state, see `facts`."""
+FORMAT = "svfl-centering-exported"
 FORMAT_VERSION = "1.0"
 CONTENTS = {
     "image": "red, green, blue in 0..1, then depth in [m]; rows run downwards",
@@ -37,7 +38,13 @@ CONTENTS = {
 }
 
 
-def save_program(classifier: CenteringClassifier, path: Path, view: str = "camera", camera: str | None = None) -> float:
+def save_program(
+    classifier: CenteringClassifier,
+    path: Path,
+    view: str = "camera",
+    camera: str | None = None,
+    texts: Mapping[str, str] | None = None,
+) -> float:
     """Write a network as a ``torch.export`` program, which `program.read` and `torch.export.load` can open.
 
     A `program.Program` is called with the inputs in their order; PyTorch's own program takes a dictionary of them.
@@ -47,6 +54,7 @@ def save_program(classifier: CenteringClassifier, path: Path, view: str = "camer
         path: File to write. An existing file is replaced after the new one has been tested.
         view: View that the network was trained on: ``camera`` for images as taken, ``top`` for the view from above.
         camera: Name of the camera that the network was trained on; None if it is unknown or does not matter.
+        texts: Further texts to keep in the file, by name, such as its provenance; None for none.
 
     Returns:
         Largest difference between the outputs of file and network on random inputs, relative to the largest output.
@@ -55,10 +63,8 @@ def save_program(classifier: CenteringClassifier, path: Path, view: str = "camer
         TrainingError: If the network cannot be exported, or the outputs differ by more than rounding.
         StorageError: If the file cannot be written.
     """
-    buffer = io.BytesIO()
-    torch.export.save(
-        _program(classifier), buffer, extra_files={FACTS: json.dumps(facts(classifier, view, camera), indent=2)}
-    )
+    buffer, kept = io.BytesIO(), {FACTS: json.dumps(facts(classifier, view, camera), indent=2), **(texts or {})}
+    torch.export.save(_program(classifier), buffer, extra_files=kept)
     content = buffer.getvalue()
     program, _ = from_bytes(content, FACTS)
 
@@ -71,7 +77,13 @@ def save_program(classifier: CenteringClassifier, path: Path, view: str = "camer
     return difference
 
 
-def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera", camera: str | None = None) -> float:
+def save_onnx(
+    classifier: CenteringClassifier,
+    path: Path,
+    view: str = "camera",
+    camera: str | None = None,
+    texts: Mapping[str, str] | None = None,
+) -> float:
     """Write a network as ONNX, which takes its inputs by their names.
 
     Args:
@@ -79,6 +91,7 @@ def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera",
         path: File to write. An existing file is replaced after the new one has been tested.
         view: View that the network was trained on: ``camera`` for images as taken, ``top`` for the view from above.
         camera: Name of the camera that the network was trained on; None if it is unknown or does not matter.
+        texts: Further texts to keep in the file, by name, such as its provenance; None for none.
 
     Returns:
         Largest difference between the outputs of file and network on random inputs, relative to the largest output.
@@ -105,7 +118,7 @@ def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera",
             verbose=False,
         )
     assert program is not None  # it is None only if `export` writes a file
-    program.model.metadata_props[FACTS] = json.dumps(facts(classifier, view, camera))
+    program.model.metadata_props.update({FACTS: json.dumps(facts(classifier, view, camera)), **(texts or {})})
     content = program.model_proto.SerializeToString()
     session = onnxruntime.InferenceSession(content, providers=["CPUExecutionProvider"])
 
@@ -117,7 +130,7 @@ def save_onnx(classifier: CenteringClassifier, path: Path, view: str = "camera",
     return difference
 
 
-Saver = Callable[[CenteringClassifier, Path, str, str | None], float]
+Saver = Callable[[CenteringClassifier, Path, str, str | None, Mapping[str, str] | None], float]
 SAVERS: dict[str, Saver] = {".pt2": save_program, ".onnx": save_onnx}
 """Functions that export a network, by the suffix of the file that they write."""
 
@@ -174,7 +187,7 @@ def facts(classifier: CenteringClassifier, view: str = "camera", camera: str | N
     )
     width = len(DIRECTIONS) if classifier.target == "direction" else 2
     return {
-        "format": "svfl-centering-exported",
+        "format": FORMAT,
         "format_version": FORMAT_VERSION,
         "inputs": {
             name: {"shape": ["samples", *shape], "dtype": "float32", "content": CONTENTS[name]}

@@ -62,19 +62,21 @@ class Table:
         return Rate.of(found) if found else None
 
 
-def write(table: Table, command: str, out: Path) -> tuple[str, list[Path]]:
+def write(table: Table, command: str, out: Path, provenance: str = "") -> tuple[str, list[Path]]:
     """Write the page, its figures and ``runs.csv``.
 
     Args:
         table: Runs of the table.
         command: Command line that makes the table again.
         out: Folder to write to.
+        provenance: Section on the provenance of the page, in Markdown; empty for none.
 
     Returns:
         The page in Markdown, and the files that were written: page, figures and ``runs.csv``.
     """
     words = "\n\n".join(
         ["# Behaviour cloning: success in simulation", _success(table), _errors(table), _how(table, command)]
+        + [provenance.rstrip()] * bool(provenance)
     )
     page = out / "bc_table.md"
     write_text(page, words + "\n")

@@ -22,6 +22,7 @@ from svfl_models.experiments import page
 from svfl_models.experiments.results import Results
 from svfl_models.experiments.runs.folder import RUNS, claimed, describe
 from svfl_models.experiments.runs.grid import Grid
+from svfl_models.experiments.runs.provenance import experiment_started, runs_section
 from svfl_models.experiments.runs.run_cache import take_from
 from svfl_models.experiments.runs.training import Training, run_name
 from svfl_models.training import run_folder
@@ -87,6 +88,7 @@ def run(name: str, values: Mapping[str, Any], command: str, arguments: argparse.
         if path is not None:
             _check_labelled(Dataset.open(path), base.camera)
     with claimed(out, about):
+        started = experiment_started(out, about, arguments.seeds)
         if arguments.reuse:
             with storage_errors(out):
                 take_from(arguments.reuse, about, out, runs)
@@ -102,6 +104,7 @@ def run(name: str, values: Mapping[str, Any], command: str, arguments: argparse.
         with storage_errors(out):
             words = f"# {experiment.TITLE}\n\n{experiment.body(results)}\n## How\n\n"
             words += page.how(command, results, about, seeds)
+            words += f"\n{runs_section(started, (run.folder for run in results.runs if run.result))}"
             write_text(out / f"{name}.md", words)
             pictures = experiment.draw(results, out)
         if arguments.copy_report_to:

@@ -19,6 +19,8 @@ from svfl_models.latent.module import LatentModule
 from svfl_models.latent.progress import LegsFile, Row, StepsBar
 from svfl_models.symmetry.actions import Batch
 from svfl_models.training import run_folder
+from svfl_models.training.provenance.callback import ProvenanceRecord
+from svfl_models.training.provenance.session import dataset
 from svfl_models.training.trainer import parameter_count, run, storage_errors
 from svfl_models.training.writing import write_json
 
@@ -87,7 +89,9 @@ def train_latent(config: LatentConfig, out: Path, console: Console | None = None
             run_folder.write_config(out, PROGRAM, config.plain())
         _announce(config, train, valid, console)
         metrics = LegsFile(out / run_folder.METRICS, module.steps)
-        data, watching = LatentData(train, valid, config, module), [metrics, StepsBar(config.steps, console)]
+        provenance = ProvenanceRecord(out, {"data": dataset(config.data)}, [config.seed])
+        watching = [metrics, StepsBar(config.steps, console), provenance]
+        data = LatentData(train, valid, config, module)
         left = config.steps - module.steps
         with storage_errors(out):
             run(module, data, out, watching, max_epochs=-1, max_steps=left, reload_dataloaders_every_n_epochs=1)

@@ -91,6 +91,7 @@ def exported(
     depth_scale: float = 1e-4,
     camera: str | None = None,
     wrench_hz: float | None = None,
+    texts: Mapping[str, str] | None = None,
 ) -> bytes:
     """Export a network, in eval mode, and return the content of the file that `save` writes.
 
@@ -101,6 +102,7 @@ def exported(
         depth_scale: Metres per unit of the camera's depth images.
         camera: Name of the camera whose images the network takes, see `Facts`.
         wrench_hz: Rate of the wrench readings, [Hz], see `Facts`.
+        texts: Further texts to keep in the file, by name; None for none.
 
     Raises:
         TrainingError: If the network does not take image, wrench and proprio, or does not return an action. Forbidden
@@ -119,7 +121,7 @@ def exported(
     buffer, facts = io.BytesIO(), {"depth_scale": depth_scale, "camera": camera}
     if wrench_hz is not None:
         facts["wrench_hz"] = wrench_hz
-    torch.export.save(program, buffer, extra_files={FACTS: json.dumps(facts)})
+    torch.export.save(program, buffer, extra_files={FACTS: json.dumps(facts), **(texts or {})})
     return buffer.getvalue()
 
 

@@ -9,7 +9,6 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
@@ -21,9 +20,8 @@ from svfl_data.errors import FormatError, TrainingError
 from svfl_data.schema.action_fields import ACTION
 from svfl_data.signals.pictures import BRIGHTEST, DEPTH, picture
 from svfl_data.system.printable import printable
-from svfl_data.system.stored_zip import stored
 from svfl_models.programs.program import Program, from_bytes, read
-from svfl_models.programs.program_file import EXTRA
+from svfl_models.programs.program_file import text_of
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
 FACTS = "svfl_own_policy.json"
@@ -72,13 +70,14 @@ class Facts(msgspec.Struct):
     action: str = ACTION
 
 
-def exported(network: nn.Module, facts: Facts) -> bytes:
+def exported(network: nn.Module, facts: Facts, texts: Mapping[str, str] | None = None) -> bytes:
     """Export a network, in eval mode, and return the content of its file.
 
     Args:
         network: Network that maps the inputs of `facts`, each with a batch dimension, to an action. It is moved to the
             CPU and put into eval mode.
         facts: What the policy takes and gives.
+        texts: Further texts to keep in the file, by name; None for none.
 
     Raises:
         TrainingError: If the network does not take these inputs or give this action.
@@ -94,7 +93,8 @@ def exported(network: nn.Module, facts: Facts) -> bytes:
     with torch.no_grad():
         program = torch.export.export(network, inputs)
     buffer = io.BytesIO()
-    torch.export.save(program, buffer, extra_files={FACTS: json.dumps(msgspec.to_builtins(facts))})
+    kept = {FACTS: json.dumps(msgspec.to_builtins(facts)), **(texts or {})}
+    torch.export.save(program, buffer, extra_files=kept)
     return buffer.getvalue()
 
 
@@ -119,9 +119,8 @@ def is_own(file: Path) -> bool:
         file: File of an exported network (``.pt2``).
     """
     try:
-        with stored(file) as archive:
-            return any(name.endswith(f"/{EXTRA}{FACTS}") for name in archive.members)
-    except (OSError, FormatError, BadZipFile):
+        return text_of(file, FACTS) is not None
+    except FormatError:
         return False
 
 

@@ -77,6 +77,11 @@ class Program:
         left = self._check_memory(meta | dict(zip(self._inputs, given, strict=True)))
         self.outputs = [tuple(left[name].shape) for name in self._outputs]
 
+    @property
+    def numbers(self) -> int:
+        """Number of weights and constants that the program holds."""
+        return sum(tensor.numel() for tensor in self._kept.values())
+
     def to(self, device: torch.device) -> "Program":
         """Move the program to a device, and return the program itself."""
         self._device, self._kept = device, {name: tensor.to(device) for name, tensor in self._kept.items()}

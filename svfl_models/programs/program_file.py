@@ -8,13 +8,17 @@ The form is that of ``torch/_export/serde/schema.py``, version 8 (PyTorch 2.13).
 """
 
 import math
+from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import msgspec
 import torch
 from torch import Tensor
 
-from svfl_data.system.stored_zip import Stored
+from svfl_data.errors import FormatError
+from svfl_data.system.printable import printable
+from svfl_data.system.stored_zip import Stored, stored
 
 GRAPH = "models/model.json"
 PAYLOADS = (
@@ -221,6 +225,30 @@ class ProgramFile:
                 contents[payload.path_name] = bytearray(self._read(folder + payload.path_name))
             found[name] = _tensor(name, contents[payload.path_name], payload.tensor_meta)
         return found
+
+
+def text_of(path: Path, name: str) -> str | None:
+    """Return a text that a program's file holds, without reading the program; None if there is no such text.
+
+    Args:
+        path: File of the program (``.pt2``).
+        name: Name of the text.
+
+    Raises:
+        FormatError: If the file is missing or not an archive as programs are, or the text is too long or no text.
+    """
+    try:
+        with stored(path) as archive:
+            for member, size in archive.members.items():
+                if member.partition("/")[2] == EXTRA + name:
+                    if size > LARGEST_TEXT:
+                        raise FormatError(f"{path}: {name} in it is larger than {LARGEST_TEXT} bytes")
+                    return archive.read(member).decode()
+    except FileNotFoundError as error:
+        raise FormatError(f"{path}: no such file") from error
+    except (OSError, BadZipFile, UnicodeDecodeError) as error:
+        raise FormatError(f"{path}: not a readable file of a program ({printable(error, 200)})") from error
+    return None
 
 
 def _tensor(name: str, content: bytearray, meta: Meta) -> Tensor:

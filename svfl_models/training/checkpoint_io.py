@@ -44,7 +44,7 @@ def read_marked(path: Path, name: str, version: str, what: str) -> dict[str, Any
         FormatError: If the file is missing, damaged, of another program or of another version.
     """
     found = read(path)
-    mark = _mark(found)
+    mark = mark_of(found)
     if mark is None or mark.get("format") != name:
         marked = "no mark of svfl-train" if mark is None else mark.get("format", "nothing")
         raise FormatError(f"{path}: not a {what} (found {printable(marked, 40)}, expected {name})")
@@ -62,7 +62,7 @@ def is_marked(path: Path, name: str) -> bool:
         name: Name of the format.
     """
     try:
-        mark = _mark(read(path))
+        mark = mark_of(read(path))
     except FormatError:
         return False
     return mark is not None and mark.get("format") == name
@@ -185,7 +185,12 @@ def _check_shapes(kind: type[Module], described: Mapping[str, Any], state: Mappi
             raise ValueError(f"{name} has shape {tuple(state[name].shape)}, described is {tuple(tensor.shape)}")
 
 
-def _mark(found: object) -> dict[str, Any] | None:
+def mark_of(found: object) -> dict[str, Any] | None:
+    """Return the mark of a checkpoint, which names its format and version; None if it has none.
+
+    Args:
+        found: Content of a file, as `read` returns it.
+    """
     mark = found.get("svfl") if isinstance(found, dict) else None
     return mark if isinstance(mark, dict) else None
 

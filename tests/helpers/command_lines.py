@@ -58,6 +58,7 @@ def train_commands(data: Path, out: Path) -> dict[str, list[str]]:
         "evaluate": ["evaluate", network, "--episodes", "1"],
         "latent": ["latent", "--model", "poe", "--data", str(data), "--steps", "1", "--out", f"{out}/latent"],
         "latent-eval": ["latent-eval", latent, "--data", str(data)],
+        "info": ["info", network],
     }
 
 

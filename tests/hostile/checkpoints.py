@@ -3,6 +3,7 @@
 import json
 import shutil
 
+from svfl_models.training.provenance.record import KEY
 from tests.hostile.json_attributes import HIDDEN
 from tests.hostile.kind import add
 from tests.hostile.models import CHECKPOINTS, WHOLE, each, register, whole
@@ -80,6 +81,30 @@ CHANGES = {
 }
 
 
+def _provenance(change):
+    return _checkpoint(lambda found: found.update({KEY: change(found[KEY])}))
+
+
+def _texts(old):
+    """Every text of a session hidden characters."""
+    return each(old, lambda leaf: HIDDEN if isinstance(leaf, str) else leaf)
+
+
+ELSEWHERE = "only svfl-train info and export read it"
+OF_PROVENANCE = {
+    "provenance_text": _provenance(lambda old: "x"),
+    "provenance_numbers": _provenance(lambda old: [1, 2]),
+    "provenance_long": _provenance(lambda old: [old[0] | {"command": "x" * 10**7}]),
+    "provenance_many": _provenance(lambda old: old * 10**5),
+    "provenance_tensor": _provenance(lambda old: [old[0] | {"seeds": __import__("torch").zeros(9)}]),
+    "provenance_nested": _provenance(lambda old: [[[[[[old]]]]]]),
+    "provenance_escapes": _provenance(lambda old: [_texts(old[0])]),
+    "provenance_keys": _provenance(
+        lambda old: [old[0] | {"packages": {HIDDEN: HIDDEN}, "data": {HIDDEN: {"path": HIDDEN}}}]
+    ),
+}
+
+
 def _leaves(change):
     return _checkpoint(lambda found: found.update(hyper_parameters=each(found["hyper_parameters"], change)))
 
@@ -97,6 +122,8 @@ LAWFUL = {"parameters_all_nan": "where nothing is a float nothing changes"}
 for file in CHECKPOINTS:
     for name, make in CHANGES.items():
         register(file, name, make, LAWFUL.get(name, ""))
+    for name, make in OF_PROVENANCE.items():
+        register(file, name, make, ELSEWHERE)
 
 
 def _resumed(file, name, make):
@@ -133,6 +160,6 @@ CONTENTS = {
     "escapes": json.dumps({HIDDEN: HIDDEN}).encode(),
 }  # fmt: skip
 for file in ("bc.ckpt", "latent.ckpt"):
-    for member in ("run.yaml", "metrics.csv", "result.json"):
+    for member in ("run.yaml", "metrics.csv", "result.json", "provenance.json"):
         for name, content in CONTENTS.items():
             _run_file(file, name, member, content)

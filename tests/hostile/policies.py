@@ -42,6 +42,11 @@ PROGRAM = {
     "facts_deep": ("svfl_policy", lambda content: b"[" * 10**5 + b"]" * 10**5),
     "facts_long": ("svfl_policy", lambda content: b" " * 10**8 + content),
     "facts_not_utf8": ("svfl_policy", lambda content: b"\xff\xfe"),
+    "provenance_list": ("svfl_provenance", lambda content: b"[]"),
+    "provenance_deep": ("svfl_provenance", lambda content: b"[" * 10**5 + b"]" * 10**5),
+    "provenance_not_utf8": ("svfl_provenance", lambda content: b"\xff\xfe"),
+    "provenance_long": ("svfl_provenance", lambda content: b" " * 10**8 + content),
+    "provenance_escapes": ("svfl_provenance", lambda content: content.replace(b'"svfl-train', b'"\\u001b[31m\\n')),
     "graph_deep": ("model.json", lambda content: b'{"a":' * 10**5 + b"1" + b"}" * 10**5),
     "graph_list": ("model.json", lambda content: b"[]"),
     "graph_cut": ("model.json", lambda content: content[:1000]),
@@ -64,7 +69,9 @@ PROGRAM = {
     "constants_objects": ("constants_config", lambda content: content.replace(b"tensor_", b"custom_obj_")),
     "format_escapes": ("archive_format", lambda content: b"\x1b[31m"),
 }  # fmt: skip
+ELSEWHERE = "only svfl-train info reads it"
 LAWFUL = {
+    **{name: ELSEWHERE for name in PROGRAM if name.startswith("provenance")},
     "weights_device": "whoever loads a program chooses the device", "format_escapes": "this text is never read",
     "sample_inputs": UNREAD, "archive_format": "this text is never read",
     "weight_0": "its bytes are taken for numbers, whatever they are",

@@ -20,6 +20,7 @@ from svfl_models.latent.evaluation.symmetry import symmetry
 from svfl_models.latent.networks.network import LatentNetwork
 from svfl_models.latent.networks.poe import PoEEncoder
 from svfl_models.latent.networks.vtt import VTTEncoder
+from svfl_models.training.provenance.session import dataset, file, session
 
 LEARNED_EPISODES, LEARNED_FRAMES = 200, 1200
 """Largest numbers of training episodes, drawn at random, and of their frames, spread evenly, that linear maps are
@@ -64,6 +65,10 @@ def evaluate(
     say("reading episodes")
     module = load_latent(checkpoint)
     network, encoder, given = module.network, module.network.encoder, material(module, data, episodes, seed)
+    materials = {"checkpoint": file(checkpoint), "data": dataset(given.learned.dataset.path)}
+    if given.evaluated.dataset.path != given.learned.dataset.path:
+        materials["evaluated"] = dataset(given.evaluated.dataset.path)
+    provenance = session(materials, [seed])
     trained = {name for name in HEADS if module.objective.weights.get(name, 0) > 0}
     left_out = [f"{words}: the model was trained without it" for name, words in HEADS.items() if name not in trained]
 
@@ -114,6 +119,7 @@ def evaluate(
         experts=experts(encoder, seen.parts, frames.contact) if isinstance(encoder, PoEEncoder) else None,
         symmetry=asymmetry,
         left_out=left_out,
+        provenance=provenance,
     )
     return found, _sample_figures(network, followed)
 

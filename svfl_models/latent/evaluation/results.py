@@ -14,6 +14,7 @@ from svfl_models.latent.evaluation.missing import Remaining
 from svfl_models.latent.evaluation.probing.probes import Reading
 from svfl_models.latent.evaluation.reconstruction import Reconstruction
 from svfl_models.latent.evaluation.symmetry import Symmetry
+from svfl_models.training.provenance.session import Session
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,7 @@ class Evaluation:
         experts: Weights of PoE's experts; None for other models.
         symmetry: Symmetry of the features.
         left_out: What was not evaluated and why, in words.
+        provenance: What the evaluation was made with; None if it is not known.
     """
 
     checkpoint: str
@@ -63,6 +65,7 @@ class Evaluation:
     experts: Experts | None
     symmetry: Symmetry
     left_out: list[str]
+    provenance: Session | None = None
 
     def plain(self) -> dict[str, Any]:
         """Return the attributes as a dictionary of plain values for files."""

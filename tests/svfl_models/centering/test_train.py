@@ -48,7 +48,7 @@ def test_a_run_leaves_everything_that_it_promises(config, tmp_path, batch):
     result = train_centering(config, tmp_path / "run")
     assert {file.name for file in (tmp_path / "run").iterdir()} == {
         "run.yaml", "checkpoint.ckpt", "metrics.csv", "predictions.csv", "learning_curve.png",
-        "confusion_matrix.png", "report.md", "result.json",
+        "confusion_matrix.png", "report.md", "result.json", "provenance.json",
     }  # fmt: skip
     rows = list(csv.reader((tmp_path / "run" / "metrics.csv").open()))
     assert rows[0] == list(COLUMNS)

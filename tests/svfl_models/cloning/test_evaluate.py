@@ -4,6 +4,7 @@ import json
 import os
 import re
 import signal
+from dataclasses import asdict
 
 import gymnasium
 import numpy as np
@@ -21,6 +22,7 @@ from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.evaluate import Evaluation, environment_of, evaluate
 from svfl_models.training import run_folder
+from svfl_models.training.provenance.session import file
 from tests.helpers.builders import IMAGE_AXES
 from tests.helpers.demonstrations import demonstrations
 
@@ -118,6 +120,10 @@ def test_the_command_writes_and_prints(checkpoint, countdown, capsys):
     found = json.loads((checkpoint.parent / "evaluation.json").read_text())
     assert found["success"] == [True, False, True, False]
     assert (found["environment"], found["seed"], found["rate"]) == (COUNTDOWN, 0, 0.5)
+    assert found["provenance"]["data"]["checkpoint"] == asdict(file(checkpoint))
+    assert found["provenance"]["seeds"] == [0]
+    assert cli.main(["info", str(checkpoint)]) == 0
+    assert re.search(r"results, evaluation.json\n(    .*\n)*    rate +0\.5\n", capsys.readouterr().out)
 
 
 def test_other_environments_are_one_clear_line(checkpoint):

@@ -10,6 +10,8 @@ from dataclasses import replace
 
 import pytest
 
+from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.fingerprint import identity
 from svfl_data.errors import DatasetError, StorageError, TrainingError
 from svfl_data.reports.success_rate import wilson
 from svfl_models import cli
@@ -24,6 +26,8 @@ from svfl_models.experiments.cloning_table import Rate
 from svfl_models.experiments.runs.folder import held
 from svfl_models.experiments.runs.grid import Grid
 from svfl_models.training import run_folder
+from svfl_models.training.provenance.record import record, recorded
+from svfl_models.training.provenance.session import Session
 from tests.helpers.demonstrations import demonstrations
 from tests.helpers.patience import PATIENCE
 from tests.helpers.pretend import is_running
@@ -223,6 +227,22 @@ def test_the_page_says_what_is_known(runs, tmp_path, finished):
     assert f"16 policies, {finished} of them finished" in page
     assert page.count("| picking | 10 | SVFL | 75.0% |") == (1 if finished else 0)
     assert ("pushing +50 points" in page) == (finished == 16)
+
+
+def test_the_page_says_where_the_policies_and_their_data_come_from(data, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(cloning_table, "Run", Quick)
+    out, sha256 = tmp_path / "out", identity(Dataset.open(data)).sha256
+    for starts in (1, 2):
+        assert cli.main(words(data, out)) == 0
+        assert [one.data["block_picking"].sha256 for one in recorded(out)] == [sha256] * starts
+    page = capsys.readouterr().out
+    assert "## Provenance" in page
+    assert f"6 episodes, SHA-256 {sha256[:12]} over the seals" in page
+    assert "4 runs: unknown provenance" in page  # Quick trains nothing
+    for run in (out / "runs").iterdir():
+        record(run, Session("", commit="a" * 40, clean=False))
+    assert cli.main(words(data, out)) == 0
+    assert f"4 runs: commit {'a' * 12} (not clean)" in capsys.readouterr().out
 
 
 def test_the_command_line_is_what_gives_the_numbers():

@@ -22,6 +22,7 @@ from svfl_models.experiments.results import Cell, Mean, Results, Run
 from svfl_models.experiments.runs.progress_bar import Bar
 from svfl_models.experiments.runs.training import Training
 from svfl_models.latent.config import MODELS
+from svfl_models.training.provenance.record import recorded
 from tests.helpers import pretend
 from tests.helpers.builders import make_episode
 from tests.helpers.pretrained import write_latent
@@ -102,6 +103,10 @@ def test_a_real_table_from_start_to_end(datasets, tmp_path, capsys):
     assert {row["run"] for row in rows} == set(first)
     assert all(float(row["separate_test_accuracy"]) <= 1 for row in rows)
     assert is_drawn(tmp_path / "o" / "table.png")
+    (made,), first_run = recorded(tmp_path / "o"), recorded(tmp_path / "o" / "runs" / "f_D4_8_seed0")
+    assert made.data == first_run[0].data
+    assert re.search(r"## Provenance\n(.*\n)*- 6 runs: commit|## Provenance\n(.*\n)*- 6 runs: no git", printed.out)
+    assert made.data["data"].sha256[:12] in printed.out
     assert run("table", *options) == 0
     assert written(tmp_path / "o") == first
 

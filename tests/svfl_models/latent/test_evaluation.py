@@ -8,7 +8,9 @@ import pytest
 import torch
 
 from svfl_data.datasets.dataset import Dataset
+from svfl_data.datasets.fingerprint import identity
 from svfl_data.errors import DatasetError, FormatError
+from svfl_models.centering.pretrained import digest
 from svfl_models.cli import main
 from svfl_models.latent.checkpoint import load_latent
 from svfl_models.latent.evaluation.episodes import material, some, whole
@@ -121,10 +123,21 @@ def test_the_command(model, data, tmp_path, capsys):
     found = json.loads((out / "evaluation.json").read_text())
     assert found["episodes"] == 1
     assert len(found["missing"]) == 7
+    assert found["provenance"]["data"]["checkpoint"]["sha256"] == digest(checkpoint)
+    assert found["provenance"]["data"]["data"]["sha256"] == identity(Dataset.open(data)).sha256
     assert (found["attention"] is not None) == (model == "vtt")
     assert (found["experts"] is not None) == (model == "poe")
     page = (out / "report.md").read_text()
-    for name in ("Reconstruction", "Contact", "Alignment", "Next gripper", "Probes", "Missing modalities", "Symmetry"):
+    for name in (
+        "Reconstruction",
+        "Contact",
+        "Alignment",
+        "Next gripper",
+        "Probes",
+        "Missing modalities",
+        "Symmetry",
+        "Provenance",
+    ):
         assert f"## {name}" in page
     pictures = {path.name for path in out.glob("*.png")}
     assert {"reconstructions.png", "curves.png", "probes.png", "missing_modalities.png"} <= pictures

@@ -9,6 +9,7 @@ from svfl_data.system.printable import markdown
 from svfl_models.latent.evaluation.pages import figures
 from svfl_models.latent.evaluation.pages.tables import tables
 from svfl_models.latent.evaluation.results import Evaluation, SampleFigures
+from svfl_models.training.provenance.words import section
 from svfl_models.training.writing import write_json, write_text
 
 NUMBERS, PAGE = "evaluation.json", "report.md"
@@ -66,6 +67,7 @@ def page(found: Evaluation, pictures: list[Path]) -> str:
         pictures: Files of the figures, which lie in the folder of the page.
     """
     left_out = "".join(f"- Not evaluated: {markdown(line)}.\n" for line in found.left_out)
+    provenance = "" if found.provenance is None else f"\n{section(found.provenance)}"
     shown = "\n".join(f"![{path.stem}]({path.name})" for path in pictures)
     return f"""# What {found.model} is worth after {found.steps:,} steps
 
@@ -75,4 +77,4 @@ def page(found: Evaluation, pictures: list[Path]) -> str:
 {left_out}
 {shown}
 
-{chr(10).join(table.markdown() for table in tables(found))}"""
+{chr(10).join(table.markdown() for table in tables(found))}{provenance}"""

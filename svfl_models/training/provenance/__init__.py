@@ -1,0 +1,1 @@
+"""Provenance of runs, checkpoints and reports: which code, on which machine, with which data and by which command."""
