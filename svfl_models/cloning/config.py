@@ -71,7 +71,8 @@ class CloningConfig:
         metavar="SHARE")] = 0.1  # fmt: skip
     epochs: Annotated[int, option("number of epochs to train", ge=1)] = 60
     steps: Annotated[int, option(
-        "number of optimiser steps to train, rounded up to whole epochs, in the place of --epochs", ge=1)] | None = None  # fmt: skip
+        "number of optimiser steps to train, rounded up to whole epochs, in the place of --epochs",
+        ge=1)] | None = None  # fmt: skip
     batch_size: Annotated[int, option("number of demonstrated steps per optimiser step", ge=1)] = 64
     learning_rate: Annotated[float, option("learning rate of Adam at the start of the training", gt=0)] = 1e-3
     schedule: Annotated[str, option(

@@ -88,7 +88,7 @@ def run(name: str, values: Mapping[str, Any], command: str, arguments: argparse.
         if path is not None:
             _check_labelled(Dataset.open(path), base.camera)
     with claimed(out, about):
-        started = experiment_started(out, about, arguments.seeds)
+        started = experiment_started(out, about, seeds)
         if arguments.reuse:
             with storage_errors(out):
                 take_from(arguments.reuse, about, out, runs)
