@@ -45,8 +45,3 @@ PRESETS = {
 }
 """Sizes by name of the preset and kind of network. Each ``cnn`` baseline has as many parameters as the D4 network of
 its preset (``svfl``), within 10 %; tests check this."""
-
-THREADS = {"default": 1, "paper": 8}
-"""Most threads of a training, by preset. Networks as narrow as those of the default preset gain little from a second
-thread. They lose much on a shared machine, because OpenMP's threads wait by spinning: 10 epochs took 5 s with one
-thread and 32 s with two."""

@@ -1,0 +1,85 @@
+"""The hardware that a training is asked to use, in plain values; importing this module loads no heavy library.
+
+`svfl_models.training.placement` says whether this machine has it, and what it means for a training.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+Precision = Literal["auto", "32", "bf16", "16"]
+MOST_THREADS = {"paper": 8}
+"""Most threads of a training by preset of the network; 1 for all others. Networks as narrow as those of the default
+preset gain little from a second thread. They lose much on a shared machine, because OpenMP's threads wait by spinning:
+10 epochs took 5 s with one thread and 32 s with two."""
+WIDE = ("paper",)
+"""Presets whose symmetric networks are wide enough for bfloat16 to pay on a CPU (docs/benchmarks.md)."""
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """Devices, number format, threads and loader processes of a training.
+
+    Attributes:
+        device: Where the network is trained: ``auto`` (a GPU if there is one), ``cpu``, ``cuda`` or the number of a
+            CUDA device.
+        devices: Number of devices, each with a process of its own that takes an equal share of every batch; on the CPU
+            the number of processes.
+        precision: Number format of the arithmetic: ``32``; ``bf16`` or ``16`` (mixed precision: the weights stay in
+            float32); ``auto`` chooses bf16 for wide networks where the hardware computes in it, and 32 otherwise.
+        threads: Threads of each process. None: one, and up to eight for wide networks (`MOST_THREADS`).
+        loader_workers: Processes that prepare batches beside each training process.
+
+    Example:
+        >>> Hardware(devices=2).precision
+        '32'
+    """
+
+    device: Annotated[
+        str, Meta(description="device: auto (a GPU if there is one), cpu, cuda, or the number of a CUDA device")
+    ] = "auto"
+    devices: Annotated[
+        int, Meta(ge=1, description="number of devices (of processes on the CPU), which share every batch")
+    ] = 1
+    precision: Annotated[
+        Precision,
+        Meta(
+            description="number format: 32; bf16 or 16, both mixed precision; auto is bf16 for wide networks where "
+            "the hardware computes in it, else 32"
+        ),
+    ] = "32"
+    threads: Annotated[
+        int | None, Meta(ge=1, description="threads of each process (None: 1, up to 8 for the preset paper)")
+    ] = None
+    loader_workers: Annotated[
+        int, Meta(ge=0, description="processes that prepare batches, beside each training process")
+    ] = 0
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a kind of training can use, beside which the `Hardware` that is asked for is checked.
+
+    Attributes:
+        wide: Whether the network is wide enough for bfloat16 to pay on a CPU.
+        most_threads: Most threads that a process uses unless it is told otherwise; None leaves PyTorch's own number.
+        alone: Why the training runs in one process only, as the end of a message; empty if it can be shared.
+        no_workers: Why the training has no loader processes, as the end of a message; empty if it can have them.
+    """
+
+    wide: bool = False
+    most_threads: int | None = None
+    alone: str = ""
+    no_workers: str = ""
+
+
+def needs_of(preset: str, group: str, no_workers: str = "") -> Needs:
+    """Return what the training of a visual-force network can use.
+
+    Args:
+        preset: Name of the network's layer sizes, a key of `networks.presets.PRESETS`.
+        group: Name of the network's symmetry group; ``none`` for ordinary layers.
+        no_workers: Why the training has no loader processes, if it has none.
+    """
+    return Needs(preset in WIDE and group != "none", MOST_THREADS.get(preset, 1), no_workers=no_workers)
