@@ -86,7 +86,7 @@ def run_jobs(
 
 def start_process(
     body: Callable[..., None],
-    *arguments: Any,
+    *arguments: Any,  # noqa: ANN401 - passed on to `body`
     parent: bool = False,
 ) -> tuple[BaseProcess, Connection]:
     """Start a fresh process, which ignores Ctrl-C and ends when this process ends, however it ends.

@@ -13,6 +13,7 @@ from svfl_models.training.distributed.followers import Rebuild, followed
 from svfl_models.training.fitting import Fit
 from svfl_models.training.hardware import Hardware, Needs
 from svfl_models.training.placement import Placement, placed
+from svfl_models.training.progress import MetricsFile
 from svfl_models.training.trackers.measurements import Measurements
 from svfl_models.training.trackers.trackers import NO_TRACKERS, Trackers
 
@@ -38,7 +39,8 @@ def run(
             the batch, logged with ``batch_size`` and ``sync_dist``.
         data: Data to train on, and to validate on.
         out: Folder that the checkpoint is written to.
-        callbacks: Callbacks of Lightning to call during the training, in this process only.
+        callbacks: Callbacks of Lightning to call during the training, in this process only. The rows of a `MetricsFile`
+            among them are what trackers are given after each epoch.
         resumed: Checkpoint of an interrupted training to continue. None starts a new training.
         each_epoch: Whether a checkpoint is written after each epoch. If false, it is written only after epochs with a
             validation.
@@ -55,7 +57,10 @@ def run(
     """
     placement = placement or placed(Hardware(), Needs())
     fit = Fit(out, placement, resumed, each_epoch, deciding, how)
-    watching = [*callbacks, *([Measurements(trackers)] if trackers else [])]
+    watching = [
+        *callbacks,
+        *(Measurements(trackers, one) for one in callbacks if isinstance(one, MetricsFile) and trackers),
+    ]
     if placement.processes == 1:
         fit(module, data, watching)
         return

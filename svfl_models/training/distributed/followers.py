@@ -21,6 +21,8 @@ from svfl_models.training.fitting import Fit
 Rebuild = Callable[[], tuple[pl.LightningModule, pl.LightningDataModule]]
 """Builds the module and the data of a training anew, with the same random numbers; it is pickled."""
 Follower = tuple[BaseProcess, Connection]
+ANSWER_S = 60.0
+"""How long this process waits for another one to say why it ended, [s]; it has ended, and on a busy machine says so late."""
 
 
 @contextmanager
@@ -121,9 +123,7 @@ def _expect_ready(follower: Follower) -> None:
 
 def _raise_theirs(follower: Follower, ours: RuntimeError) -> None:
     """Raise what ended another process, if `ours` is only the consequence of its end."""
-    process, _ = follower
-    process.join(ENDING_S)
-    theirs = None if process.exitcode is None else _received(follower)
+    theirs = _received(follower) if wait([follower[1]], ANSWER_S) else None
     if isinstance(theirs, SvflError):
         raise theirs from ours
     if theirs is not None:

@@ -1,1 +1,1 @@
-"""Experiment trackers that a training can be logged to beside its metrics file: TensorBoard, Weights & Biases, MLflow."""
+"""Experiment trackers that a training can be logged to: TensorBoard, Weights & Biases, MLflow."""

@@ -17,15 +17,16 @@ class Measurements(pl.Callback):
     """Logs learning rates, gradient norm, loss and time per step during an epoch, and its metrics at the end.
 
     ``batch_loss`` is the loss of one batch, in a training of several processes that of this process's share of it.
-    ``gradient_norm`` is the Euclidean norm of all gradients of a step. ``seconds_per_step`` is the mean time of the steps
-    since the last measurement, with the preparation of their batches but without validation and checkpoints.
+    ``gradient_norm`` is the Euclidean norm of all gradients of a step. ``seconds_per_step`` is the mean time of the
+    steps since the last measurement, with the preparation of their batches but without validation and checkpoints.
 
     Args:
         trackers: Trackers to log to.
+        metrics: Callback of the metrics file, which is called before this one.
     """
 
-    def __init__(self, trackers: Trackers) -> None:
-        self._trackers = trackers
+    def __init__(self, trackers: Trackers, metrics: MetricsFile) -> None:
+        self._trackers, self._metrics = trackers, metrics
         self._gradient_norm: torch.Tensor | None = None
         self._start, self._steps = 0.0, 0
 
@@ -60,8 +61,7 @@ class Measurements(pl.Callback):
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Log the row that the metrics file has got."""
-        (metrics,) = (one for one in trainer.callbacks if isinstance(one, MetricsFile))
-        row = {name: value for name, value in metrics.rows[-1].items() if name not in ("step", "seconds")}
+        row = {name: value for name, value in self._metrics.rows[-1].items() if name not in ("step", "seconds")}
         self._trackers.numbers(row, trainer.global_step)
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from svfl_models.training.trackers.tracker import flat
 
-# MLflow 3 keeps a file store only for those who ask for it (its other stores need a database), and reports to its makers
-# unless it is told not to. Both are read when it is imported; what the user has set stays.
+# MLflow 3 keeps a file store only for those who ask for it (its other stores need a database), and reports to its
+# makers unless it is told not to. Both are read when it is imported; what the user has set stays.
 os.environ.setdefault("MLFLOW_ALLOW_FILE_STORE", "true")
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from PIL import Image
 from tensorboard.compat.proto.summary_pb2 import Summary
-from torch.utils.tensorboard.writer import SummaryWriter
+from torch.utils.tensorboard.writer import FileWriter, SummaryWriter
 
 FOLDER = "tensorboard"
 COLOUR_CHANNELS = 3
@@ -28,6 +28,8 @@ class TensorBoardEvents:
         if not go_on and folder.is_dir():
             shutil.rmtree(folder)
         self._writer = SummaryWriter(str(folder))
+        assert isinstance(self._writer.file_writer, FileWriter)
+        self._files: FileWriter = self._writer.file_writer
 
     def configuration(self, values: Mapping[str, Any]) -> None:
         """Log the configuration as a text."""
@@ -45,7 +47,7 @@ class TensorBoardEvents:
         shown = Summary.Image(
             height=height, width=width, colorspace=COLOUR_CHANNELS, encoded_image_string=file.read_bytes()
         )
-        self._writer.file_writer.add_summary(Summary(value=[Summary.Value(tag=name, image=shown)]), 0)
+        self._files.add_summary(Summary(value=[Summary.Value(tag=name, image=shown)]), 0)
 
     def close(self, succeeded: bool) -> None:
         """Write what is left."""

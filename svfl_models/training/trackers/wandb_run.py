@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-MODE = os.environ.get("WANDB_MODE", "offline")
-if MODE == "offline":
-    os.environ.setdefault("WANDB_ERROR_REPORTING", "false")  # read when it is imported; would use the network
+# What the user has set stays. Error reports, which would use the network, are switched off when it is imported.
+if os.environ.setdefault("WANDB_MODE", "offline") == "offline":
+    os.environ.setdefault("WANDB_ERROR_REPORTING", "false")
 
-import wandb  # noqa: E402
+import wandb
 
 FOLDER = "wandb"
 PROJECT = "svfl"
@@ -38,7 +38,6 @@ class WandbRun:
             dir=str(out),
             id=earlier,
             resume="allow" if earlier else None,
-            mode=MODE,
             reinit="create_new",
             settings=wandb.Settings(silent=True, console="off"),
         )
