@@ -22,7 +22,7 @@ Rebuild = Callable[[], tuple[pl.LightningModule, pl.LightningDataModule]]
 """Builds the module and the data of a training anew, with the same random numbers; it is pickled."""
 Follower = tuple[BaseProcess, Connection]
 ANSWER_S = 60.0
-"""How long this process waits for another one to say why it ended, [s]; it has ended, and on a busy machine says so late."""
+"""How long this process waits for another one to say why it ended, [s]. On a busy machine it says so late."""
 
 
 @contextmanager
