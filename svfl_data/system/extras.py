@@ -21,6 +21,7 @@ EXTRAS = {
     "joblib": ("models",),
     "lightning": ("models",),
     "matplotlib": ("models",),
+    "mlflow": ("mlflow",),
     "numba": ("sim",),
     "onnx": ("onnx",),
     "onnxruntime": ("onnx",),
@@ -32,7 +33,9 @@ EXTRAS = {
     "ray": ("ray",),
     "rerun": ("view",),
     "scipy": ("models", "real"),
+    "tensorboard": ("tensorboard",),
     "torch": ("models",),
+    "wandb": ("wandb",),
 }
 """Extras of pyproject.toml that install each module, by the name of the module; a test compares both."""
 OURS = ("svfl_data", "svfl_models", "collectors")

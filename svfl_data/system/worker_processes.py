@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
 from svfl_data.errors import StorageError, SvflError
@@ -83,6 +84,49 @@ def run_jobs(
             one.join(None if finish else ENDING_S)
 
 
+def start_process(
+    body: Callable[..., None],
+    *arguments: Any,  # noqa: ANN401 - passed on to `body`
+    parent: bool = False,
+) -> tuple[BaseProcess, Connection]:
+    """Start a fresh process, which ignores Ctrl-C and ends when this process ends, however it ends.
+
+    Args:
+        body: Function that the process calls with its end of a connection to this process, then `arguments`. It must be
+            importable in the process.
+        arguments: Further arguments of `body`, which are pickled.
+        parent: Whether the process may start processes itself. The caller must then end it, because Python waits for
+            such a process before this one exits.
+
+    Returns:
+        The process and this process's end of the connection, which ends when the process dies.
+
+    Raises:
+        StorageError: If no process can be started.
+    """
+    context = multiprocessing.get_context("spawn")
+    handler = None
+    if threading.current_thread() is threading.main_thread():
+        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process inherits it and ignores Ctrl-C at once
+    try:
+        connection, theirs = context.Pipe()
+        process = context.Process(target=_run_body, args=(theirs, body, arguments), daemon=not parent)
+        process.start()
+    except OSError as error:
+        raise StorageError(f"no worker process can be started: {error.strerror or error}") from error
+    finally:
+        if handler is not None:
+            signal.signal(signal.SIGINT, handler)
+    theirs.close()  # now only the process holds this end, and its death is the end of the connection
+    return process, connection
+
+
+def _run_body(connection: Connection, body: Callable[..., None], arguments: tuple[Any, ...]) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    body(connection, *arguments)
+
+
 class _Process(Generic[Job, Result]):
     """A worker process, seen from the process that gives it work.
 
@@ -92,20 +136,7 @@ class _Process(Generic[Job, Result]):
 
     def __init__(self, prepare: Prepare[Job, Result], place: int) -> None:
         self.job: tuple[Job] | None = None
-        context = multiprocessing.get_context("spawn")
-        handler = None
-        if threading.current_thread() is threading.main_thread():
-            handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process inherits it and ignores Ctrl-C at once
-        try:
-            self.connection, theirs = context.Pipe()
-            self.process = context.Process(target=_serve, args=(theirs, prepare, place), daemon=True)
-            self.process.start()
-        except OSError as error:
-            raise StorageError(f"no worker process can be started: {error.strerror or error}") from error
-        finally:
-            if handler is not None:
-                signal.signal(signal.SIGINT, handler)
-        theirs.close()  # now only the process holds this end, and its death is the end of the connection
+        self.process, self.connection = start_process(_serve, prepare, place)
 
     def begin(self, job: Job) -> None:
         self.job = (job,)
@@ -148,9 +179,7 @@ def _begin(process: _Process[Job, Result] | None, waiting: deque[Job]) -> None:
 
 
 def _serve(connection: Connection, prepare: Prepare[Any, Any], place: int) -> None:
-    """Body of a worker process: jobs come in, results go out, until it is dismissed or its parent is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    """Body of a worker process: jobs come in, results go out, until it is dismissed."""
     with suppress(EOFError, KeyboardInterrupt):  # Lightning answers `terminate` with a KeyboardInterrupt
         do, problem = _called(prepare, place)
         while (job := connection.recv()) is not None:

@@ -99,7 +99,7 @@ class CenteringModule(pl.LightningModule):
                 f"try a smaller learning rate than {self.learning_rate}"
             )
         correct = (directions(output) == direction).float().mean()
-        of_epoch: dict[str, Any] = {"on_step": False, "on_epoch": True, "batch_size": len(direction)}
+        of_epoch: dict[str, Any] = {"on_step": False, "on_epoch": True, "sync_dist": True, "batch_size": len(direction)}
         self.log_dict({f"{stage}_loss": loss, f"{stage}_accuracy": correct}, **of_epoch)
         return loss
 

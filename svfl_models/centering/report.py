@@ -73,7 +73,12 @@ def pretraining(latent: Latent) -> str:
 
 
 def write_report(
-    out: Path, config: TrainingConfig, result: Result, history: History, sessions: Sequence[Session] = ()
+    out: Path,
+    config: TrainingConfig,
+    result: Result,
+    history: History,
+    sessions: Sequence[Session] = (),
+    hardware: dict[str, Any] | None = None,
 ) -> None:
     """Write the figures, the page and the numbers of a run into its folder.
 
@@ -83,12 +88,14 @@ def write_report(
         result: Outcome of the run.
         history: Loss and accuracy of each epoch.
         sessions: Provenance of the run.
+        hardware: Devices, number format and threads that the training used, as plain values.
     """
     plot_history(history, out / run_folder.LEARNING_CURVE, cell_name(config))
     plot_confusion(np.array(result.confusion), out / run_folder.CONFUSION, cell_name(config))
     write_text(out / run_folder.REPORT, page(config, result, sessions))
     figure = centering_figure(config.encoder, config.model, config.train_samples)
     numbers = {"config": config.plain(), "result": asdict(result), "paper_accuracy_percent": figure}
+    numbers |= {"hardware": hardware} if hardware else {}
     write_json(out / run_folder.RESULT, numbers)
 
 

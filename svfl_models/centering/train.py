@@ -1,13 +1,13 @@
 """Trains a block-centering classifier: loads and splits the samples, fits, tests and writes the report."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import lightning.pytorch as pl
 import numpy as np
-import torch
 from lightning.pytorch.callbacks import EarlyStopping
 from rich.console import Console
 
@@ -23,20 +23,32 @@ from svfl_models.centering.pretrained import module_of
 from svfl_models.centering.report import Result, write_report
 from svfl_models.centering.sensor_noise import with_noise
 from svfl_models.networks.inputs import INPUTS
-from svfl_models.networks.presets import THREADS
 from svfl_models.training import run_folder
+from svfl_models.training.hardware import Hardware, needs_of
+from svfl_models.training.placement import Placement, placed
 from svfl_models.training.progress import MetricsFile, ProgressLine
 from svfl_models.training.provenance.callback import ProvenanceRecord
 from svfl_models.training.provenance.session import Material, dataset, file
+from svfl_models.training.run_settings import settings_of_run
+from svfl_models.training.trackers.names import check_trackers
+from svfl_models.training.trackers.trackers import NO_TRACKERS, Trackers, opened
 from svfl_models.training.trainer import parameter_count, run, storage_errors
 
+PROGRAM = "centering"
+NO_WORKERS = "the samples of block centering are in memory, and the training draws their crops itself"
 TEST_EVERY = 10
 """Number of epochs between two tests if no stopping rule needs the accuracy, because a test takes longer than an
 epoch."""
 
 
 def train_centering(
-    config: TrainingConfig, out: Path, separate_test: Path | str | None = None, console: Console | None = None
+    config: TrainingConfig,
+    out: Path,
+    separate_test: Path | str | None = None,
+    console: Console | None = None,
+    *,
+    hardware: Hardware = Hardware(),  # noqa: B008 - a value, frozen
+    loggers: Sequence[str] = (),
 ) -> Result:
     """Train and test one network; the same configuration gives the same result on the same machine.
 
@@ -50,11 +62,14 @@ def train_centering(
         separate_test: Dataset folder whose samples are all tested as well; no choice is made by their result. None for
             no such dataset.
         console: Console that progress is printed on; standard output by default.
+        hardware: Devices, number format and threads. Several processes give the result of one, apart from rounding.
+        loggers: Names of experiment trackers to log to, beside the metrics file (`training.trackers`).
 
     Returns:
         The outcome, which is also written to ``result.json``.
 
     Raises:
+        UsageError: If the hardware or a tracker is not there.
         SvflError: If the data, the configuration or the folder cannot be used, or if the training diverges. If it
             diverges, ``checkpoint.ckpt`` holds the last epoch with a finite loss.
         KeyboardInterrupt: If the user stopped the training; ``checkpoint.ckpt`` holds the last complete epoch.
@@ -65,46 +80,43 @@ def train_centering(
         >>> result = train_centering(config, Path("out/centering"))  # doctest: +SKIP
         >>> result.test_accuracy  # doctest: +SKIP
     """
-    torch.set_num_threads(min(torch.get_num_threads(), THREADS.get(config.preset, 1)))
+    console = console or Console()
+    check_trackers(loggers)
+    placement = placed(hardware, needs_of(config.preset, config.group, NO_WORKERS))
+    placement.prepare(console)
     config = with_camera(config)
-    samples = samples_of(config.data, config)
-    train_index, test_index = train_test_split(
-        samples.direction, train=config.train_samples, test=config.test_samples, seed=config.seed
-    )
-    train, test = samples.take(train_index), samples.take(test_index)
-    data = CenteringData(train, test, config)
+    module, data, train, test = _unencoded(config)
     others = {"test": test} | ({} if separate_test is None else {"separate_test": samples_of(separate_test, config)})
 
-    pl.seed_everything(config.seed, verbose=False)
-    module = module_of(config)
-    module.classifier.fit(train)
-
     with run_folder.held(out):
-        run_folder.claim(out, "centering", config.plain(), {"separate_test": separate_test and str(separate_test)})
+        beside = {"separate_test": separate_test and str(separate_test)} | settings_of_run(hardware, loggers)
+        run_folder.claim(out, PROGRAM, config.plain(), beside)
         metrics = MetricsFile(out / run_folder.METRICS)
         start = time.monotonic()
         if module.frozen:
             data.encode(module.classifier.trunk)
-        provenance = ProvenanceRecord(out, materials(config, separate_test), [config.seed])
-        with storage_errors(out):
-            fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console()), provenance])
-        seconds = time.monotonic() - start
+        with storage_errors(out), opened(loggers, out) as trackers:
+            trackers.configuration(config.plain())
+            provenance = ProvenanceRecord(out, materials(config, separate_test), [config.seed])
+            watching = [metrics, ProgressLine(config.epochs, console), provenance]
+            fit(module, data, config, out, watching, placement=placement, trackers=trackers)
+            seconds = time.monotonic() - start
 
-        evaluated = {name: evaluate(module, some, config) for name, some in others.items()}
-        result = Result(
-            test_accuracy=evaluated["test"].accuracy,
-            best_test_accuracy=max(row["test_accuracy"] for row in metrics.rows if "test_accuracy" in row),
-            separate_test_accuracy=evaluated["separate_test"].accuracy if "separate_test" in evaluated else None,
-            offset_error_mm=evaluated["test"].offset_error_mm,
-            epochs=len(metrics.rows),
-            seconds=round(seconds, 1),
-            parameters=parameter_count(module),
-            train_samples=np.bincount(train.direction, minlength=4).tolist(),
-            confusion=evaluated["test"].confusion.tolist(),
-        )
-        with storage_errors(out):
+            evaluated = {name: evaluate(module, some, config) for name, some in others.items()}
+            result = Result(
+                test_accuracy=evaluated["test"].accuracy,
+                best_test_accuracy=max(row["test_accuracy"] for row in metrics.rows if "test_accuracy" in row),
+                separate_test_accuracy=evaluated["separate_test"].accuracy if "separate_test" in evaluated else None,
+                offset_error_mm=evaluated["test"].offset_error_mm,
+                epochs=len(metrics.rows),
+                seconds=round(seconds, 1),
+                parameters=parameter_count(module),
+                train_samples=np.bincount(train.direction, minlength=4).tolist(),
+                confusion=evaluated["test"].confusion.tolist(),
+            )
             write_predictions(evaluated, out / run_folder.PREDICTIONS)
-            write_report(out, config, result, metrics.rows, provenance.sessions)
+            write_report(out, config, result, metrics.rows, provenance.sessions, placement.plain())
+            trackers.picture("confusion_matrix", out / run_folder.CONFUSION)
     return result
 
 
@@ -119,6 +131,35 @@ def materials(config: TrainingConfig, separate_test: Path | str | None = None) -
     if separate_test is not None:
         found["separate-test"] = dataset(separate_test)
     return found | ({} if config.latent is None else {"latent": file(config.latent.checkpoint)})
+
+
+def _unencoded(config: TrainingConfig) -> tuple[CenteringModule, CenteringData, CenteringSamples, CenteringSamples]:
+    """Return the network, its batches, and the training and test samples; a frozen trunk has not encoded them yet."""
+    samples = samples_of(config.data, config)
+    train_index, test_index = train_test_split(
+        samples.direction, train=config.train_samples, test=config.test_samples, seed=config.seed
+    )
+    train, test = samples.take(train_index), samples.take(test_index)
+    data = CenteringData(train, test, config)
+    pl.seed_everything(config.seed, verbose=False)
+    module = module_of(config)
+    module.classifier.fit(train)
+    return module, data, train, test
+
+
+def built(config: TrainingConfig) -> tuple[CenteringModule, CenteringData]:
+    """Build the network and its batches as the training does; the same configuration gives the same in every process.
+
+    Args:
+        config: Configuration of the network, the data and the training, with a camera if it uses images.
+
+    Raises:
+        SvflError: If the data or the configuration cannot be used.
+    """
+    module, data, _, _ = _unencoded(config)
+    if module.frozen:
+        data.encode(module.classifier.trunk)
+    return module, data
 
 
 def with_camera(config: TrainingConfig) -> TrainingConfig:
@@ -158,7 +199,13 @@ def _load(path: str, window: int, view: View, inputs: tuple[str, ...], camera: s
 
 
 def fit(
-    module: CenteringModule, data: CenteringData, config: TrainingConfig, out: Path, callbacks: list[pl.Callback]
+    module: CenteringModule,
+    data: CenteringData,
+    config: TrainingConfig,
+    out: Path,
+    callbacks: list[pl.Callback],
+    placement: Placement | None = None,
+    trackers: Trackers = NO_TRACKERS,
 ) -> None:
     """Train a module, with the stopping rule of the paper if `config.patience` is not 0.
 
@@ -168,6 +215,8 @@ def fit(
         config: Configuration that gives the number of epochs and the patience.
         out: Folder for the checkpoint.
         callbacks: Lightning callbacks of the training.
+        placement: Devices, number format and threads; None for the default ones.
+        trackers: Experiment trackers that the training is logged to.
 
     Raises:
         KeyboardInterrupt: If the user stopped the training.
@@ -175,6 +224,6 @@ def fit(
     stop = [EarlyStopping(monitor="test_accuracy", mode="max", patience=config.patience)] if config.patience else []
     every = 1 if config.patience or config.epochs < TEST_EVERY else TEST_EVERY
     run(
-        module, data, out, [*callbacks, *stop], each_epoch=False,
-        max_epochs=config.epochs, check_val_every_n_epoch=every,
+        module, data, out, callbacks, each_epoch=False, deciding=stop, placement=placement, trackers=trackers,
+        rebuild=partial(built, config), max_epochs=config.epochs, check_val_every_n_epoch=every,
     )  # fmt: skip

@@ -108,16 +108,17 @@ class Demonstrations(TorchDataset[Batch]):
                 batch["image"] = self._image(image, known)
         return batch
 
-    def loader(self, batch_size: int) -> DataLoader[Batch]:
+    def loader(self, batch_size: int, workers: int = 0) -> DataLoader[Batch]:
         """Return a loader of batches of all steps.
 
         The order is a new random one in every epoch if crops are random, and the order of the episodes otherwise.
 
         Args:
             batch_size: Number of steps per batch.
+            workers: Number of processes that prepare batches; the batches are the same with any number.
         """
         order = EpochSampler(len(self), self.random, self.config.seed)
-        return whole_batches(self, batch_size, order)
+        return whole_batches(self, batch_size, order, num_workers=workers, persistent_workers=workers > 0)
 
     def typical(self) -> Batch:
         """Return at most `STATISTICS` steps, spread evenly over the episodes, for the scales of the inputs."""
@@ -143,6 +144,7 @@ class CloningData(pl.LightningDataModule):
 
     Args:
         config: Configuration that gives the demonstrations and how batches are made from them.
+        loader_workers: Number of processes that prepare training batches.
 
     Attributes:
         deployment: What the demonstrations have in common.
@@ -152,8 +154,9 @@ class CloningData(pl.LightningDataModule):
             on, if an episode is damaged or if it lacks a field.
     """
 
-    def __init__(self, config: CloningConfig) -> None:
+    def __init__(self, config: CloningConfig, loader_workers: int = 0) -> None:
         super().__init__()
+        self.loader_workers = loader_workers
         dataset = Dataset.open(config.data)
         chosen = successful(dataset, config.episodes)
         if config.inputs:
@@ -186,7 +189,7 @@ class CloningData(pl.LightningDataModule):
 
     def train_dataloader(self) -> DataLoader[Batch]:
         """Return a loader of shuffled training batches with random crops."""
-        return self.train_set.loader(self.batch_size)
+        return self.train_set.loader(self.batch_size, self.loader_workers)
 
     def val_dataloader(self) -> DataLoader[Batch]:
         """Return a loader of the held-out episodes, in their order."""

@@ -139,19 +139,23 @@ class Trial:
         environment: Gymnasium id of the environment.
         seed: Seed of the scenes.
         robot: Name of the simulated robot that acts; that of the demonstrations if None.
+        render_mode: Gymnasium's render mode of the environment; None for no pictures.
 
     Raises:
         TrainingError: If the environment does not exist, or its steps or images differ from those of the
             demonstrations.
     """
 
-    def __init__(self, checkpoint: Path, environment: str, seed: int, robot: str | None = None) -> None:
+    def __init__(
+        self, checkpoint: Path, environment: str, seed: int, robot: str | None = None, render_mode: str | None = None
+    ) -> None:
         import gymnasium
 
         module = load_policy(checkpoint)
         self.deployment, self.seed, self.name = module.deployment, seed, str(checkpoint)
         robot = robot or self.deployment.robot
         options: dict[str, Any] = {"robot": robot} if robot else {}
+        options |= {"render_mode": render_mode} if render_mode else {}
         if self.deployment.inputs:
             own = own_acting.opened(module, self.name)
             self._act: Callable[[dict[str, Any]], np.ndarray] = own
@@ -167,13 +171,20 @@ class Trial:
         _expect_same(self.environment, self.deployment, self.name)
 
     @torch.inference_mode()
-    def __call__(self, index: int) -> tuple[bool, int]:
-        """Run the episode with the number `index`, and return whether it succeeded and its number of steps."""
+    def __call__(self, index: int, watch: Callable[[], None] = lambda: None) -> tuple[bool, int]:
+        """Run the episode with the number `index`, and return whether it succeeded and its number of steps.
+
+        Args:
+            index: Number of the episode.
+            watch: Function that is called after the reset and after each step.
+        """
         observation, _ = self.environment.reset(options={"scene": (self.seed, index)})
         ended, success, steps = False, False, 0
+        watch()
         while not ended:
             observation, _, terminated, truncated, info = self.environment.step(self._act(observation))
             success, steps, ended = bool(info["success"]), steps + 1, terminated or truncated
+            watch()
         return success, steps
 
 

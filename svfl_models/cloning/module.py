@@ -89,7 +89,7 @@ class CloningModule(pl.LightningModule):
                 f"try a smaller learning rate than {self.learning_rate}"
             )
         figures = {"loss": loss} | (self._errors(said, action) if stage == "valid" else {})
-        of_epoch: dict[str, Any] = {"on_step": False, "on_epoch": True, "batch_size": len(action)}
+        of_epoch: dict[str, Any] = {"on_step": False, "on_epoch": True, "sync_dist": True, "batch_size": len(action)}
         self.log_dict({f"{stage}_{name}": value for name, value in figures.items()}, **of_epoch)
         return loss
 

@@ -79,13 +79,15 @@ class OwnDemonstrations(TorchDataset[Batch]):
                 batch[one.path] = (values - offset) @ matrix + turn
         return batch
 
-    def loader(self, batch_size: int) -> DataLoader[Batch]:
+    def loader(self, batch_size: int, workers: int = 0) -> DataLoader[Batch]:
         """Return a loader of batches of all steps, in a new random order in every epoch if crops are random.
 
         Args:
             batch_size: Number of steps per batch.
+            workers: Number of processes that prepare batches; the batches are the same with any number.
         """
-        return whole_batches(self, batch_size, EpochSampler(len(self), self.random, self.config.seed))
+        order = EpochSampler(len(self), self.random, self.config.seed)
+        return whole_batches(self, batch_size, order, num_workers=workers, persistent_workers=workers > 0)
 
     def typical(self) -> Batch:
         """Return at most `STATISTICS` steps, spread evenly over the episodes, for the scales of the inputs."""

@@ -11,6 +11,7 @@ from svfl_models.commands.options import add_model, add_out, with_model
 from svfl_models.configuration.program import Program
 from svfl_models.configuration.resolving import build
 from svfl_models.configuration.setting import settings_of
+from svfl_models.training.run_settings import RunSettings
 
 EXAMPLE = """\
 svfl-train bc --data data/block_picking --model svfl --encoder vfp --episodes 50 --seed 0 --out out/bc_picking
@@ -50,7 +51,8 @@ def run(values: dict[str, Any], arguments: argparse.Namespace) -> None:
     from svfl_models.cloning import train
     from svfl_models.training import run_folder  # torch, lightning and escnn take seconds to import
 
-    result = train.train_cloning(config, out)
+    given = build(RunSettings, values)
+    result = train.train_cloning(config, out, hardware=given.hardware, loggers=given.logger)
     (learned, held_out), (steps, _) = result.episodes, result.steps
     say(f"learned {steps} steps of {learned} episodes of {config.data}; on {held_out} held-out ones:")
     if result.valid_xy_mm is None:
@@ -73,7 +75,7 @@ PROGRAM = Program(
     "cloning. The same command gives the same policy. After an interruption, the same command continues after the "
     "last complete epoch.",
     example=EXAMPLE,
-    settings=tuple(settings_of(CloningConfig)),
+    settings=(*settings_of(CloningConfig), *settings_of(RunSettings)),
     run=run,
     prepare=with_model,
 )

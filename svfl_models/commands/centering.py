@@ -12,6 +12,7 @@ from svfl_models.commands.options import add_model, add_out, positive_number, wi
 from svfl_models.configuration.program import Program
 from svfl_models.configuration.resolving import build
 from svfl_models.configuration.setting import settings_of
+from svfl_models.training.run_settings import RunSettings
 
 EXAMPLE = """\
 svfl-train centering --data data/centering --encoder vf --model svfl --train-samples 100 --seed 0 --out out/centering
@@ -93,7 +94,8 @@ def run(values: dict[str, Any], arguments: argparse.Namespace) -> None:
     )
     from svfl_models.training import run_folder  # torch, lightning and escnn take seconds to import
 
-    result = train.train_centering(config, out, separate_test)
+    given = build(RunSettings, values)
+    result = train.train_centering(config, out, separate_test, hardware=given.hardware, loggers=given.logger)
     figure = paper_figures.centering_words(config.encoder, config.model, config.train_samples)
     say(f"{report.cell_name(config)}: test accuracy {result.test_accuracy:.1%} (paper: {figure})")
     if result.separate_test_accuracy is not None:
@@ -113,7 +115,7 @@ PROGRAM = Program(
     "predicts in which direction, or how far, the gripper must move to be centred on the block. The same command gives "
     "the same result.",
     example=EXAMPLE,
-    settings=(*settings_of(TrainingConfig), *settings_of(SeparateTest)),
+    settings=(*settings_of(TrainingConfig), *settings_of(SeparateTest), *settings_of(RunSettings)),
     run=run,
     prepare=with_latent,
 )

@@ -11,6 +11,7 @@ from svfl_models.configuration.program import Program
 from svfl_models.configuration.resolving import build
 from svfl_models.configuration.setting import settings_of
 from svfl_models.latent.config import LatentConfig
+from svfl_models.training.run_settings import RunSettings
 
 EXAMPLE = """\
 svfl-train latent --model poe --data data/block_picking --out out/latent_poe
@@ -50,7 +51,8 @@ def run(values: dict[str, Any], arguments: argparse.Namespace) -> None:
     from svfl_models.latent import train
     from svfl_models.training import run_folder  # torch and lightning take seconds to import
 
-    result = train.train_latent(config, out)
+    given = build(RunSettings, values)
+    result = train.train_latent(config, out, hardware=given.hardware, loggers=given.logger)
     parts = ", ".join(f"{name} {count:,}" for name, count in result.parameters.items())
     say(f"{sum(result.parameters.values()):,} parameters: {parts}")
     losses = f"loss {result.last['train_loss']:.4g}, on held-out episodes {result.last['valid_loss']:.4g}"
@@ -65,7 +67,7 @@ PROGRAM = Program(
     description="Pretrain one latent model of images, wrenches and proprioception. The same command gives the same "
     "result. After an interruption, and with more --steps, the same command continues after the last checkpoint.",
     example=EXAMPLE,
-    settings=tuple(settings_of(LatentConfig)),
+    settings=(*settings_of(LatentConfig), *settings_of(RunSettings)),
     run=run,
     prepare=with_preset,
 )

@@ -1,5 +1,6 @@
 """Pretrains a latent model: loads and splits the episodes, fits the model and writes the results."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,16 +16,27 @@ from svfl_data.system.printable import printable
 from svfl_models.latent.checkpoint import load_latent, read_latent
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.data import Leg, Sequences, fit, sequences_of
+from svfl_models.latent.evaluation.evaluate import sample_figures
+from svfl_models.latent.evaluation.frames import follow
+from svfl_models.latent.evaluation.pages.sample_figures import reconstructions
 from svfl_models.latent.module import LatentModule
 from svfl_models.latent.progress import LegsFile, Row, StepsBar
 from svfl_models.symmetry.actions import Batch
 from svfl_models.training import run_folder
+from svfl_models.training.hardware import Hardware, Needs
+from svfl_models.training.placement import placed
 from svfl_models.training.provenance.callback import ProvenanceRecord
 from svfl_models.training.provenance.session import dataset
+from svfl_models.training.run_settings import settings_of_run
+from svfl_models.training.trackers.names import check_trackers
+from svfl_models.training.trackers.trackers import Trackers, opened
 from svfl_models.training.trainer import parameter_count, run, storage_errors
 from svfl_models.training.writing import write_json
 
 PROGRAM = "latent"
+NEEDS = Needs(
+    alone="latent states and mismatched pairs are drawn for a whole batch at once, which processes that share it cannot"
+)
 
 
 @dataclass(frozen=True)
@@ -48,7 +60,14 @@ class LatentResult:
     last: Row
 
 
-def train_latent(config: LatentConfig, out: Path, console: Console | None = None) -> LatentResult:
+def train_latent(
+    config: LatentConfig,
+    out: Path,
+    console: Console | None = None,
+    *,
+    hardware: Hardware = Hardware(),  # noqa: B008 - a value, frozen
+    loggers: Sequence[str] = (),
+) -> LatentResult:
     """Pretrain one model; the same configuration gives the same result on the same machine, interrupted or not.
 
     Args:
@@ -56,11 +75,14 @@ def train_latent(config: LatentConfig, out: Path, console: Console | None = None
         out: Folder for the checkpoint, metrics and result. If it holds an unfinished training of the same
             configuration, or a finished one with fewer steps, that training is resumed after its last checkpoint.
         console: Console that progress is printed on; standard output by default.
+        hardware: Device, number format and threads; a latent model is trained in one process.
+        loggers: Names of experiment trackers to log to, beside the metrics file (`training.trackers`).
 
     Returns:
         The outcome, which is also written to ``result.json``.
 
     Raises:
+        UsageError: If the hardware or a tracker is not there.
         SvflError: If the data, the configuration or the folder cannot be used, or the training diverges.
         KeyboardInterrupt: If the user stopped the training; ``checkpoint.ckpt`` holds the last complete leg.
 
@@ -70,6 +92,9 @@ def train_latent(config: LatentConfig, out: Path, console: Console | None = None
         >>> train_latent(config, Path("out/latent_poe"))  # doctest: +SKIP
     """
     console = console or Console()
+    check_trackers(loggers)
+    placement = placed(hardware, NEEDS)
+    placement.prepare(console)
     config = replace(config, camera=camera_of_dataset(Dataset.open(config.data), config.camera))
     earlier = _earlier(config, out)
     train, valid, split = sequences_of(config)
@@ -82,22 +107,29 @@ def train_latent(config: LatentConfig, out: Path, console: Console | None = None
     else:
         module.go_on(earlier)
     parts = {name: parameter_count(part) for name, part in module.network.named_children() if name != "inputs"}
+    beside = settings_of_run(hardware, loggers)
     with run_folder.held(out):
         if earlier is None:
-            run_folder.claim(out, PROGRAM, config.plain())
+            run_folder.claim(out, PROGRAM, config.plain(), beside)
         else:
-            run_folder.write_config(out, PROGRAM, config.plain())
+            run_folder.write_config(out, PROGRAM, config.plain(), beside)
         _announce(config, train, valid, console)
         metrics = LegsFile(out / run_folder.METRICS, module.steps)
         provenance = ProvenanceRecord(out, {"data": dataset(config.data)}, [config.seed])
-        watching = [metrics, StepsBar(config.steps, console), provenance]
-        data = LatentData(train, valid, config, module)
-        left = config.steps - module.steps
-        with storage_errors(out):
-            run(module, data, out, watching, max_epochs=-1, max_steps=left, reload_dataloaders_every_n_epochs=1)
+        data = LatentData(train, valid, config, module, hardware.loader_workers)
+        watching, left = [metrics, StepsBar(config.steps, console), provenance], config.steps - module.steps
+        with storage_errors(out), opened(loggers, out, earlier is not None, module.steps) as trackers:
+            trackers.configuration(config.plain())
+            run(
+                module, data, out, watching, placement=placement, trackers=trackers,
+                max_epochs=-1, max_steps=left, reload_dataloaders_every_n_epochs=1,
+            )  # fmt: skip
+            if trackers:
+                _log_reconstructions(module, valid, out, trackers)
         last = metrics.rows[-1]
         result = LatentResult(int(last["step"]), last["seconds"], parts, len(train), len(valid), last)
-        write_json(out / run_folder.RESULT, {"config": config.plain(), "result": asdict(result)})
+        content = {"config": config.plain(), "result": asdict(result), "hardware": placement.plain()}
+        write_json(out / run_folder.RESULT, content)
     return result
 
 
@@ -109,25 +141,35 @@ class LatentData(pl.LightningDataModule):
         valid: Sequences to validate on after each leg.
         config: Configuration that gives the number of steps, the batch size, the seed and the length of a leg.
         module: Module that is trained; it gives the number of steps done so far.
+        loader_workers: Number of processes that prepare training batches; the batches are the same with any number.
     """
 
-    def __init__(self, train: Sequences, valid: Sequences, config: LatentConfig, module: LatentModule) -> None:
+    def __init__(
+        self, train: Sequences, valid: Sequences, config: LatentConfig, module: LatentModule, loader_workers: int = 0
+    ) -> None:
         super().__init__()
         self.train, self.valid, self.config, self.module = train, valid, config, module
+        self.loader_workers = loader_workers
 
     def train_dataloader(self) -> DataLoader[Batch]:
         """Return a loader of the batches of the next leg."""
         config, first = self.config, self.module.steps
         steps = range(first, min(first + config.checkpoint_every, config.steps))
-        return DataLoader(
-            self.train, sampler=Leg(len(self.train), config.batch_size, config.seed, steps), batch_size=None
-        )
+        leg = Leg(len(self.train), config.batch_size, config.seed, steps)
+        return DataLoader(self.train, sampler=leg, batch_size=None, num_workers=self.loader_workers)
 
     def val_dataloader(self) -> DataLoader[Batch]:
         """Return a loader of all held-out sequences, in their order."""
         size, count = self.config.batch_size, len(self.valid)
         batches = [list(range(start, min(start + size, count))) for start in range(0, count, size)]
         return DataLoader(self.valid, sampler=batches, batch_size=None)
+
+
+def _log_reconstructions(module: LatentModule, valid: Sequences, out: Path, trackers: Trackers) -> None:
+    """Log originals and reconstructions of frames of a held-out episode."""
+    network = module.network.eval()
+    samples = sample_figures(network, follow(network, valid.recordings[:1]))
+    trackers.picture("reconstructions", reconstructions(samples, out / run_folder.RECONSTRUCTIONS))
 
 
 def _earlier(config: LatentConfig, out: Path) -> dict[str, Any] | None:

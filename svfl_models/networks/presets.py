@@ -102,9 +102,3 @@ def widths_of(preset: str, group: str, changes: Mapping[str, Any] | None = None)
         raise TrainingError(f"unknown preset {preset!r}; possible: {', '.join(PRESETS)}")
     base = PRESETS[preset]["cnn" if group == "none" else "svfl"]
     return Widths.of_plain(base.plain() | dict(changes or {}))
-
-
-THREADS = {"default": 1, "paper": 8}
-"""Most threads of a training, by preset. Networks as narrow as those of the default preset gain little from a second
-thread. They lose much on a shared machine, because OpenMP's threads wait by spinning: 10 epochs took 5 s with one
-thread and 32 s with two."""

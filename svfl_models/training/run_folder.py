@@ -25,7 +25,12 @@ REPORT = "report.md"
 RESULT = "result.json"
 EVALUATION = "evaluation.json"
 PROVENANCE = "provenance.json"
-OWN = (CHECKPOINT, METRICS, PREDICTIONS, LEARNING_CURVE, CONFUSION, REPORT, RESULT, EVALUATION, PROVENANCE)
+RECONSTRUCTIONS = "reconstructions.png"
+ROLLOUT = "rollout.gif"
+OWN = (
+    CHECKPOINT, METRICS, PREDICTIONS, LEARNING_CURVE, CONFUSION, REPORT, RESULT, EVALUATION, PROVENANCE,
+    RECONSTRUCTIONS, ROLLOUT,
+)  # fmt: skip
 WORTH = (CHECKPOINT, RESULT)
 """Files that make a run worth keeping. A folder with neither may be taken for a run with another configuration."""
 

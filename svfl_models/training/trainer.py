@@ -1,21 +1,21 @@
-"""Running of Lightning's training loop, made quiet, with working Ctrl-C and one-line messages about the disk."""
+"""Training of a module on the hardware that was asked for, and one-line messages about the disk."""
 
-import logging
-import signal
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import lightning.pytorch as pl
-from lightning.pytorch.callbacks import ModelCheckpoint
-from lightning.pytorch.trainer.states import TrainerStatus
 from torch import nn
 
 from svfl_data.errors import StorageError
-from svfl_models.training import run_folder
-from svfl_models.training.checkpoint_plugin import WholeCheckpoints
+from svfl_models.training.distributed.followers import Rebuild, followed
+from svfl_models.training.fitting import Fit
+from svfl_models.training.hardware import Hardware, Needs
+from svfl_models.training.placement import Placement, placed
+from svfl_models.training.progress import MetricsFile
+from svfl_models.training.trackers.measurements import Measurements
+from svfl_models.training.trackers.trackers import NO_TRACKERS, Trackers
 
 
 def run(
@@ -25,52 +25,48 @@ def run(
     callbacks: Sequence[pl.Callback],
     resumed: Path | None = None,
     each_epoch: bool = True,
+    *,
+    deciding: Sequence[pl.Callback] = (),
+    placement: Placement | None = None,
+    trackers: Trackers = NO_TRACKERS,
+    rebuild: Rebuild | None = None,
     **how: Any,  # noqa: ANN401 - whatever Lightning takes
 ) -> None:
-    """Train a module on one device, without the messages that Lightning prints, and keep the last checkpoint.
+    """Train a module, without the messages that Lightning prints, and keep the last checkpoint.
 
     Args:
-        module: Module to train.
+        module: Module to train. In a training of several processes, each logged value must be a mean over the rows of
+            the batch, logged with ``batch_size`` and ``sync_dist``.
         data: Data to train on, and to validate on.
         out: Folder that the checkpoint is written to.
-        callbacks: Callbacks of Lightning to call during the training.
+        callbacks: Callbacks of Lightning to call during the training, in this process only. The rows of a `MetricsFile`
+            among them are what trackers are given after each epoch.
         resumed: Checkpoint of an interrupted training to continue. None starts a new training.
         each_epoch: Whether a checkpoint is written after each epoch. If false, it is written only after epochs with a
             validation.
+        deciding: Callbacks that decide how the training goes on, such as when it stops; every process has them.
+        placement: Devices, number format and threads; None for what `Hardware` has by default.
+        trackers: Experiment trackers that the training is logged to.
+        rebuild: Builds the module and the data once more, in another process; needed by a training of several
+            processes.
         how: Further arguments of Lightning's Trainer, such as the number of epochs and how often to validate.
 
     Raises:
-        KeyboardInterrupt: If the user stopped the training (Lightning itself would end the process with code 1).
+        KeyboardInterrupt: If the user stopped the training.
+        SvflError: If a process of the training fails or dies.
     """
-    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
-    keep = ModelCheckpoint(
-        dirpath=out,
-        filename=Path(run_folder.CHECKPOINT).stem,
-        enable_version_counter=False,
-        save_on_train_epoch_end=True if each_epoch else None,
-    )
-    trainer = pl.Trainer(
-        accelerator="auto",
-        devices=1,
-        callbacks=[*callbacks, keep],
-        logger=False,
-        enable_progress_bar=False,
-        enable_model_summary=False,
-        num_sanity_val_steps=0,
-        default_root_dir=out,
-        plugins=[WholeCheckpoints(resumed)],
-        **how,
-    )
-    interrupt = signal.getsignal(signal.SIGINT)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="lightning")
-            trainer.fit(module, data, ckpt_path=resumed, weights_only=True if resumed else None)
-    except SystemExit:
-        if trainer.state.status == TrainerStatus.INTERRUPTED:
-            signal.signal(signal.SIGINT, interrupt)  # Lightning has switched Ctrl-C off
-            raise KeyboardInterrupt from None
-        raise
+    placement = placement or placed(Hardware(), Needs())
+    fit = Fit(out, placement, resumed, each_epoch, deciding, how)
+    watching = [
+        *callbacks,
+        *(Measurements(trackers, one) for one in callbacks if isinstance(one, MetricsFile) and trackers),
+    ]
+    if placement.processes == 1:
+        fit(module, data, watching)
+        return
+    assert rebuild is not None, "a training of several processes needs what builds it"
+    with followed(fit, rebuild) as strategy:
+        fit(module, data, watching, strategy)
 
 
 @contextmanager

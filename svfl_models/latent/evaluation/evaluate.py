@@ -121,7 +121,7 @@ def evaluate(
         left_out=left_out,
         provenance=provenance,
     )
-    return found, _sample_figures(network, followed)
+    return found, sample_figures(network, followed)
 
 
 def _attention(encoder: VTTEncoder, seen: Encoded, frames: Frames) -> Attention:
@@ -130,8 +130,13 @@ def _attention(encoder: VTTEncoder, seen: Encoded, frames: Frames) -> Attention:
     return attention(looks(encoder, parts), parts, frames.contact[rows])
 
 
-def _sample_figures(network: LatentNetwork, followed: list[Followed]) -> SampleFigures:
-    """Return samples of the first episode with contact, or of the first episode if none has contact."""
+def sample_figures(network: LatentNetwork, followed: list[Followed]) -> SampleFigures:
+    """Return samples of the first episode with contact, or of the first episode if none has contact.
+
+    Args:
+        network: The latent model, in eval mode.
+        followed: Episodes with the outputs of the model.
+    """
     one = next((one for one in followed if one.batch["contact"].any()), followed[0])
     rows = spread(one.batch["step"].shape[1], SHOWN)
     looked = None

@@ -1,0 +1,1 @@
+"""Experiment trackers that a training can be logged to: TensorBoard, Weights & Biases, MLflow."""
