@@ -7,7 +7,7 @@ import typing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from svfl_data.system.command_line import Commands, Parser
 from svfl_data.system.printable import say
@@ -143,7 +143,9 @@ def _add_flag(parser: Parser, path: str, setting: Setting) -> None:
 
 
 def _converter(setting: Setting) -> Callable[[str], Any]:
-    plain = dataclasses.replace(setting, choices=())  # argparse compares with the choices
+    if typing.get_origin(setting.plain_type) is Literal:
+        return str  # argparse compares with the choices
+    plain = dataclasses.replace(setting, choices=())  # here, too
 
     def convert(text: str) -> Any:  # noqa: ANN401 - a value of the setting's type
         try:

@@ -36,7 +36,8 @@ class Hardware:
         "number format of the arithmetic: 32; bf16 or 16, with weights in float32 (mixed precision); auto is bf16 for "
         "wide networks where the hardware computes in it, else 32", choices=get_args(Precision))] = "32"  # fmt: skip
     threads: Annotated[int, option(
-        "threads of each process; without it one, and up to eight for the preset paper", ge=1)] | None = None  # fmt: skip
+        "threads of each process; without it one, and up to eight for the preset paper",
+        ge=1)] | None = None  # fmt: skip
     loader_workers: Annotated[int, option(
         "processes that prepare batches beside each training process", ge=0)] = 0  # fmt: skip
 
