@@ -24,7 +24,7 @@ def build_parser() -> Parser:
         description="Show and check recorded datasets, change their metadata, and make new datasets from them.",
         example=f"{PROGRAM} view data/centering --episode 3\n{PROGRAM} validate data/centering",
     )
-    commands = root.add_subparsers(title="commands", dest="command_name", required=True, metavar="COMMAND")
+    commands = root.add_commands()
     for command in COMMANDS:
         command.add(commands)
     return root

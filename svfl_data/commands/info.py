@@ -5,7 +5,8 @@ import dataclasses
 from contextlib import suppress
 from typing import Any
 
-from svfl_data.commands.source import add_episode, add_json, add_path, is_episode, print_json, reader
+from svfl_data.commands.arguments import add_episode, add_path
+from svfl_data.commands.source import is_episode, reader
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.index import Summary, summary
 from svfl_data.errors import SvflError
@@ -13,7 +14,7 @@ from svfl_data.schema.field import Field
 from svfl_data.schema.field_words import camera_pose, meaning, own, title
 from svfl_data.schema.rates import declared_hz
 from svfl_data.storage.reader import EpisodeReader
-from svfl_data.system.command_line import Commands
+from svfl_data.system.command_line import Commands, add_json, report
 from svfl_data.system.printable import printable
 
 SECONDS_PER_HOUR = 3600
@@ -48,18 +49,16 @@ def run(arguments: argparse.Namespace) -> None:
     """Print the facts, as text or as JSON."""
     if is_episode(arguments.path) or arguments.episode is not None:
         episode = reader(arguments.path, arguments.episode)
-        print_json(episode_facts(episode)) if arguments.json else print(episode_words(episode))
+        report(arguments.json, episode_facts(episode), *episode_lines(episode))
         return
     dataset = Dataset.open(arguments.path)
     found = summary(dataset)
     first = _first_readable(dataset) if found.episodes else None
     software = first.meta.software if first else {}
     strays = dataset.strays()
-    if arguments.json:
-        facts = {"path": str(dataset.path), "info": dataset.info, "software": software, "not_counted": strays}
-        print_json({**facts, **dataclasses.asdict(found), "fields": field_facts(first) if first else {}})
-    else:
-        print(dataset_words(dataset, found, first, strays))
+    facts = {"path": dataset.path, "info": dataset.info, "software": software, "not_counted": strays}
+    facts |= {**dataclasses.asdict(found), "fields": field_facts(first) if first else {}}
+    report(arguments.json, facts, *dataset_lines(dataset, found, first, strays))
 
 
 def _first_readable(dataset: Dataset) -> EpisodeReader | None:
@@ -83,7 +82,7 @@ def units(group: str, episode: EpisodeReader | None) -> str:
     return ", ".join(dict.fromkeys(unit for one in declared for unit in one.split(", ") if unit != "-")) or "-"
 
 
-def dataset_words(dataset: Dataset, found: Summary, first: EpisodeReader | None, strays: list[str]) -> str:
+def dataset_lines(dataset: Dataset, found: Summary, first: EpisodeReader | None, strays: list[str]) -> list[str]:
     """Return a description of a dataset in a few lines of text.
 
     Args:
@@ -119,7 +118,7 @@ def dataset_words(dataset: Dataset, found: Summary, first: EpisodeReader | None,
         *_some("damaged", list(found.damaged.values())),
         *_some("no name", [f"{name}: not counted; an episode is named like episode_000012.hdf5" for name in strays]),
     ]
-    return "\n".join(map(printable, lines))
+    return [printable(line) for line in lines]
 
 
 def _told(episode: EpisodeReader) -> list[Field]:
@@ -216,7 +215,7 @@ def _meaning(episode: EpisodeReader, path: str) -> dict[str, Any]:
     return known | {"bounds": field.bounds, "assumed": field.assumed, "doc": field.doc}
 
 
-def episode_words(episode: EpisodeReader) -> str:
+def episode_lines(episode: EpisodeReader) -> list[str]:
     """Return a description of an episode in several lines of text.
 
     Args:
@@ -239,7 +238,7 @@ def episode_words(episode: EpisodeReader) -> str:
     lines += [f"  transform {printable(record)}" for record in meta.transforms]
     lines += [f"  mark      {_mark_words(one)}" for one in meta.annotations]
     lines += [f"  history   {printable(one.get('time', ''), 40)} {printable(one['tool'])}" for one in meta.history]
-    return "\n".join([repr(episode), *map(printable, lines)])
+    return [*repr(episode).splitlines(), *map(printable, lines)]
 
 
 def _mark_words(one: dict[str, Any]) -> str:

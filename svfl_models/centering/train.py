@@ -15,6 +15,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.sampling.centering_samples import CenteringSamples, View, load_centering
 from svfl_data.sampling.named_camera import camera_of_dataset
 from svfl_data.sampling.split import train_test_split
+from svfl_data.system.progress import progress_console
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.data import CenteringData, check_samples
 from svfl_models.centering.evaluate import evaluate, write_predictions
@@ -47,7 +48,7 @@ def train_centering(
         out: Folder for the checkpoint, metrics, predictions, figures and report.
         separate_test: Dataset folder whose samples are all tested as well; no choice is made by their result. None for
             no such dataset.
-        console: Console that progress is printed on; standard output by default.
+        console: Console that progress is shown on; standard error by default.
 
     Returns:
         The outcome, which is also written to ``result.json``.
@@ -84,7 +85,7 @@ def train_centering(
         if module.frozen:
             data.encode(module.classifier.trunk)
         with storage_errors(out):
-            fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console())])
+            fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or progress_console())])
         seconds = time.monotonic() - start
 
         evaluated = {name: evaluate(module, some, config) for name, some in others.items()}

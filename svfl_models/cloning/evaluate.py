@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import torch
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from svfl_data.errors import TrainingError, UsageError
 from svfl_data.reports.success_rate import wilson
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
+from svfl_data.system.progress.bars import Bars
 from svfl_data.system.worker_processes import Died, run_jobs
 from svfl_models.cloning import own_acting
 from svfl_models.cloning.acting import ActingPolicy, acting
@@ -111,17 +111,15 @@ def evaluate(
     """
     module = load_policy(checkpoint)
     environment = environment_of(module.deployment.task)
-    console = console or Console(stderr=True)
-    columns = (TextColumn("episode"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
     outcomes: dict[int, tuple[bool, int]] = {}
-    with Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal) as bar:
-        shown = bar.add_task("", total=episodes)
+    with Bars(console) as bars:
+        bar = bars.add("episode", episodes)
         for index, outcome in _outcomes(
             partial(Trial, checkpoint, environment, seed, robot), str(checkpoint), episodes, workers
         ):
             outcomes[index] = outcome
             succeeded = sum(success for success, _ in outcomes.values())
-            bar.update(shown, advance=1, description=f"{succeeded} of {len(outcomes)} succeeded")
+            bars.update(bar, advance=1, words=f"{succeeded} of {len(outcomes)} succeeded")
     success, steps = (list(values) for values in zip(*(outcomes[index] for index in range(episodes)), strict=True))
     return Evaluation(str(checkpoint), environment, seed, success, steps)
 

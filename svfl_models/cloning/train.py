@@ -10,6 +10,7 @@ import torch
 from rich.console import Console
 
 from svfl_data.errors import FormatError
+from svfl_data.system.progress import progress_console
 from svfl_data.system.side_files import read_json
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
@@ -68,7 +69,7 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
         config: Configuration of the policy, the demonstrations and the training.
         out: Folder for the checkpoint, metrics and result. If it holds an interrupted training of the same
             configuration, that training is resumed after its last complete epoch.
-        console: Console that progress is printed on; standard output by default.
+        console: Console that progress is shown on; standard error by default.
 
     Returns:
         The outcome, which is also written to ``result.json``.
@@ -97,7 +98,7 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
         if resumed is None:
             run_folder.claim(out, config.plain())
         metrics = MetricsFile(out / run_folder.METRICS)
-        watching = [metrics, CloningProgress(config.epochs, console or Console())]
+        watching = [metrics, CloningProgress(config.epochs, console or progress_console())]
         run(module, data, out, watching, resumed, max_epochs=config.epochs)
         last = metrics.rows[-1]
         absent: dict[str, Any] = dict.fromkeys(("valid_xy_mm", "valid_z_mm", "valid_turn_deg"))

@@ -12,6 +12,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import TrainingError
 from svfl_data.sampling.named_camera import camera_of_dataset
 from svfl_data.system.printable import printable
+from svfl_data.system.progress import progress_console
 from svfl_models.latent.checkpoint import load_latent, read_latent
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.data import Leg, Sequences, fit, sequences_of
@@ -52,7 +53,7 @@ def train_latent(config: LatentConfig, out: Path, resume: bool = False, console:
         out: Folder for the checkpoint, metrics and result.
         resume: Whether to resume from the checkpoint in `out`. The configuration must be the same except for the number
             of steps.
-        console: Console that progress is printed on; standard output by default.
+        console: Console that progress is shown on; standard error by default.
 
     Returns:
         The outcome, which is also written to ``result.json``.
@@ -66,7 +67,7 @@ def train_latent(config: LatentConfig, out: Path, resume: bool = False, console:
         >>> config = LatentConfig("data/block_picking", "poe", steps=10_000)
         >>> train_latent(config, Path("out/latent_poe"))  # doctest: +SKIP
     """
-    console = console or Console()
+    console = console or progress_console()
     config = replace(config, camera=camera_of_dataset(Dataset.open(config.data), config.camera))
     earlier = _earlier(config, out) if resume else None
     if not resume:
