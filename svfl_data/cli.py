@@ -2,14 +2,30 @@
 
 import sys
 
-from svfl_data.commands import card, info, plot, relabel, repair, split, stats, topdown, validate, view
+from svfl_data.commands import card, completion, info, plot, relabel, repair, split, stats, topdown, validate, view
 from svfl_data.commands.new_datasets import filter as filter_
 from svfl_data.commands.new_datasets import merge, pack, upgrade
 from svfl_data.system.command_line import Parser
 from svfl_data.system.command_line import main as run
 
 PROGRAM = "svfl-data"
-COMMANDS = (info, view, plot, topdown, validate, repair, relabel, filter_, merge, split, stats, pack, upgrade, card)
+COMMANDS = (
+    info,
+    view,
+    plot,
+    topdown,
+    validate,
+    repair,
+    relabel,
+    filter_,
+    merge,
+    split,
+    stats,
+    pack,
+    upgrade,
+    card,
+    completion,
+)
 
 
 def main() -> int:

@@ -34,7 +34,7 @@ def add(commands: Commands) -> None:
         type=Path,
         required=True,
         metavar="FILE",
-        help="trained network: the file of a policy, such as a .pt2 file",
+        help="file of a trained network, such as a .pt2 file",
     )
     parser.add_argument(
         "--episodes", type=positive, default=50, metavar="N",

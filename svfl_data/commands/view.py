@@ -48,7 +48,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--checkpoint", type=Path, metavar="FILE",
-        help="checkpoint of a trained network whose predictions are shown as well (default: none)",
+        help="file of a trained network, whose predictions are shown as well (default: none)",
     )  # fmt: skip
     parser.add_argument(
         "--compare", type=Path, metavar="DATASET",

@@ -69,8 +69,12 @@ class Evaluation:
             f"(95 % interval {low:.1%} to {high:.1%}){length}"
         )
 
+    def plain(self) -> dict[str, Any]:
+        """Return the attributes, the success rate, its interval and the median length as JSON values."""
+        return asdict(self) | {"rate": self.rate, "interval": self.interval, "median_steps": self.median_steps}
+
     def save(self, file: Path) -> None:
-        """Write the result, with the success rate, its interval and the median length, as JSON.
+        """Write the values of `plain` as JSON.
 
         Args:
             file: File to write.
@@ -78,8 +82,7 @@ class Evaluation:
         Raises:
             StorageError: If the file cannot be written.
         """
-        derived = {"rate": self.rate, "interval": self.interval, "median_steps": self.median_steps}
-        write_atomically(file, (json.dumps(asdict(self) | derived, indent=2) + "\n").encode())
+        write_atomically(file, (json.dumps(self.plain(), indent=2) + "\n").encode())
 
 
 def environment_of(task: str) -> str:
