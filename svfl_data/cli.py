@@ -10,22 +10,8 @@ from svfl_data.system.command_line import main as run
 
 PROGRAM = "svfl-data"
 COMMANDS = (
-    info,
-    view,
-    plot,
-    topdown,
-    validate,
-    repair,
-    relabel,
-    filter_,
-    merge,
-    split,
-    stats,
-    pack,
-    upgrade,
-    card,
-    completion,
-)
+    info, view, plot, topdown, validate, repair, relabel, filter_, merge, split, stats, pack, upgrade, card, completion,
+)  # fmt: skip
 
 
 def main() -> int:

@@ -35,7 +35,7 @@ def add_collection(parser: Parser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FOLDER",
-        help="dataset folder to write; a dataset of the same command in it is continued",
+        help="folder to write the dataset to; a dataset of the same command in it is continued",
     )  # fmt: skip
     add_rerun(parser)
     add_json(parser)
@@ -72,7 +72,7 @@ def executor(arguments: argparse.Namespace) -> Executor:
 
 CAMERAS = ("front", "top", "side_left", "side_right", "wrist")
 """Names of the simulated cameras, whose module loads the simulation; a test compares."""
-SIMULATED = "simulated robot: panda_sim, ur5e_sim, or one that another package adds"
+SIMULATED = "robot, a simulated one: panda_sim, ur5e_sim, or one that another package adds"
 ANY = "robot: panda_sim or ur5e_sim, which are simulated, or one that another package adds, simulated or not"
 """What ``--robot`` takes, in words."""
 

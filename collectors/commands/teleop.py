@@ -38,7 +38,7 @@ def add(commands: Commands) -> None:
     complete_with(device, lambda: [*DEVICES, SCRIPT])
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FOLDER",
-        help="dataset folder to write; a dataset of the same command in it is continued",
+        help="folder to write the dataset to; a dataset of the same command in it is continued",
     )  # fmt: skip
     parser.add_argument(
         "--seed", type=natural, default=0, metavar="S", help="seed of the dataset, at least 0 (default: %(default)s)"

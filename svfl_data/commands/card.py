@@ -21,7 +21,7 @@ def add(commands: Commands) -> None:
     add_dataset(parser)
     parser.add_argument(
         "--out", type=Path, metavar="FILE.md",
-        help="Markdown file to write; its name ends in .md (default: README.md in the dataset folder)",
+        help="file to write, in Markdown; its name ends in .md (default: README.md in the dataset folder)",
     )  # fmt: skip
     add_json(parser)
     parser.set_defaults(command=run)

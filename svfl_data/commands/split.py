@@ -32,7 +32,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument(
         "--split", default="default", metavar="NAME",
-        help="name of the split, of letters, digits, - and _ (default: %(default)s)",
+        help="split to draw, a name of letters, digits, - and _ (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
         "--replace",

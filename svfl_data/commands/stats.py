@@ -25,7 +25,7 @@ def add(commands: Commands) -> None:
         "--split",
         default="default",
         metavar="NAME",
-        help="name of the split that svfl-data split has stored (default: %(default)s)",
+        help="split that svfl-data split has stored (default: %(default)s)",
     )
     add_json(parser)
     parser.set_defaults(command=run)

@@ -60,7 +60,7 @@ def add(commands: Commands) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--out", type=Path, metavar="FILE.rrd",
-        help="file for the viewer to write, instead of opening the viewer; its name ends in .rrd (default: the viewer "
+        help="file to write for the viewer, instead of opening it; its name ends in .rrd (default: the viewer "
         "opens)",
     )  # fmt: skip
     where.add_argument("--web", action="store_true", help="serve the viewer to a web browser (default: a window opens)")

@@ -35,7 +35,7 @@ def add(commands: Commands) -> None:
     add("checkpoint", type=Path, metavar="CHECKPOINT", help="checkpoint.ckpt of svfl-train centering")
     add("--data", type=Path, required=True, metavar="DATASET", help="dataset folder of svfl-collect centering")
     add("--group", choices=tuple(name for name in GROUPS if name != "none"),
-        help="group of the rotations and reflections to test (default: the network's own group, or D4 for a network "
+        help="symmetry group to test (default: the network's own group, or D4 for a network "
         "without symmetry)")  # fmt: skip
     add("--episodes", type=positive, default=EPISODES, metavar="N",
         help="number of episodes to use: the first ones of the dataset (default: %(default)s)")  # fmt: skip

@@ -16,6 +16,12 @@ UNIT = re.compile(f"--?[a-z][a-z-]* (?!-){WORD}|{WORD}")
 class Formatter(argparse.HelpFormatter):
     """Wraps usage, descriptions and examples to the width of the terminal."""
 
+    def add_argument(self, action: argparse.Action) -> None:
+        """Add an argument to the help; the names of commands get their full width, of which argparse forgets a part."""
+        super().add_argument(action)
+        if isinstance(action, argparse._SubParsersAction):
+            self._action_max_length += self._indent_increment
+
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         if not text.startswith(EXAMPLE):
             return super()._fill_text(text, width, indent)

@@ -17,7 +17,7 @@ from rich.text import Text
 from svfl_data.system.printable import printable
 from svfl_data.system.progress import progress_console
 
-SHORTEST_BAR = 8  # [columns]
+SHORTEST_BAR = 5  # [columns]
 LONGEST_NAME = 26  # [characters] of what is done, as long as the longest name of a task
 TIME_LEFT = len("0:00:00 left")
 SPACES = 4  # between the five columns

@@ -63,7 +63,7 @@ def calibrate(folder, poses_of_board, *words):
         cv2.imwrite(str(pictures / f"{number}.png"), board_picture(base @ T, TRUE.intrinsics, seed=number))
     BOARD.write(folder / "board.json")
     out = folder / "calibration.json"
-    options = ["--board", folder / "board.json", "--intrinsics", INTRINSICS, "--out", out]
+    options = ["--layout", folder / "board.json", "--intrinsics", INTRINSICS, "--out", out]
     arguments = build_parser().parse_args(["calibrate", *map(str, [pictures, *options, *words])])
     arguments.command(arguments)
     return out
@@ -157,7 +157,7 @@ def episode(tmp_path_factory):
 
 def of_episode(path, *words):
     """Run the command on the pictures of an episode."""
-    options = ["--board", path.parent / "board.json", "--out", path.parent / "calibration.json"]
+    options = ["--layout", path.parent / "board.json", "--out", path.parent / "calibration.json"]
     arguments = build_parser().parse_args(["calibrate", *map(str, [path, *options, *words])])
     arguments.command(arguments)
     return path.parent / "calibration.json"
@@ -194,7 +194,7 @@ def test_a_board_that_is_not_seen(episode):
     file, out = episode.parent / "other.json", episode.parent / "none.json"
     Layout.grid(COLUMNS, ROWS, 1e-3 * SIZE_MM, 0.05, first=100).write(file)
     with pytest.raises(CollectError, match=r"tags 100, 101, .* 5 pictures"):
-        of_episode(episode, "--board-pose", "0,0,0,0", "--board", file, "--out", out)
+        of_episode(episode, "--board-pose", "0,0,0,0", "--layout", file, "--out", out)
     assert not out.exists()
 
 
@@ -206,7 +206,7 @@ def test_a_board_file_that_does_not_fit_the_pictures_gives_no_camera(tmp_path):
             [board_pose(0.47, -0.06, 0.0, 20.0)],
             "--board-pose",
             "0,0,0,0",
-            "--board",
+            "--layout",
             tmp_path / "other.json",
         )
     assert not (tmp_path / "calibration.json").exists()

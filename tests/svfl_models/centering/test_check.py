@@ -159,7 +159,7 @@ def module(dataset):
 @pytest.mark.slow
 def test_the_command(dataset, module, tmp_path, capsys):
     file = write(module, tmp_path / "checkpoint.ckpt")
-    assert cli.main(["check", str(file), "--data", str(dataset), "--samples", "4"]) == 0
+    assert cli.main(["check", str(file), "--data", str(dataset), "--episodes", "4"]) == 0
     printed = capsys.readouterr().out
     assert "group D4, 4 episodes" in printed
     assert printed.count("exact") == 8
