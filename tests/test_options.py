@@ -72,7 +72,7 @@ def test_an_option_means_what_the_page_says(option):
     values = option.values.split(" ")[0].split(".")[0] if option.name == "--out" else option.values
     if (name(option), option.name) in SEVERAL:
         values = values.split(" ")[0]
-    if option.kind == "flag" or option.choices and option.values.startswith("{"):
+    if option.kind == "flag" or (option.choices and option.values.startswith("{")):
         assert set(said) == {""}
     else:
         written = {one.replace("yes/no", "yes|no"): words for one, words in said.items()}

@@ -22,7 +22,11 @@ def add(commands: Commands) -> None:
     add_path(parser)
     add_episode(parser)
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE.png", help="file to write, a PNG picture; its name ends in .png"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.png",
+        help="file to write, a PNG picture; its name ends in .png",
     )
     add_json(parser)
     parser.set_defaults(command=run)

@@ -44,7 +44,11 @@ def add(commands: Commands) -> None:
         help="height and width of the view from above, px (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE.png", help="file to write, a PNG picture; its name ends in .png"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.png",
+        help="file to write, a PNG picture; its name ends in .png",
     )
     add_json(parser)
     parser.set_defaults(command=run)

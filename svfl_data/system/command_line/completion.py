@@ -20,7 +20,7 @@ def answer(root: Parser) -> None:
         return
     import argcomplete  # only here: an ordinary start needs none of it
 
-    argcomplete.autocomplete(root)
+    argcomplete.autocomplete(root, always_complete_options=False)  # options only after a dash
 
 
 def shell_code(shell: str) -> str:

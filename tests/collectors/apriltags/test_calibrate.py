@@ -22,6 +22,7 @@ from svfl_data.schema.robot import image_axes
 from svfl_data.storage.store import write_episode
 from tests.helpers.apriltag_scenes import COLUMNS, ROWS, SIZE_MM, board_picture, camera
 from tests.helpers.builders import make_episode
+from tests.helpers.command_page import json_keys
 
 TRUE = camera((0.95, 0.15, 0.55), fov_deg=40.0)
 BOARD = Layout.grid(COLUMNS, ROWS, 1e-3 * SIZE_MM, 1e-3 * cell_mm("tag36h11", SIZE_MM))
@@ -88,7 +89,10 @@ def test_a_board_on_the_table(tmp_path, capsys):
     residuals = json.loads(out.read_text())["cameras"]["front"]["residuals"]
     assert 0.02 < residuals["error_px"] < 0.4
     # The liar: a board that lies elsewhere than it is said to gives another camera, or a larger error.
-    wrong = calibrate(tmp_path, [], "--board-pose", "0.49,-0.06,0,20", "--camera", "wrong")
+    wrong = calibrate(tmp_path, [], "--board-pose", "0.49,-0.06,0,20", "--camera", "wrong", "--json")
+    told = json.loads(capsys.readouterr().out)
+    assert told.keys() | {"T_gripper_board"} == json_keys("svfl-collect calibrate")
+    assert (told["file"], told["camera"]) == (str(wrong), "wrong")
     cameras = read_calibrations(wrong)
     assert sorted(cameras) == ["front", "wrong"]
     assert off(cameras["wrong"])[0] > 15.0

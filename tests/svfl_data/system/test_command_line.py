@@ -154,7 +154,7 @@ def test_a_report_is_lines_or_one_object(capsys):
     report(True, facts, "one")
     text = capsys.readouterr().out
     assert json.loads(text) == {"path": "a", "numbers": [0, 1], "share": 0.5, "name": "\x1b[2J\x7f\u202e"}
-    assert all(character == "\n" or character.isprintable() and character.isascii() for character in text)
+    assert all(character == "\n" or (character.isprintable() and character.isascii()) for character in text)
 
 
 def test_numbers_that_json_lacks_are_null():

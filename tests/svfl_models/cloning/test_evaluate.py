@@ -22,6 +22,7 @@ from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.evaluate import Evaluation, environment_of, evaluate
 from svfl_models.training import run_folder
 from tests.helpers.builders import IMAGE_AXES
+from tests.helpers.command_page import json_keys
 from tests.helpers.demonstrations import demonstrations
 
 pytestmark = pytest.mark.slow
@@ -118,6 +119,9 @@ def test_the_command_writes_and_prints(checkpoint, countdown, capsys):
     found = json.loads((checkpoint.parent / "evaluation.json").read_text())
     assert found["success"] == [True, False, True, False]
     assert (found["environment"], found["seed"], found["rate"]) == (COUNTDOWN, 0, 0.5)
+    assert cli.main(["evaluate", str(checkpoint), "--episodes", "4", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == found
+    assert found.keys() == json_keys("svfl-train evaluate")
 
 
 def test_other_environments_are_one_clear_line(checkpoint):
