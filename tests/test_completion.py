@@ -18,20 +18,15 @@ START = "import sys; from {} import main; sys.argv[0] = {!r}; sys.exit(main())"
 def offered(line, folder=ROOT):
     """The words that a program offers for the end of a command line."""
     program = line.split()[0]
-    asked = {
-        "_ARGCOMPLETE": "1",
-        "_ARGCOMPLETE_SHELL": "bash",
-        "_ARGCOMPLETE_IFS": "\n",
-        "_ARGCOMPLETE_SUPPRESS_SPACE": "1",
-    }
-    asked |= {"COMP_LINE": line, "COMP_POINT": str(len(line)), "COMP_TYPE": "9", "_ARGCOMPLETE_STDOUT_FILENAME": ""}
     answer = folder / "answer.txt"
-    asked["_ARGCOMPLETE_STDOUT_FILENAME"] = str(answer)
-    environment = os.environ | asked | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+    asked = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_SHELL": "bash", "_ARGCOMPLETE_IFS": "\n", "COMP_TYPE": "9"}
+    asked |= {"_ARGCOMPLETE_SUPPRESS_SPACE": "1", "_ARGCOMPLETE_STDOUT_FILENAME": str(answer)}
+    asked |= {"COMP_LINE": line, "COMP_POINT": str(len(line))}
+    asked |= {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+    code = START.format(MODULES[program], program)
     done = subprocess.run(
-        [sys.executable, "-c", START.format(MODULES[program], program)], env=environment, cwd=folder, capture_output=True,
-        text=True, check=False,
-    )  # fmt: skip
+        [sys.executable, "-c", code], env=os.environ | asked, cwd=folder, capture_output=True, text=True, check=False
+    )
     assert "Traceback" not in done.stderr
     return set(answer.read_text().split("\n")) - {""}
 

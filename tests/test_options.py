@@ -13,7 +13,7 @@ from tests.helpers.command_page import OPTIONS
 ROOTS = [module.build_parser() for module in (svfl_data.cli, collectors.cli, svfl_models.cli)]
 TABLE = [option for root in ROOTS for option in options_table(root)]
 TRAINING = {"centering", "latent", "bc", "bc-table"}
-"""Commands whose options follow from the configuration of a training, as do those of ``centering-table`` and the like."""
+"""Commands whose options are those of a training's configuration, as are those of ``centering-table`` and the like."""
 OF_THEIR_OWN = {
     ("svfl-train bc", "--episodes"), ("svfl-train bc-table", "--episodes"),  # demonstrations, as numbers of them
 }  # fmt: skip
@@ -97,8 +97,8 @@ def test_the_page_names_no_option_that_is_gone():
 def test_arguments_without_an_option_have_one_word():
     """The dataset or episode that a command is about, and the dataset that it makes."""
     meanings = {
-        "PATH": "dataset folder, or episode file (.hdf5)", "DATASET": "dataset folder", "NEW": "folder of the new dataset: ",
-        "CHECKPOINT": "checkpoint.ckpt of svfl-train ", "SHELL": "shell: ",
+        "PATH": "dataset folder, or episode file (.hdf5)", "DATASET": "dataset folder",
+        "NEW": "folder of the new dataset: ", "CHECKPOINT": "checkpoint.ckpt of svfl-train ", "SHELL": "shell: ",
     }  # fmt: skip
     for option in TABLE:
         if not option.name.startswith("-"):

@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _table(rows: "Sequence[ElementCheck]") -> list[str]:
     """Return a heading and a line for each group element, in columns."""
-    cells = [("element", "expected", "output error", "hidden error", "accuracy")]
+    cells: list[tuple[str, ...]] = [("element", "expected", "output error", "hidden error", "accuracy")]
     for row in rows:
         errors = ("-" if error is None else f"{error:.1e}" for error in (row.output_error, row.hidden_error))
         cells.append((row.name, row.expected, *errors, f"{row.accuracy:.1%}"))

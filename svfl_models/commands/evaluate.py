@@ -26,7 +26,7 @@ def add(commands: Commands) -> None:
         help="number of episodes to run (default: %(default)s)")  # fmt: skip
     add("--seed", type=natural, default=0, metavar="S", help="seed of the scenes, at least 0 (default: %(default)s)")
     add("--robot", metavar="NAME",
-        help="robot, a simulated one, that acts, such as ur5e_sim (default: the robot of the demonstrations)")  # fmt: skip
+        help="robot that acts, a simulated one such as ur5e_sim (default: that of the demonstrations)")  # fmt: skip
     add("--workers", type=positive, default=1, metavar="N",
         help="number of episodes that run at the same time (default: %(default)s)")  # fmt: skip
     add("--out", type=Path, metavar="FILE",

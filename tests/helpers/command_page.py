@@ -12,7 +12,7 @@ def rows(name: str) -> list[tuple[str, str]]:
     return [(first, second) for first, second in re.findall(r"^\| `(.*?)` \| (.*) \|$", table, re.M)]
 
 
-OPTIONS = [(*option.split(" ", 1), "")[:2] + (words,) for option, words in rows("options")]
+OPTIONS = [(option.partition(" ")[0], option.partition(" ")[2], words) for option, words in rows("options")]
 """Option, the placeholder of its value ("" for none), and how its help begins in every command."""
 
 

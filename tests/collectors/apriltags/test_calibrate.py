@@ -186,7 +186,6 @@ def test_the_pictures_of_an_episode(episode, capsys):
         (["--episode", "7"], DatasetError, "episode 7"),
         (["--intrinsics", "0,0,0,0"], UsageError, "0,0,0,0 .*640 x 480 px"),
         (["--intrinsics", "660,660,700,240"], UsageError, "660,660,700,240 .*640 x 480 px"),
-        (["--printed", "9"], UsageError, "--printed 9.* 100 mm"),
     ],
 )
 def test_options_that_do_not_fit_an_episode(episode, words, error, facts):

@@ -56,7 +56,7 @@ def refused(capsys):
         ("svfl-data split data --ratio train=1", "did you mean --ratios?", "svfl-data split"),
         ("svfl-data info data --frobnicate", "no option --frobnicate", "svfl-data info"),
         ("svfl-data info one two", "unexpected argument 'two'", "svfl-data info"),
-        ("svfl-train check one two --data d", "unexpected argument 'two'; did you mean --data two?", "svfl-train check"),
+        ("svfl-train check one two --data d", "argument 'two'; did you mean --data two?", "svfl-train check"),
         ("svfl-data info --data data", "PATH stands without an option: svfl-data info PATH", "svfl-data info"),
         ("svfl-data --jsn info data", "no option --jsn; options of a command stand after it", "svfl-data"),
         ("svfl-data --vresion", "no option --vresion; did you mean --version?", "svfl-data"),
