@@ -76,7 +76,8 @@ class Bar(pl.Callback):
     """
 
     def __init__(self, doing: str, total: int, console: Console) -> None:
-        self.bars, self.console = Bars(console), console
+        self.bars = Bars(console)
+        self.console = self.bars.console
         self.bar = self.bars.add(doing, total)
 
     def on_fit_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:

@@ -30,6 +30,11 @@ def quiet(wanted: bool = True) -> Iterator[None]:
         _QUIET.reset(before)
 
 
+def is_quiet() -> bool:
+    """Return whether no progress is to be shown, as in a block of `quiet`."""
+    return _QUIET.get()
+
+
 def progress_console() -> "Console":
     """Return the console for progress: standard error, or a silent console in a block of `quiet`."""
     from rich.console import Console

@@ -15,7 +15,7 @@ from rich.table import Column
 from rich.text import Text
 
 from svfl_data.system.printable import printable
-from svfl_data.system.progress import progress_console
+from svfl_data.system.progress import is_quiet, progress_console
 
 SHORTEST_BAR = 5  # [columns]
 LONGEST_NAME = 26  # [characters] of what is done, as long as the longest name of a task
@@ -28,15 +28,19 @@ DAY_S = 86400.0
 class Bars:
     """Display of one or several progress bars, which is used as a context manager.
 
-    Nothing is shown if the console is no terminal or is quiet.
+    Nothing is shown if the console is no terminal or is quiet, or in a block of `quiet`.
 
     Args:
         console: Console to show the bars on. None means `progress_console`.
         transient: Whether the bars vanish at the end.
+
+    Attributes:
+        console: Console on which lines that replace the bars are printed.
+        shown: Whether the bars are shown.
     """
 
     def __init__(self, console: Console | None = None, transient: bool = True) -> None:
-        self.console = console or progress_console()
+        self.console = progress_console() if console is None or is_quiet() else console
         self.shown = self.console.is_terminal and not self.console.quiet
         self._bars = Progress(
             TextColumn("{task.description}", markup=False),

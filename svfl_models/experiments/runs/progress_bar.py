@@ -24,8 +24,8 @@ class Bar:
     def __init__(self, jobs: Mapping[str, Job], waiting: Iterable[str], console: Console) -> None:
         self.costs = {name: jobs[name].cost for name in waiting}
         self.total, self.done = len(jobs), len(jobs) - len(self.costs)
-        self.console = console
         self.bars = Bars(console)
+        self.console = self.bars.console
         self.bar = self.bars.add("runs", sum(self.costs.values()), count=self._done())
 
     def __enter__(self) -> Self:
