@@ -10,9 +10,9 @@ help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 demo: env  ## collect 200 samples, train the classifier, write report and viewer file
-	$(BIN)/svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering
+	$(BIN)/svfl-collect centering --episodes 200 --seed 0 --workers 2 --out data/centering
 	$(BIN)/svfl-train centering --data data/centering --encoder vf --model svfl --train-samples 100 --seed 0 --out out/centering
-	$(BIN)/svfl-data view data/centering --episode 3 --save out/centering/episode_000003.rrd
+	$(BIN)/svfl-data view data/centering --episode 3 --out out/centering/episode_000003.rrd
 
 test: env lint  ## ruff, mypy and the whole test suite
 	$(BIN)/python -m pytest -n 2
@@ -39,10 +39,10 @@ sizes: env data/centering data/centering_test  ## accuracy and training time by 
 	$(BIN)/python benchmarks/sizes.py --data data/centering --separate-test data/centering_test --out out/sizes
 
 data/centering: | env
-	$(BIN)/svfl-collect centering --samples 200 --seed 0 --workers 2 --out $@
+	$(BIN)/svfl-collect centering --episodes 200 --seed 0 --workers 2 --out $@
 
 data/centering_test: | env
-	$(BIN)/svfl-collect centering --samples 1000 --seed 1 --workers 2 --out $@
+	$(BIN)/svfl-collect centering --episodes 1000 --seed 1 --workers 2 --out $@
 
 data/block_picking: | env
 	$(BIN)/svfl-collect expert --task block_picking --episodes 50 --seed 0 --workers 2 --out $@

@@ -20,11 +20,9 @@ def build_parser() -> Parser:
         description="Record episodes with images and forces, in simulation or on a robot of your own, by experts, "
         "persons and policies, and calibrate cameras.",
         example="svfl-collect expert --task block_picking --episodes 50 --workers 2 --seed 0 --out data/block_picking\n"
-        "svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering",
+        "svfl-collect centering --episodes 200 --seed 0 --workers 2 --out data/centering",
     )
-    commands = root.add_subparsers(
-        title="commands", dest="command_name", metavar="COMMAND", required=True, parser_class=Parser
-    )
+    commands = root.add_commands()
     for command in COMMANDS:
         command.add(commands)
     return root

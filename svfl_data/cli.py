@@ -2,14 +2,16 @@
 
 import sys
 
-from svfl_data.commands import card, info, plot, relabel, repair, split, stats, topdown, validate, view
+from svfl_data.commands import card, completion, info, plot, relabel, repair, split, stats, topdown, validate, view
 from svfl_data.commands.new_datasets import filter as filter_
 from svfl_data.commands.new_datasets import merge, pack, upgrade
 from svfl_data.system.command_line import Parser
 from svfl_data.system.command_line import main as run
 
 PROGRAM = "svfl-data"
-COMMANDS = (info, view, plot, topdown, validate, repair, relabel, filter_, merge, split, stats, pack, upgrade, card)
+COMMANDS = (
+    info, view, plot, topdown, validate, repair, relabel, filter_, merge, split, stats, pack, upgrade, card, completion,
+)  # fmt: skip
 
 
 def main() -> int:
@@ -24,7 +26,7 @@ def build_parser() -> Parser:
         description="Show and check recorded datasets, change their metadata, and make new datasets from them.",
         example=f"{PROGRAM} view data/centering --episode 3\n{PROGRAM} validate data/centering",
     )
-    commands = root.add_subparsers(title="commands", dest="command_name", required=True, metavar="COMMAND")
+    commands = root.add_commands()
     for command in COMMANDS:
         command.add(commands)
     return root

@@ -42,9 +42,7 @@ def build_parser() -> Parser:
         description="Train, evaluate and export symmetric networks that use images and forces.",
         example=centering.EXAMPLE,
     )
-    commands = root.add_subparsers(
-        title="commands", dest="command_name", metavar="COMMAND", required=True, parser_class=Parser
-    )
+    commands = root.add_commands()
     for command in COMMANDS:
         command.add(commands)
     return root

@@ -103,7 +103,7 @@ def outside(tmp_path_factory):
 
 MAIN = "import sys; from {} import main; sys.exit(main())"
 LINES = {
-    "collectors.cli": ["centering", "--samples", "1", "--image-size", "16", "--out", "collected"],
+    "collectors.cli": ["centering", "--episodes", "1", "--image-size", "16", "--out", "collected"],
     "svfl_data.cli": ["plot", "data", "--out", "picture.png"],
     "svfl_models.cli": [
         "centering", "--data", "data", "--train-samples", "1", "--test-samples", "1", "--epochs", "1",

@@ -66,7 +66,7 @@ def test_each_runs_and_shows_its_figures(file, executed, home):
         assert not re.search(r"^svfl-\w+: ", said, re.M), said  # a command's complaint, which stops no notebook
         pictures = [output for output in outputs if "image/png" in output.get("data", {})]
         assert len(pictures) == cell.source.count("plt.show()"), cell.source
-    for saved in re.findall(r'--save \{HOME / "(.*?)"\}', "\n".join(cell.source for cell in executed.cells)):
+    for saved in re.findall(r'--out \{HOME / "(.*?)"\}', "\n".join(cell.source for cell in executed.cells)):
         assert (home / "data" / "notebooks" / "tiny" / saved).stat().st_size > 0
 
 

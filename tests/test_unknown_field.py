@@ -117,7 +117,7 @@ def statistics(dataset: Dataset, path: str, folder: Path) -> None:
 
 def split(dataset: Dataset, path: str, folder: Path) -> None:
     """The statistics of a split are those of its training episodes."""
-    half = ("--ratios", "train=0.5", "test=0.5", "--name", "half")
+    half = ("--ratios", "train=0.5", "test=0.5", "--split", "half")
     drawn = json.loads(said("split", dataset.path, *half, "--json"))["parts"]["train"]
     found = json.loads(said("stats", dataset.path, "--split", "half", "--json"))["fields"][path]
     check_moments(FieldStatistics(**found), path, drawn)
@@ -146,7 +146,7 @@ def plotted(dataset: Dataset, path: str, folder: Path) -> None:
 
 
 def viewed(dataset: Dataset, path: str, folder: Path) -> None:
-    said("view", dataset.path, "--save", folder / "v.rrd")
+    said("view", dataset.path, "--out", folder / "v.rrd")
     assert any(path.rpartition("/")[0] in entity for entity in entities(folder / "v.rrd"))
 
 

@@ -4,9 +4,8 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from collectors.commands.options import between
-from svfl_data.system.command_line import Commands, natural
-from svfl_data.system.printable import say
+from svfl_data.commands.arguments import add_episode
+from svfl_data.system.command_line import Commands, add_json, between, report
 
 DOUBTFUL_PX, WRONG_PX = 1.0, 5.0  # [px] root mean square reprojection error above which a result is doubtful, or wrong
 CAUSES = "another board's file, poses of other pictures, wrong intrinsics, or a bent tag"
@@ -22,26 +21,23 @@ def add(commands: Commands) -> None:
         "picture (--board-poses), or the gripper holds the board and the poses of the gripper are known "
         "(--gripper-poses); the gripper must then be tilted differently between the pictures. The pictures must have "
         "no lens distortion. The result is added to the calibration file, which collectors read.",
-        example="svfl-collect calibrate pictures/ --board board.json --intrinsics 605.2,604.8,319.5,239.5 \\\n"
+        example="svfl-collect calibrate pictures/ --layout board.json --intrinsics 605.2,604.8,319.5,239.5 \\\n"
         "    --board-pose 0.45,-0.1,0,90 --camera front --out calibration.json\n"
-        "svfl-collect calibrate pictures/ --board board.json --intrinsics 605.2,604.8,319.5,239.5 \\\n"
+        "svfl-collect calibrate pictures/ --layout board.json --intrinsics 605.2,604.8,319.5,239.5 \\\n"
         "    --gripper-poses poses.csv --camera front --out calibration.json\n"
-        "svfl-collect calibrate data/boards --episode 0 --board board.json --board-pose 0.45,-0.1,0,90 \\\n"
+        "svfl-collect calibrate data/boards --episode 0 --layout board.json --board-pose 0.45,-0.1,0,90 \\\n"
         "    --camera front --out calibration.json",
     )
     parser.add_argument(
         "path", type=Path, metavar="PATH", help="folder of pictures, dataset folder, or episode file (.hdf5)"
     )
+    add_episode(parser)
     parser.add_argument(
-        "--episode", type=natural, metavar="N",
-        help="number of the episode, if PATH is a dataset folder; at least 0 (default: the first one)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--board", type=Path, required=True, metavar="FILE",
+        "--layout", type=Path, required=True, metavar="FILE",
         help="JSON file of the board, written by svfl-collect tags --board",
     )  # fmt: skip
     parser.add_argument(
-        "--printed", type=float, default=100.0, metavar="MM",
+        "--printed", type=between(50, 200, "a length in mm"), default=100.0, metavar="MM",
         help="measured length of the 100 mm line on the printed sheet, mm, between 50 and 200 (default: %(default)g)",
     )  # fmt: skip
     place = parser.add_mutually_exclusive_group(required=True)
@@ -69,11 +65,14 @@ def add(commands: Commands) -> None:
         help="length of one unit of the camera's depth values, m, between 1e-6 and 1 (default: that of the episode, or "
         "0.001)",
     )  # fmt: skip
-    parser.add_argument("--camera", default="front", metavar="NAME", help="name of the camera (default: %(default)s)")
+    parser.add_argument(
+        "--camera", default="front", metavar="NAME", help="camera whose pose is estimated (default: %(default)s)"
+    )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE",
-        help="calibration file (JSON) to write; the camera is added to an existing file",
+        help="file to write, the calibration as JSON; the camera is added to an existing file",
     )  # fmt: skip
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -99,9 +98,7 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_data.schema.robot import Calibration, image_axes
     from svfl_data.system.progress import progress
 
-    if not 50.0 < arguments.printed < 200.0:
-        raise UsageError(f"--printed {arguments.printed:g}: the sheet's line is about 100 mm long; give it in mm")
-    board = Layout.read(arguments.board).scaled(arguments.printed / 100.0)
+    board = Layout.read(arguments.layout).scaled(arguments.printed / 100.0)
     folder = arguments.path.is_dir() and arguments.episode is None and not (arguments.path / "dataset.json").exists()
     source = of_folder(arguments) if folder else of_episode(arguments)
     detector = TagDetector(board.family, find=MEASURE)  # finds small tags too; time does not matter here
@@ -120,20 +117,20 @@ def run(arguments: argparse.Namespace) -> None:
             raise UsageError(f"{file}: no row for {missing[0]}; it has {', '.join(list(poses)[:5])}")
         estimate = from_known_board if arguments.board_poses else from_gripper_held_board
         result = estimate(views, [poses[one.name] for one in views], source.intrinsics)
-    for name, error in result.errors.items():
-        say(f"  {name:<28} {error:6.2f} px")
-    say(f"board seen in {len(views)} of {len(found)} pictures; error {result.error:.2f} px (root mean square)")
+    lines = [f"  {name:<28} {error:6.2f} px" for name, error in result.errors.items()]
+    lines.append(f"board seen in {len(views)} of {len(found)} pictures; error {result.error:.2f} px (root mean square)")
     if not result.error <= WRONG_PX:  # also refuses an error that is not a number
+        report(arguments.json, {"file": None, "error_px": result.error, "pictures": result.errors}, *lines)
         raise CollectError(
             f"error {result.error:.1f} px, but at most {WRONG_PX:g} px is accepted; possible causes: {CAUSES}; no file "
             "is written"
         )
     if result.error > DOUBTFUL_PX:
-        say(f"  an error above {DOUBTFUL_PX:g} px is doubtful; possible causes: {CAUSES}")
+        lines.append(f"  an error above {DOUBTFUL_PX:g} px is doubtful; possible causes: {CAUSES}")
     place, turn = result.position_deviation * 1e3, np.degrees(result.rotation_deviation)
     where = result.T_base_camera[:3, 3]
-    say(f"camera at x, y, z = {where[0]:.4f}, {where[1]:.4f}, {where[2]:.4f} m")
-    say(f"  standard deviation {place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f} mm, turn {turn.max():.3f} deg")
+    lines.append(f"camera at x, y, z = {where[0]:.4f}, {where[1]:.4f}, {where[2]:.4f} m")
+    lines.append(f"  standard deviation {place[0]:.2f}, {place[1]:.2f}, {place[2]:.2f} mm, turn {turn.max():.3f} deg")
     residuals = {
         "pictures": result.errors,
         "error_px": result.error,
@@ -144,7 +141,8 @@ def run(arguments: argparse.Namespace) -> None:
         source.intrinsics, result.T_base_camera, image_axes(result.T_base_camera), source.depth_scale
     )
     write_calibration(arguments.out, arguments.camera, calibration, residuals)
-    say(f"{arguments.out}: camera {arguments.camera}")
+    facts = {"file": arguments.out, "camera": arguments.camera, "T_base_camera": result.T_base_camera} | residuals
+    report(arguments.json, facts, *lines, f"{arguments.out}: camera {arguments.camera}")
 
 
 def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:

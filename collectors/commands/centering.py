@@ -3,9 +3,8 @@
 import argparse
 import time
 
-from collectors.commands.options import add_collection, add_world, between, executor, world
-from svfl_data.system.command_line import Commands, positive
-from svfl_data.system.printable import say
+from collectors.commands.options import add_collection, add_world, executor, tell_datasets, world
+from svfl_data.system.command_line import Commands, between, positive
 
 
 def add(commands: Commands) -> None:
@@ -15,13 +14,13 @@ def add(commands: Commands) -> None:
         help="collect labelled samples of block centering, in which one finger collides with a block",
         description="Collect block-centering samples in simulation: one finger of an open gripper lands on a block, "
         "and the label states in which direction and how far the gripper must move. After an interruption, the same "
-        "command continues; a larger --samples extends the dataset.",
-        example="svfl-collect centering --samples 200 --seed 0 --workers 2 --out data/centering\n"
-        "svfl-collect centering --samples 1000 --border 0 --sensor-noise none --out data/centering_hard",
+        "command continues; a larger --episodes extends the dataset.",
+        example="svfl-collect centering --episodes 200 --seed 0 --workers 2 --out data/centering\n"
+        "svfl-collect centering --episodes 1000 --border 0 --sensor-noise none --out data/centering_hard",
     )
     parser.add_argument(
-        "--samples", type=positive, default=200, metavar="N",
-        help="number of samples in the dataset, one per episode (default: %(default)s)",
+        "--episodes", type=positive, default=200, metavar="N",
+        help="number of episodes in the dataset, each of which is a sample (default: %(default)s)",
     )  # fmt: skip
     add_collection(parser)
     parser.add_argument(
@@ -45,9 +44,10 @@ def run(arguments: argparse.Namespace) -> None:
     collector = CenteringCollector(arguments.seed, CenteringConfig(border_deg=arguments.border), world(arguments))
     dataset = Dataset.create_or_resume(arguments.out, TASK, arguments.seed, collector.config())
     start = time.perf_counter()
-    done = collect_dataset(dataset, arguments.samples, arguments.workers, watched(arguments, collector), where)
+    done = collect_dataset(dataset, arguments.episodes, arguments.workers, watched(arguments, collector), where)
     seconds = time.perf_counter() - start
+    facts, lines = summary(dataset)
     if done:
         rate = sum(finished.steps for finished in done) / seconds
-        say(f"collected {len(done)} samples in {seconds:.0f} s ({rate:.0f} steps/s)")
-    say(*summary(dataset))
+        lines = [f"collected {len(done)} samples in {seconds:.0f} s ({rate:.0f} steps/s)", *lines]
+    tell_datasets(arguments, [(facts | {"collected": len(done)}, lines)])

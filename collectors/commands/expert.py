@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from collectors.commands.options import add_collection, add_world, between, executor, world
+from collectors.commands.options import add_collection, add_world, executor, tell_datasets, world
 from collectors.tasks import PAPER, TASKS
-from svfl_data.system.command_line import Commands, positive
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, between, positive
 
 if TYPE_CHECKING:  # at run time only when collecting: the command line itself loads no simulation
     from collectors.sources.expert import ExpertCollector
@@ -42,7 +41,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument(
         "--episodes", type=positive, default=50, metavar="N",
-        help="number of demonstrations in the dataset of each task (default: %(default)s)",
+        help="number of episodes, all of them successful, in the dataset of each task (default: %(default)s)",
     )  # fmt: skip
     add_collection(parser)
     parser.add_argument(
@@ -98,9 +97,10 @@ def run(arguments: argparse.Namespace) -> None:
         name: Dataset.create_or_resume(tasks[name], name, arguments.seed, collector.config())
         for name, collector in collectors.items()
     }
+    collected = {}
     with CollectionProgress() as progress:
         for name, collector in collectors.items():
-            collect_dataset(
+            done = collect_dataset(
                 datasets[name],
                 arguments.episodes,
                 workers,
@@ -109,7 +109,11 @@ def run(arguments: argparse.Namespace) -> None:
                 arguments.keep_failures,
                 progress,
             )
-    say(*map(summary, datasets.values()))
+            collected[name] = len(done)
+    summaries = {name: summary(dataset) for name, dataset in datasets.items()}
+    tell_datasets(
+        arguments, [(facts | {"collected": collected[name]}, lines) for name, (facts, lines) in summaries.items()]
+    )
 
 
 def _kind(tags: bool) -> type[ExpertCollector]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import math
-from collections.abc import Callable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from collectors.robots import DEFAULT, is_simulated, make
+from collectors.robots import DEFAULT, is_simulated, make, robots
 from svfl_data.errors import UsageError
-from svfl_data.system.command_line import Parser, natural, positive
+from svfl_data.system.command_line import Parser, add_json, complete_with, natural, positive, report
 
 if TYPE_CHECKING:  # at run time only when collecting: the command line itself loads no simulation
     from collectors.recording.worker import Executor
@@ -23,7 +22,7 @@ def add_collection(parser: Parser) -> None:
         "--seed", type=natural, default=0, metavar="S", help="seed of the dataset, at least 0 (default: %(default)s)"
     )
     parser.add_argument(
-        "--workers", type=positive, default=1, metavar="W",
+        "--workers", type=positive, default=1, metavar="N",
         help="number of episodes that are recorded at the same time, each in its own process (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
@@ -36,9 +35,10 @@ def add_collection(parser: Parser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FOLDER",
-        help="dataset folder to write; a dataset of the same command in it is continued",
+        help="folder to write the dataset to; a dataset of the same command in it is continued",
     )  # fmt: skip
     add_rerun(parser)
+    add_json(parser)
 
 
 def add_rerun(parser: Parser) -> None:
@@ -70,7 +70,9 @@ def executor(arguments: argparse.Namespace) -> Executor:
     return run
 
 
-SIMULATED = "simulated robot: panda_sim, ur5e_sim, or one that another package adds"
+CAMERAS = ("front", "top", "side_left", "side_right", "wrist")
+"""Names of the simulated cameras, whose module loads the simulation; a test compares."""
+SIMULATED = "robot, a simulated one: panda_sim, ur5e_sim, or one that another package adds"
 ANY = "robot: panda_sim or ur5e_sim, which are simulated, or one that another package adds, simulated or not"
 """What ``--robot`` takes, in words."""
 
@@ -82,19 +84,32 @@ def add_world(parser: Parser, robot: str = SIMULATED) -> None:
         parser: Parser of the command.
         robot: What ``--robot`` takes, in words.
     """
-    parser.add_argument("--robot", default=DEFAULT, metavar="NAME", help=f"{robot} (default: %(default)s)")
+    chosen = parser.add_argument("--robot", default=DEFAULT, metavar="NAME", help=f"{robot} (default: %(default)s)")
+    complete_with(chosen, robots)
     parser.add_argument(
         "--sensor-noise", choices=["realistic", "none"], default="realistic",
         help="noise of the simulated wrist force sensor: as of a real sensor, or none (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
         "--image-size", type=positive, default=76, metavar="PX",
-        help="width and height of the camera images, px (default: %(default)s)",
+        help="height and width of the camera images, px (default: %(default)s)",
     )  # fmt: skip
-    parser.add_argument(
-        "--cameras", type=lambda text: text.split(","), default=["front"], metavar="NAME,...",
-        help="cameras to simulate, with commas between them: front, top, side_left, side_right, wrist (default: front)",
+    cameras = parser.add_argument(
+        "--cameras", type=names, default=["front"], metavar="NAME,...",
+        help=f"cameras to simulate, with commas between them: {', '.join(CAMERAS)} (default: front)",
     )  # fmt: skip
+    cameras.completer = _camera_lists  # type: ignore[attr-defined]  # argcomplete's name
+
+
+def names(text: str) -> list[str]:
+    """Parse names with commas between them; used as an argument type."""
+    return text.split(",")
+
+
+def _camera_lists(prefix: str, **_: object) -> list[str]:
+    """Return the lists of cameras that begin with what has been typed, each one camera longer."""
+    *done, begun = names(prefix)
+    return [",".join([*done, name]) for name in CAMERAS if name.startswith(begun) and name not in done]
 
 
 def world(arguments: argparse.Namespace) -> WorldConfig:
@@ -141,25 +156,12 @@ def real_robot(arguments: argparse.Namespace) -> str | None:
     return str(arguments.robot)
 
 
-def between(low: float, high: float, what: str) -> Callable[[str], float]:
-    """Return an argument type that accepts a number in a range.
+def tell_datasets(arguments: argparse.Namespace, summaries: Iterable[tuple[dict[str, Any], list[str]]]) -> None:
+    """Print what datasets hold, as text or as JSON.
 
     Args:
-        low: Smallest number that is accepted.
-        high: Largest number that is accepted.
-        what: Name of the quantity for the error message, such as ``an angle in degrees``.
-
-    Returns:
-        Function for argparse that turns a text into a number.
+        arguments: Parsed options of the command.
+        summaries: For each dataset its facts, and lines of text that say the same.
     """
-
-    def parse(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text!r} is not {what} between {low:g} and {high:g}")
-        return value
-
-    return parse
+    facts, lines = zip(*summaries, strict=True)
+    report(arguments.json, {"datasets": facts}, *(line for some in lines for line in some))

@@ -3,11 +3,10 @@
 import argparse
 from pathlib import Path
 
-from collectors.commands.options import ANY, add_collection, add_world, executor, real_robot, world
+from collectors.commands.options import ANY, add_collection, add_world, executor, real_robot, tell_datasets, world
 from collectors.tasks import TASKS, task_class
 from svfl_data.errors import UsageError
-from svfl_data.system.command_line import Commands, positive
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, complete_with, positive
 
 
 def add(commands: Commands) -> None:
@@ -23,14 +22,19 @@ def add(commands: Commands) -> None:
         "nobody but a person knows the success: all episodes are marked as no success, which svfl-data relabel "
         "changes.",
         example="svfl-collect policy --task block_picking --checkpoint policy.pt2 --episodes 100 --out data/trained\n"
-        "svfl-collect policy --task wiping --robot my_arm --checkpoint policy.pt2 --steps 400 --out data/tried",
+        "svfl-collect policy --task wiping --robot my_arm --checkpoint policy.pt2 --max-steps 400 --out data/tried",
     )
-    parser.add_argument(
+    task = parser.add_argument(
         "--task", required=True, metavar="TASK",
         help=f"task: {', '.join(TASKS)}; or any name, with a robot that is not simulated",
     )  # fmt: skip
+    complete_with(task, lambda: TASKS)
     parser.add_argument(
-        "--checkpoint", type=Path, required=True, metavar="FILE", help="file of the trained policy, such as a .pt2 file"
+        "--checkpoint",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="file of a trained network, such as a .pt2 file",
     )
     parser.add_argument(
         "--episodes", type=positive, default=50, metavar="N",
@@ -39,7 +43,7 @@ def add(commands: Commands) -> None:
     add_collection(parser)
     add_world(parser, ANY)
     parser.add_argument(
-        "--steps", type=positive, metavar="N",
+        "--max-steps", type=positive, metavar="N",
         help="with a robot that is not simulated: number of actions after which an episode ends, unless the policy "
         "ends it before (default: 50, which is that of simulated episodes)",
     )  # fmt: skip
@@ -58,14 +62,15 @@ def run(arguments: argparse.Namespace) -> None:
         _on_robot(arguments, robot)
         return
     task_class(arguments.task)
-    if arguments.steps:
-        raise UsageError("--steps is for robots that are not simulated; simulated episodes end after 50 actions")
+    if arguments.max_steps:
+        raise UsageError("--max-steps is for robots that are not simulated; simulated episodes end after 50 actions")
     where = executor(arguments)
     collector = PolicyCollector(arguments.seed, arguments.task, arguments.checkpoint, world(arguments))
     _ = collector.policy  # loaded here so that an error in the policy is reported before a folder is begun
     dataset = Dataset.create_or_resume(arguments.out, arguments.task, arguments.seed, collector.config())
-    collect_dataset(dataset, arguments.episodes, arguments.workers, watched(arguments, collector), where)
-    say(summary(dataset))
+    done = collect_dataset(dataset, arguments.episodes, arguments.workers, watched(arguments, collector), where)
+    facts, lines = summary(dataset)
+    tell_datasets(arguments, [(facts | {"collected": len(done)}, lines)])
 
 
 def _on_robot(arguments: argparse.Namespace, robot: str) -> None:
@@ -82,13 +87,16 @@ def _on_robot(arguments: argparse.Namespace, robot: str) -> None:
 
     if arguments.workers != 1 or arguments.executor != "processes":
         raise UsageError(f"robot {robot} is not simulated: one worker of this machine moves it")
-    steps = arguments.steps or MAX_STEPS
+    steps = arguments.max_steps or MAX_STEPS
     collector = RobotPolicyCollector(arguments.seed, arguments.task, arguments.checkpoint, robot, steps)
     _ = collector.policy, collector.opened  # so that their errors are reported before a folder is begun
     try:
         dataset = Dataset.create_or_resume(arguments.out, arguments.task, arguments.seed, collector.config())
         shown = watched(arguments, collector)
-        collect_dataset(dataset, arguments.episodes, 1, shown, lambda missing, _, worker: map(worker.collect, missing))
+        done = collect_dataset(
+            dataset, arguments.episodes, 1, shown, lambda missing, _, worker: map(worker.collect, missing)
+        )
     finally:
         collector.close()
-    say(summary(dataset))
+    facts, lines = summary(dataset)
+    tell_datasets(arguments, [(facts | {"collected": len(done)}, lines)])

@@ -1,10 +1,10 @@
 """``svfl-collect replay``: simulate an episode again and compare it with the record."""
 
 import argparse
-from pathlib import Path
 
-from svfl_data.system.command_line import Commands, natural
-from svfl_data.system.printable import say
+from collectors.robots import make, robots
+from svfl_data.commands.arguments import add_episode, add_path
+from svfl_data.system.command_line import Commands, add_json, complete_with, report
 
 
 def add(commands: Commands) -> None:
@@ -17,15 +17,14 @@ def add(commands: Commands) -> None:
         "difference. The exit code is 1 if there is one.",
         example="svfl-collect replay data/block_picking --episode 3",
     )
-    parser.add_argument("path", type=Path, metavar="DATASET", help="dataset folder, or episode file (.hdf5)")
-    parser.add_argument(
-        "--episode", type=natural, metavar="K",
-        help="number of the episode, if DATASET is a folder; at least 0 (default: the first one)",
-    )  # fmt: skip
-    parser.add_argument(
+    add_path(parser)
+    add_episode(parser)
+    robot = parser.add_argument(
         "--robot", metavar="NAME",
-        help="simulated robot that carries out the recorded actions (default: the robot of the episode)",
+        help="robot, a simulated one, that carries out the recorded actions (default: the robot of the episode)",
     )  # fmt: skip
+    complete_with(robot, robots)
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -39,7 +38,6 @@ def run(arguments: argparse.Namespace) -> None:
         DatasetError: If there are any differences.
         UsageError: If no robot has the name.
     """
-    from collectors.robots import make
     from collectors.sources.replay import replay
     from svfl_data.commands.source import read
     from svfl_data.errors import DatasetError
@@ -47,13 +45,18 @@ def run(arguments: argparse.Namespace) -> None:
     robot = make(arguments.robot) if arguments.robot else None
     episode = read(arguments.path, arguments.episode)
     found = replay(episode, robot)
+    lines = []
     for path, difference in found.differences.items():
         field = episode.declarations.at(path)
-        say(f"  {difference:<10.3g} {path}" + (f" [{field.unit}]" if field else ""))
+        lines.append(f"  {difference:<10.3g} {path}" + (f" [{field.unit}]" if field else ""))
     versions = ", ".join(f"{name} {recorded}, here {here}" for name, (recorded, here) in found.versions.items())
     recorded_with = f"; recorded with {versions}" if versions else ""
     if found.exact:
-        say(f"{episode.name}: exact, {len(episode)} steps{recorded_with}")
+        lines.append(f"{episode.name}: exact, {len(episode)} steps{recorded_with}")
+    facts = {"episode": episode.name, "steps": len(episode), "exact": found.exact, "same_scene": found.scene}
+    facts |= {"differences": found.differences, "versions": found.versions}
+    report(arguments.json, facts, *lines)
+    if found.exact:
         return
     differing = [f"{path} by {value:.3g}" for path, value in found.differences.items() if value]
     scene = [] if found.scene else ["another scene is drawn"]

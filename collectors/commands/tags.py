@@ -3,9 +3,7 @@
 import argparse
 from pathlib import Path
 
-from collectors.commands.options import between
-from svfl_data.system.command_line import Commands, natural, positive
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, add_json, between, natural, positive, report
 
 SIZE_MM = 30.0  # default size of a tag
 
@@ -30,9 +28,12 @@ def add(commands: Commands) -> None:
     )
     what.add_argument(
         "--cube", type=between(5, 200, "a length in mm"), metavar="MM",
-        help="a tag for each face of a cube whose edge has this length, mm, between 5 and 200",
+        help="a tag for each face of a cube whose edge has this length, mm, between 5 and 200 (default: single tags)",
     )  # fmt: skip
-    what.add_argument("--board", type=_grid, metavar="CxR", help="a board of tags in C columns and R rows, such as 4x5")
+    what.add_argument(
+        "--board", type=_grid, metavar="CxR",
+        help="a board of tags in C columns and R rows, such as 4x5 (default: single tags)",
+    )  # fmt: skip
     parser.add_argument(
         "--first", type=natural, default=0, metavar="ID",
         help="id of the first tag, at least 0; the others have the ids after it (default: %(default)s)",
@@ -48,7 +49,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--printed", type=between(50, 200, "a length in mm"), default=100.0, metavar="MM",
-        help="with --cube: measured length of the 100 mm line on the printed sheet, mm, between 50 and 200; corrects "
+        help="measured length of the 100 mm line on the printed sheet, mm, between 50 and 200; with --cube, corrects "
         "the size of the tags in the JSON file; for a board, give it to svfl-collect calibrate (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
@@ -59,6 +60,7 @@ def add(commands: Commands) -> None:
         help="file to write; its name ends in .pdf or .png; sheets after the first are added to the PDF file, or are "
         "PNG files with a number",
     )  # fmt: skip
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -97,11 +99,14 @@ def run(arguments: argparse.Namespace) -> None:
         layout = Layout.cube(5e-4 * arguments.cube, 1e-3 * size * arguments.printed / RULER, first, family)
     else:
         pages = tag_pages(family, list(range(first, first + arguments.count)), size, paper)
-    for file in write(pages, out):
-        say(f"{file}: {paper}, {family}, tags of {size:g} mm")
-    if layout:
-        layout.write(out.with_suffix(".json"))
-        say(f"{out.with_suffix('.json')}: where its {len(layout.tags)} tags are")
+    files = write(pages, out)
+    lines = [f"{file}: {paper}, {family}, tags of {size:g} mm" for file in files]
+    file = out.with_suffix(".json") if layout else None
+    if layout and file:
+        layout.write(file)
+        lines.append(f"{file}: where its {len(layout.tags)} tags are")
+    facts = {"files": files, "layout": file, "family": family, "paper": paper, "size_mm": size}
+    report(arguments.json, facts, *lines)
 
 
 def _grid(text: str) -> tuple[int, int]:

@@ -3,35 +3,21 @@
 import time
 from types import TracebackType
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import TaskID
 
 from collectors.recording.worker import Collected
-from svfl_data.system.printable import printable, say
+from svfl_data.system.progress import progress_line
+from svfl_data.system.progress.bars import Bars
 
 QUIET_SECONDS = 10.0
-"""Least time between two lines of progress where the output is not a terminal, [s]."""
+"""Least time between two lines of progress where standard error is not a terminal, [s]."""
 
 
 class CollectionProgress:
     """Display of rate, share of successful attempts and time left, which is used as a context manager."""
 
     def __init__(self) -> None:
-        console = Console(stderr=True)
-        self._bars = Progress(
-            TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
-            TextColumn("{task.fields[words]}"),
-            TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
-            console=console, disable=not console.is_terminal,
-        )  # fmt: skip
+        self._bars = Bars(transient=False)
 
     def __enter__(self) -> "CollectionProgress":
         self._bars.start()
@@ -50,7 +36,7 @@ class CollectionProgress:
             episodes: Number of episodes that the dataset shall have.
             missing: Number of episodes that the dataset does not have yet.
         """
-        self._bar: TaskID = self._bars.add_task(printable(task), total=episodes, completed=episodes - missing, words="")
+        self._bar: TaskID = self._bars.add(task, episodes, episodes - missing)
         self._task, self._episodes, self._left = task, episodes, missing
         self._steps = self._successes = self._attempts = self._done = 0
         self._start = self._said = time.monotonic()
@@ -64,9 +50,9 @@ class CollectionProgress:
         self._attempts += finished.attempts
         now = time.monotonic()
         seconds = max(now - self._start, 1e-3)
-        words = f"{self._steps / seconds:.0f} steps/s, {self._successes}/{self._attempts} attempts succeeded"
+        words = f"{self._steps / seconds:.0f} steps/s, {self._successes / self._attempts:.0%} succeed"
         self._bars.update(self._bar, advance=1, words=words)
-        if self._bars.disable and self._left and now - self._said > QUIET_SECONDS:
+        if not self._bars.shown and self._left and now - self._said > QUIET_SECONDS:
             self._said = now
             left = self._left * seconds / self._done
-            say(f"{self._task}: {self._episodes - self._left}/{self._episodes}, {words}, {left:.0f} s left")
+            progress_line(f"{self._task}: {self._episodes - self._left}/{self._episodes}, {words}, {left:.0f} s left")

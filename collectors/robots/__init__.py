@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from svfl_data.errors import UsageError
 from svfl_data.schema.robot import Robot
+from svfl_data.system.near_names import instead
 from svfl_data.system.printable import printable
 
 if TYPE_CHECKING:
@@ -128,7 +129,7 @@ def recorded_class(values: Any) -> "type[RobotConfig]":  # noqa: ANN401 - any JS
 def _loaded(name: str) -> Any:  # noqa: ANN401 - whatever a package declares
     known = robots()
     if name not in known:
-        raise UsageError(f"no robot {printable(name)!r}; the robots are {', '.join(sorted(known))}")
+        raise UsageError(f"no robot {printable(name)!r}; {instead(name, sorted(known))}")
     module, _, attribute = known[name].partition(":")
     try:
         found = getattr(import_module(module), attribute)

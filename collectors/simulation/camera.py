@@ -13,6 +13,7 @@ from collectors.simulation.linear import length, product
 from svfl_data.errors import UsageError
 from svfl_data.schema.observation import Frame
 from svfl_data.schema.optics import Calibration
+from svfl_data.system.near_names import instead
 from svfl_data.system.own_process import OwnProcess
 from svfl_data.system.printable import printable
 
@@ -93,7 +94,7 @@ def cameras_named(names: Iterable[str]) -> dict[str, CameraConfig]:
     """
     chosen = list(names)
     if unknown := [name for name in chosen if name not in CAMERAS]:
-        raise UsageError(f"no camera {printable(unknown[0], 40)!r}; the cameras are {', '.join(CAMERAS)}")
+        raise UsageError(f"no camera {printable(unknown[0], 40)!r}; {instead(unknown[0], CAMERAS)}")
     return {name: CAMERAS[name] for name in chosen}
 
 

@@ -139,8 +139,8 @@ def add_block(world: World, scene: Scene) -> int:
     )
 
 
-def summary(dataset: Dataset) -> list[str]:
-    """Describe a dataset of samples in lines of text: the classes, and how many attempts were rejected and why."""
+def summary(dataset: Dataset) -> tuple[dict[str, Any], list[str]]:
+    """Describe a dataset of samples, as facts and in lines: the classes, and how many attempts failed and why."""
     classes: Counter[str] = Counter()
     rejected: Counter[str] = Counter()
     for episode in dataset:
@@ -152,4 +152,7 @@ def summary(dataset: Dataset) -> list[str]:
         "classes: " + ", ".join(f"{name} {classes[name]}" for name in DIRECTIONS),
         f"rejected attempts: {rejected.total()} of {total + rejected.total()}",
     ]
-    return [*lines, *(f"  {count} x {reason}" for reason, count in rejected.most_common())]
+    facts = {"path": dataset.path, "task": dataset.info["task"], "episodes": total}
+    facts |= {"classes": {name: classes[name] for name in DIRECTIONS}}
+    facts |= {"attempts": total + rejected.total(), "failures": dict(rejected)}
+    return facts, [*lines, *(f"  {count} x {reason}" for reason, count in rejected.most_common())]

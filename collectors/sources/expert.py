@@ -111,8 +111,8 @@ class ExpertCollector(Simulated):
         return record(self.opened, policy, self.steps, task.success, task.state, watch), task.success()
 
 
-def summary(dataset: Dataset) -> str:
-    """Describe a dataset of demonstrations in a line of text: its size, and how many attempts failed and why."""
+def summary(dataset: Dataset) -> tuple[dict[str, Any], list[str]]:
+    """Describe a dataset of demonstrations, as facts and in a line: its size, and how many attempts failed and why."""
     rejected: Counter[str] = Counter()
     steps = []
     for index in dataset.indices:
@@ -120,9 +120,12 @@ def summary(dataset: Dataset) -> str:
         steps.append(len(episode))
         rejected.update(episode.meta.config["rejected"])
     attempts = len(steps) + rejected.total()
-    words = f"{dataset.path}: {len(steps)} demonstrations of {np.median(steps):.0f} steps (median)"
+    median = float(np.median(steps))
+    words = f"{dataset.path}: {len(steps)} demonstrations of {median:.0f} steps (median)"
     failed = f", {rejected.total()} of {attempts} attempts failed"
-    return words + failed + (f": {_counted(rejected)}" if rejected else "")
+    facts = {"path": dataset.path, "task": dataset.info["task"], "episodes": len(steps), "median_steps": median}
+    facts |= {"attempts": attempts, "failures": dict(rejected)}
+    return facts, [words + failed + (f": {_counted(rejected)}" if rejected else "")]
 
 
 def _counted(reasons: Counter[str]) -> str:

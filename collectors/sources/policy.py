@@ -134,11 +134,12 @@ class Bounded:
         return np.clip(action, low, high).astype(np.float32)
 
 
-def summary(dataset: Dataset) -> str:
-    """Describe in a line of text the success rate over all episodes of a dataset, with its 95 % interval."""
+def summary(dataset: Dataset) -> tuple[dict[str, Any], list[str]]:
+    """Describe the success rate over all episodes of a dataset with its 95 % interval, as facts and in a line."""
     successes = [dataset.episode(index).meta.success for index in dataset.indices]
     low, high = wilson(sum(successes), len(successes))
-    return (
-        f"{dataset.path}: {sum(successes)} of {len(successes)} episodes succeeded, {np.mean(successes):.1%} "
-        f"(95 % interval {low:.1%} to {high:.1%})"
-    )
+    rate = float(np.mean(successes))
+    facts = {"path": dataset.path, "task": dataset.info["task"], "episodes": len(successes)}
+    facts |= {"successes": sum(successes), "rate": rate, "interval": [low, high]}
+    words = f"{dataset.path}: {sum(successes)} of {len(successes)} episodes succeeded, {rate:.1%} "
+    return facts, [f"{words}(95 % interval {low:.1%} to {high:.1%})"]

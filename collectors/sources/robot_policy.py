@@ -62,9 +62,9 @@ class RobotPolicyCollector(Connected):
         return Episode(meta, arrays, declarations=robot.declarations)
 
 
-def summary(dataset: Dataset) -> str:
-    """Describe in a line of text a dataset of a robot where nobody but a person knows the success."""
-    return (
-        f"{dataset.path}: {len(dataset.indices)} episodes; mark those that succeeded with: svfl-data relabel "
-        f"{dataset.path} --episode K --success yes"
-    )
+def summary(dataset: Dataset) -> tuple[dict[str, Any], list[str]]:
+    """Describe a dataset of a robot where nobody but a person knows the success, as facts and in a line."""
+    count = len(dataset.indices)
+    facts = {"path": dataset.path, "task": dataset.info["task"], "episodes": count}
+    command = f"svfl-data relabel {dataset.path} --episode N --success yes"
+    return facts, [f"{dataset.path}: {count} episodes; mark those that succeeded with: {command}"]

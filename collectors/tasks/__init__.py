@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from svfl_data.errors import UsageError
+from svfl_data.system.near_names import instead
 
 if TYPE_CHECKING:
     from collectors.tasks.task import Task
@@ -37,6 +38,6 @@ def task_class(name: str) -> "type[Task]":
         UsageError: If no task has that name.
     """
     if name not in TASKS:
-        raise UsageError(f"no task {name!r}; the tasks are {', '.join(TASKS)}")
+        raise UsageError(f"no task {name!r}; {instead(name, TASKS)}")
     found: type[Task] = getattr(import_module(f"collectors.tasks.{name}"), TASKS[name])
     return found

@@ -1,7 +1,7 @@
 """Session in which a person records episodes one after the other until the person quits, without losing data."""
 
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from typing import Any
 
@@ -53,14 +53,17 @@ class Session:
         about: Facts of the session that every episode stores in addition, JSON values.
         log: Log that the inputs are written to. None writes no log.
         viewer: Address of the viewer on which episodes are shown as well, HOST:PORT. None shows them on no viewer.
+        tell: Function that prints a message about the session.
     """
 
     def __init__(
         self, dataset: Dataset, what: Setting, device: Device, screen: Screen, clock: Clock, pace: float,
         max_steps: int, about: dict[str, Any], log: InputLog | None = None, viewer: str | None = None,
+        tell: Callable[[str], None] = say,
     ) -> None:  # fmt: skip
         self._dataset, self._what, self._device, self._screen, self._clock = dataset, what, device, screen, clock
         self._robot, self._max_steps, self._log, self._viewer = what.opened, max_steps, log, viewer
+        self._tell = tell
         self._about = {"device": device.name, "pace": pace, **about}
         cameras = self._robot.cameras
         self._camera = next(iter(cameras), None)
@@ -74,8 +77,8 @@ class Session:
         self._contact = self._interrupted = self._over = False
         self._lost: DeviceLostError | None = None
 
-    def run(self) -> None:
-        """Record until the person quits.
+    def run(self) -> int:
+        """Record until the person quits, and return the number of episodes that were saved.
 
         Raises:
             DeviceLostError: If the device was unplugged; what was recorded until then is saved.
@@ -94,6 +97,7 @@ class Session:
             raise self._lost
         if self._interrupted:
             raise KeyboardInterrupt
+        return len(self._saved)
 
     def _salvage(self) -> None:
         """Make episodes of the journals that killed sessions have left."""
@@ -237,7 +241,7 @@ class Session:
 
     def _say(self, message: str) -> None:
         self._message = message
-        say(message)
+        self._tell(message)
 
     @contextmanager
     def _signals(self) -> Iterator[None]:

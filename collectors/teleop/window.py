@@ -79,5 +79,5 @@ class Window:
 
 def _no_display(why: str) -> CollectError:
     return CollectError(
-        f"no display to open the window on ({why}); without one, --device script FILE replays an input log"
+        f"no display to open the window on ({why}); without one, --input-device script FILE replays an input log"
     )

@@ -3,11 +3,10 @@
 import argparse
 from pathlib import Path
 
-from svfl_data.commands.source import add_dataset
+from svfl_data.commands.arguments import add_dataset
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import UsageError
-from svfl_data.system.command_line import Commands
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, add_json, report
 
 
 def add(commands: Commands) -> None:
@@ -22,8 +21,9 @@ def add(commands: Commands) -> None:
     add_dataset(parser)
     parser.add_argument(
         "--out", type=Path, metavar="FILE.md",
-        help="Markdown file to write; its name ends in .md (default: README.md in the dataset folder)",
+        help="file to write, in Markdown; its name ends in .md (default: README.md in the dataset folder)",
     )  # fmt: skip
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -35,4 +35,4 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_data.reports.dataset_card import write_card
 
     files = write_card(Dataset.open(arguments.path), out)
-    say("wrote " + ", ".join(map(str, files)))
+    report(arguments.json, {"files": files}, "wrote " + ", ".join(map(str, files)))

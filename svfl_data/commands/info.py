@@ -5,7 +5,8 @@ import dataclasses
 from contextlib import suppress
 from typing import Any
 
-from svfl_data.commands.source import add_episode, add_json, add_path, is_episode, print_json, reader
+from svfl_data.commands.arguments import add_episode, add_path
+from svfl_data.commands.source import is_episode, reader
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.fingerprint import Identity, identity
 from svfl_data.datasets.index import LONGEST_SAID as LONGEST_KEPT
@@ -15,7 +16,7 @@ from svfl_data.schema.field import Field
 from svfl_data.schema.field_words import camera_pose, meaning, own, title
 from svfl_data.schema.rates import declared_hz
 from svfl_data.storage.reader import EpisodeReader
-from svfl_data.system.command_line import Commands
+from svfl_data.system.command_line import Commands, add_json, report
 from svfl_data.system.printable import printable
 
 SECONDS_PER_HOUR = 3600
@@ -51,19 +52,17 @@ def run(arguments: argparse.Namespace) -> None:
     """Print the facts, as text or as JSON."""
     if is_episode(arguments.path) or arguments.episode is not None:
         episode = reader(arguments.path, arguments.episode)
-        print_json(episode_facts(episode)) if arguments.json else print(episode_words(episode))
+        report(arguments.json, episode_facts(episode), *episode_lines(episode))
         return
     dataset = Dataset.open(arguments.path)
     found = summary(dataset)
     first = _first_readable(dataset) if found.episodes else None
     software = first.meta.software if first else {}
     strays, who = dataset.strays(), identity(dataset)
-    if arguments.json:
-        facts = {"path": str(dataset.path), "info": dataset.info, "software": software, "not_counted": strays}
-        facts["identity"] = dataclasses.asdict(who)
-        print_json({**facts, **dataclasses.asdict(found), "fields": field_facts(first) if first else {}})
-    else:
-        print(dataset_words(dataset, found, first, strays, who))
+    facts = {"path": dataset.path, "info": dataset.info, "software": software, "not_counted": strays}
+    facts |= {**dataclasses.asdict(found), "identity": dataclasses.asdict(who)}
+    facts["fields"] = field_facts(first) if first else {}
+    report(arguments.json, facts, *dataset_lines(dataset, found, first, strays, who))
 
 
 def _first_readable(dataset: Dataset) -> EpisodeReader | None:
@@ -87,9 +86,9 @@ def units(group: str, episode: EpisodeReader | None) -> str:
     return ", ".join(dict.fromkeys(unit for one in declared for unit in one.split(", ") if unit != "-")) or "-"
 
 
-def dataset_words(
+def dataset_lines(
     dataset: Dataset, found: Summary, first: EpisodeReader | None, strays: list[str], who: Identity
-) -> str:
+) -> list[str]:
     """Return a description of a dataset in a few lines of text.
 
     Args:
@@ -128,7 +127,7 @@ def dataset_words(
         *_some("damaged", list(found.damaged.values())),
         *_some("no name", [f"{name}: not counted; an episode is named like episode_000012.hdf5" for name in strays]),
     ]
-    return "\n".join(map(printable, lines))
+    return [printable(line) for line in lines]
 
 
 def _told(episode: EpisodeReader) -> list[Field]:
@@ -229,7 +228,7 @@ def _meaning(episode: EpisodeReader, path: str) -> dict[str, Any]:
     return known | {"bounds": field.bounds, "assumed": field.assumed, "doc": field.doc}
 
 
-def episode_words(episode: EpisodeReader) -> str:
+def episode_lines(episode: EpisodeReader) -> list[str]:
     """Return a description of an episode in several lines of text.
 
     Args:
@@ -252,7 +251,7 @@ def episode_words(episode: EpisodeReader) -> str:
     lines += [f"  transform {printable(record)}" for record in meta.transforms]
     lines += [f"  mark      {_mark_words(one)}" for one in meta.annotations]
     lines += [f"  history   {printable(one.get('time', ''), 40)} {printable(one['tool'])}" for one in meta.history]
-    return "\n".join([repr(episode), *map(printable, lines)])
+    return [*repr(episode).splitlines(), *map(printable, lines)]
 
 
 def _mark_words(one: dict[str, Any]) -> str:

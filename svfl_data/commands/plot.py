@@ -3,10 +3,10 @@
 import argparse
 from pathlib import Path
 
-from svfl_data.commands.source import add_episode, add_path, read
+from svfl_data.commands.arguments import add_episode, add_path
+from svfl_data.commands.source import read
 from svfl_data.errors import UsageError
-from svfl_data.system.command_line import Commands
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, add_json, report
 
 
 def add(commands: Commands) -> None:
@@ -22,8 +22,13 @@ def add(commands: Commands) -> None:
     add_path(parser)
     add_episode(parser)
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE.png", help="PNG file to write; its name ends in .png"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.png",
+        help="file to write, a PNG picture; its name ends in .png",
     )
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -34,4 +39,4 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_data.reports import plot
 
     plot.save(read(arguments.path, arguments.episode), arguments.out)
-    say(f"wrote {arguments.out}")
+    report(arguments.json, {"file": arguments.out}, f"wrote {arguments.out}")

@@ -4,15 +4,15 @@ import argparse
 import dataclasses
 from collections.abc import Sequence
 
-from svfl_data.commands.source import add_episode, add_path, is_episode, yes_no
+from svfl_data.commands.arguments import add_episode, add_path
+from svfl_data.commands.source import is_episode
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import UsageError
 from svfl_data.maintenance import relabel
 from svfl_data.schema.episode import Episode, Meta
 from svfl_data.signals.contact import ContactRule
 from svfl_data.signals.transforms import Gravity, LowPass, Tare
-from svfl_data.system.command_line import Commands, Parser
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, Parser, add_json, report, yes_no
 from svfl_data.system.progress import progress
 
 RULE = ContactRule()
@@ -39,11 +39,11 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--annotate", nargs=3, action="append", default=[], metavar=("NAME", "START", "END"),
         help="add an annotation with this name, start and end; the times are in s on the episode clock and lie within "
-        "the episode; may be given several times",
+        "the episode; may be given several times (default: none is added)",
     )  # fmt: skip
     parser.add_argument(
         "--remove", action="append", default=[], metavar="NAME",
-        help="remove all annotations with this name; may be given several times",
+        help="remove all annotations with this name; may be given several times (default: none is removed)",
     )  # fmt: skip
     parser.add_argument(
         "--transforms", nargs="+", type=transform, metavar="STEP",
@@ -55,9 +55,11 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "--contact",
         action="store_true",
-        help="find contacts in the wrench, and store them as annotations that replace those found earlier",
+        help="find contacts in the wrench, and store them as annotations that replace those found earlier (default: "
+        "unchanged)",
     )
     _add_rule(parser)
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -101,8 +103,10 @@ def run(arguments: argparse.Namespace) -> None:
 
     if is_episode(arguments.path):
         _refuse(arguments.episode is not None, "--episode chooses from a dataset folder")
-        relabel.relabel_file(arguments.path, change)
-        say(f"{arguments.path}: relabelled")
+        changed = int(bool(relabel.relabel_file(arguments.path, change)))
+        report(
+            arguments.json, {"path": arguments.path, "episodes": 1, "changed": changed}, f"{arguments.path}: relabelled"
+        )
         return
     dataset = Dataset.open(arguments.path)
     if arguments.episode is None:
@@ -110,7 +114,8 @@ def run(arguments: argparse.Namespace) -> None:
     dataset.clear()
     indices: Sequence[int] = dataset.indices if arguments.episode is None else [arguments.episode]
     changed = sum(bool(relabel.relabel(dataset, index, change)) for index in progress(indices, "relabelling"))
-    say(f"{arguments.path}: {changed} of {len(indices)} episodes changed")
+    facts = {"path": arguments.path, "episodes": len(indices), "changed": changed}
+    report(arguments.json, facts, f"{arguments.path}: {changed} of {len(indices)} episodes changed")
 
 
 def _changes(arguments: argparse.Namespace) -> list[relabel.Change]:
@@ -138,4 +143,4 @@ def _time(text: str) -> float:
 
 def _refuse(wrong: bool, words: str) -> None:
     if wrong:
-        raise UsageError(f"relabel: {words}")
+        raise UsageError(words)

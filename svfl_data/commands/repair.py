@@ -1,13 +1,11 @@
 """``svfl-data repair``: repair a dataset after killed processes, power cuts and damage."""
 
 import argparse
-import dataclasses
 
-from svfl_data.commands.source import add_dataset, add_json, print_json
+from svfl_data.commands.arguments import add_dataset
 from svfl_data.errors import SvflError
 from svfl_data.maintenance.repair import RepairAction, repair_dataset, repair_exit_code
-from svfl_data.system.command_line import Commands
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, add_json, report
 
 
 class LossError(SvflError):
@@ -46,12 +44,8 @@ def run(arguments: argparse.Namespace) -> None:
         LossError: If readings or files were lost. Its exit code is 3 if others were saved, and 1 if nothing was saved.
     """
     actions = repair_dataset(arguments.path, arguments.reseal)
-    if arguments.json:
-        print_json([dataclasses.asdict(action) | {"path": str(action.path)} for action in actions])
-    elif actions:
-        say(*(f"{action.done}: {action.path}: {action.detail}" for action in actions))
-    else:
-        say(f"{arguments.path}: in order, nothing to do")
+    lines = [f"{action.done}: {action.path}: {action.detail}" for action in actions]
+    report(arguments.json, {"actions": actions}, *(lines or [f"{arguments.path}: in order, nothing to do"]))
     if code := repair_exit_code(actions):
         problem = LossError(_loss_words(arguments, actions))
         problem.exit_code = code

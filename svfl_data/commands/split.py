@@ -2,11 +2,10 @@
 
 import argparse
 
-from svfl_data.commands.source import add_dataset, add_json, print_json
+from svfl_data.commands.arguments import add_dataset
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.sampling.split import check_no_copies, split_episodes
-from svfl_data.system.command_line import Commands, natural
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, add_json, natural, report
 
 SHARES = [("train", 0.8), ("valid", 0.1), ("test", 0.1)]
 
@@ -32,8 +31,8 @@ def add(commands: Commands) -> None:
         "--seed", type=natural, default=0, metavar="S", help="seed of the draw, at least 0 (default: %(default)s)"
     )
     parser.add_argument(
-        "--name", default="default", metavar="NAME",
-        help="name of the split, of letters, digits, - and _ (default: %(default)s)",
+        "--split", default="default", metavar="NAME",
+        help="split to draw, a name of letters, digits, - and _ (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
         "--replace",
@@ -59,10 +58,8 @@ def run(arguments: argparse.Namespace) -> None:
     dataset = Dataset.open(arguments.path)
     check_no_copies(dataset)
     dataset.clear()
-    split = split_episodes(dataset.indices, dict(arguments.ratios), arguments.seed, arguments.name)
+    split = split_episodes(dataset.indices, dict(arguments.ratios), arguments.seed, arguments.split)
     file = split.save(dataset, arguments.replace)
-    if arguments.json:
-        print_json({"file": str(file), "sha256": split.sha256, "seed": split.seed, "parts": split.parts})
-    else:
-        parts = ", ".join(f"{part} {len(indices)}" for part, indices in split.parts.items())
-        say(f"{file}: {parts} episodes, seed {split.seed}, sha256 {split.sha256[:12]}")
+    facts = {"file": file, "sha256": split.sha256, "seed": split.seed, "parts": split.parts}
+    parts = ", ".join(f"{part} {len(indices)}" for part, indices in split.parts.items())
+    report(arguments.json, facts, f"{file}: {parts} episodes, seed {split.seed}, sha256 {split.sha256[:12]}")

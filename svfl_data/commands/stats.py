@@ -1,15 +1,13 @@
 """``svfl-data stats``: compute the mean and the scale of every field from the training episodes."""
 
 import argparse
-import dataclasses
 
-from svfl_data.commands.source import add_dataset, add_json, print_json
+from svfl_data.commands.arguments import add_dataset
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.sampling.split import load_split
 from svfl_data.sampling.statistics import TRAIN, FieldStatistics, compute_statistics, save_statistics
 from svfl_data.schema.declarations import Declarations
-from svfl_data.system.command_line import Commands
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, add_json, report
 
 
 def add(commands: Commands) -> None:
@@ -24,7 +22,10 @@ def add(commands: Commands) -> None:
     )
     add_dataset(parser)
     parser.add_argument(
-        "--split", default="default", metavar="NAME", help="name of the stored split (default: %(default)s)"
+        "--split",
+        default="default",
+        metavar="NAME",
+        help="split that svfl-data split has stored (default: %(default)s)",
     )
     add_json(parser)
     parser.set_defaults(command=run)
@@ -37,15 +38,11 @@ def run(arguments: argparse.Namespace) -> None:
     split = load_split(dataset, arguments.split)
     found = compute_statistics(dataset, split[TRAIN])
     file = save_statistics(dataset, split, found)
-    if arguments.json:
-        fields = {path: dataclasses.asdict(field) for path, field in found.items()}
-        print_json({"file": str(file), "split_sha256": split.sha256, "fields": fields})
-        return
     declared = dataset.episode(split[TRAIN][0]).declarations
-    say(f"{file}: {len(split[TRAIN])} training episodes")
+    lines = [f"{file}: {len(split[TRAIN])} training episodes"]
     for path, field in found.items():
-        say(f"{path}, {field.count} rows [{field.unit}]")
-        say(*_rows(declared, path, field))
+        lines += [f"{path}, {field.count} rows [{field.unit}]", *_rows(declared, path, field)]
+    report(arguments.json, {"file": file, "split_sha256": split.sha256, "fields": found}, *lines)
 
 
 def _rows(declarations: Declarations, path: str, field: FieldStatistics) -> list[str]:

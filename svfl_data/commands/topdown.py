@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from svfl_data.commands.source import add_episode, add_path, read
+from svfl_data.commands.arguments import add_episode, add_path
+from svfl_data.commands.source import read
 from svfl_data.errors import UsageError
 from svfl_data.schema.episode import Episode
 from svfl_data.signals.top_view import SIZE
 from svfl_data.signals.topdown import TopDown, latest_frame, topdown
 from svfl_data.system.atomic_io import write_atomically
-from svfl_data.system.command_line import Commands, natural, positive
-from svfl_data.system.printable import printable, say
+from svfl_data.system.command_line import Commands, add_json, natural, positive, report
+from svfl_data.system.printable import printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,12 +40,17 @@ def add(commands: Commands) -> None:
         help="number of the observation, from 0 to the number of steps of the episode (default: the last one)",
     )  # fmt: skip
     parser.add_argument(
-        "--size", type=positive, default=SIZE, metavar="PX",
-        help="height and width of the view from above, px, at least 1 (default: %(default)s)",
+        "--image-size", type=positive, default=SIZE, metavar="PX",
+        help="height and width of the view from above, px (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE.png", help="PNG file to write; its name ends in .png"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.png",
+        help="file to write, a PNG picture; its name ends in .png",
     )
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -56,9 +62,11 @@ def run(arguments: argparse.Namespace) -> None:
 
     episode = read(arguments.path, arguments.episode)
     step = len(episode) if arguments.step is None else arguments.step
-    seen = topdown(episode, step, size=arguments.size)
+    seen = topdown(episode, step, size=arguments.image_size)
     write_atomically(arguments.out, png(_figure(episode, step, seen)))
-    say(f"wrote {arguments.out}: {(seen.depth > 0).mean():.1%} of the square was seen")
+    share = float((seen.depth > 0).mean())
+    facts = {"file": arguments.out, "step": step, "seen": share}
+    report(arguments.json, facts, f"wrote {arguments.out}: {share:.1%} of the square was seen")
 
 
 def _figure(episode: Episode, step: int, seen: TopDown) -> "Figure":

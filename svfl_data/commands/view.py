@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from svfl_data.commands.source import add_path, is_episode, reader
+from svfl_data.commands.arguments import add_path
+from svfl_data.commands.source import is_episode, reader
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import UsageError
 from svfl_data.storage.reader import EpisodeReader
@@ -36,17 +37,18 @@ def add(commands: Commands) -> None:
         "svfl-data view data/block_picking --episode 0 4 9            # side by side\n"
         "svfl-data view data/centering --episode 3 --checkpoint runs/vf/checkpoint.ckpt\n"
         "svfl-data view data/centering --episode 3 --web              # in a browser of this machine\n"
-        "svfl-data view data/centering --episode 3 --save episode.rrd   # later: rerun episode.rrd\n"
+        "svfl-data view data/centering --episode 3 --out episode.rrd   # later: rerun episode.rrd\n"
         "svfl-data view data/block_picking --compare data/mine",
     )
     add_path(parser)
     parser.add_argument(
         "--episode", type=natural, nargs="+", default=[], metavar="N",
-        help=f"numbers of the episodes, each at least 0; at most {MOST} episodes (default: the first one)",
+        help="number of the episode, if PATH is a dataset folder; at least 0; several, but at most "
+        f"{MOST}, are shown side by side (default: the first one)",
     )  # fmt: skip
     parser.add_argument(
         "--checkpoint", type=Path, metavar="FILE",
-        help="checkpoint of a trained network whose predictions are shown as well (default: none)",
+        help="file of a trained network, whose predictions are shown as well (default: none)",
     )  # fmt: skip
     parser.add_argument(
         "--compare", type=Path, metavar="DATASET",
@@ -57,12 +59,11 @@ def add(commands: Commands) -> None:
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
-        "--save", type=Path, metavar="FILE.rrd",
-        help="write a file for the viewer instead of opening the viewer; its name ends in .rrd",
+        "--out", type=Path, metavar="FILE.rrd",
+        help="file to write for the viewer, instead of opening it; its name ends in .rrd (default: the viewer "
+        "opens)",
     )  # fmt: skip
-    where.add_argument(
-        "--web", action="store_true", help="serve the viewer to a web browser instead of opening a window"
-    )
+    where.add_argument("--web", action="store_true", help="serve the viewer to a web browser (default: a window opens)")
     parser.add_argument(
         "--bind", default=LOOPBACK, metavar="ADDRESS",
         help="with --web: IP address to listen on; 0.0.0.0 listens on all addresses of this machine (default: "
@@ -84,8 +85,8 @@ def run(arguments: argparse.Namespace) -> None:
     Raises:
         UsageError: If options do not fit together.
     """
-    if arguments.save and arguments.save.suffix != ".rrd":
-        raise UsageError(f"--save {arguments.save}: the name must end in .rrd")
+    if arguments.out and arguments.out.suffix != ".rrd":
+        raise UsageError(f"--out {arguments.out}: the name must end in .rrd")
     if arguments.compare and (arguments.episode or arguments.checkpoint):
         raise UsageError("--compare shows whole datasets; leave --episode and --checkpoint out")
     os.environ["CI"] = "1"  # the only way to stop Rerun from sending usage statistics without changing its settings
@@ -95,10 +96,10 @@ def run(arguments: argparse.Namespace) -> None:
         content = compare.content(Dataset.open(arguments.path), Dataset.open(arguments.compare))
     else:
         content = show.content(_episodes(arguments), arguments.urdf)
-    if arguments.save:
-        show.save(content, arguments.save)
-        say(f"viewer file {arguments.save}")
-        say(f"open it     {show.command_to_open(arguments.save)}")
+    if arguments.out:
+        show.save(content, arguments.out)
+        say(f"viewer file {arguments.out}")
+        say(f"open it     {show.command_to_open(arguments.out)}")
     elif arguments.web:
         show.serve(content, arguments.bind, arguments.port)
     else:

@@ -150,5 +150,5 @@ def check_agreement(dataset: Dataset, episodes: Sequence[int], cameras: Collecti
     refuse_difference(
         first_difference(setups, Common(dataset.varies, cameras)),
         "use these episodes together",
-        "if that is meant, copy them with svfl-data merge SRC DST --varies {name}",
+        "if that is meant, copy them with svfl-data merge DATASET NEW --varies {name}",
     )

@@ -210,8 +210,8 @@ def load_split(dataset: Dataset, name: str) -> Split:
     if missing := sorted(set(together) - set(dataset.indices)):
         raise DatasetError(
             f"{file}: the dataset lacks {len(missing)} of its {len(together)} episodes ({_named(missing)}); put them "
-            f"back, or draw it again among those there are: svfl-data split {dataset.path} --name {name} --replace, or "
-            "under another name"
+            f"back, or draw it again among those there are: svfl-data split {dataset.path} --split {name} --replace, "
+            "or under another name"
         )
     return split
 

@@ -154,13 +154,13 @@ def show(shown: Content) -> None:
     """
     if sys.platform == "linux" and not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")):
         raise ViewerError(
-            "there is no display to open the viewer on; write a file instead with --save FILE.rrd, or show it in a "
+            "there is no display to open the viewer on; write a file instead with --out FILE.rrd, or show it in a "
             "browser with --web"
         )
     with tempfile.TemporaryDirectory(prefix="svfl-view-") as folder:
         file = Path(folder) / "episode.rrd"
         save(shown, file)
-        _run(["--new", "--bind", LOOPBACK, str(file)], "write a file instead with --save FILE.rrd")
+        _run(["--new", "--bind", LOOPBACK, str(file)], "write a file instead with --out FILE.rrd")
 
 
 def serve(shown: Content, bind: str = LOOPBACK, port: int = 9090) -> None:

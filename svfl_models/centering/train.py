@@ -15,6 +15,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.sampling.centering_samples import CenteringSamples, View, load_centering
 from svfl_data.sampling.named_camera import camera_of_dataset
 from svfl_data.sampling.split import train_test_split
+from svfl_data.system.progress import progress_console
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.data import CenteringData, check_samples
 from svfl_models.centering.evaluate import evaluate, write_predictions
@@ -61,7 +62,7 @@ def train_centering(
         out: Folder for the checkpoint, metrics, predictions, figures and report.
         separate_test: Dataset folder whose samples are all tested as well; no choice is made by their result. None for
             no such dataset.
-        console: Console that progress is printed on; standard output by default.
+        console: Console that progress is shown on; standard error by default.
         hardware: Devices, number format and threads. Several processes give the result of one, apart from rounding.
         loggers: Names of experiment trackers to log to, beside the metrics file (`training.trackers`).
 
@@ -80,7 +81,7 @@ def train_centering(
         >>> result = train_centering(config, Path("out/centering"))  # doctest: +SKIP
         >>> result.test_accuracy  # doctest: +SKIP
     """
-    console = console or Console()
+    console = console or progress_console()
     check_trackers(loggers)
     placement = placed(hardware, needs_of(config.preset, config.group, NO_WORKERS))
     placement.prepare(console)

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import torch
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from svfl_data.errors import TrainingError, UsageError
 from svfl_data.reports.success_rate import wilson
 from svfl_data.schema.rates import RATE_FACTOR
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
+from svfl_data.system.progress.bars import Bars
 from svfl_data.system.worker_processes import Died, run_jobs
 from svfl_models.cloning import own_acting
 from svfl_models.cloning.acting import ActingPolicy, acting
@@ -73,8 +73,12 @@ class Evaluation:
             f"(95 % interval {low:.1%} to {high:.1%}){length}"
         )
 
+    def plain(self) -> dict[str, Any]:
+        """Return the attributes, the success rate, its interval and the median length as JSON values."""
+        return asdict(self) | {"rate": self.rate, "interval": self.interval, "median_steps": self.median_steps}
+
     def save(self, file: Path) -> None:
-        """Write the result, with the success rate, its interval and the median length, as JSON.
+        """Write the values of `plain` as JSON.
 
         Args:
             file: File to write.
@@ -82,8 +86,7 @@ class Evaluation:
         Raises:
             StorageError: If the file cannot be written.
         """
-        derived = {"rate": self.rate, "interval": self.interval, "median_steps": self.median_steps}
-        write_atomically(file, (json.dumps(asdict(self) | derived, indent=2) + "\n").encode())
+        write_atomically(file, (json.dumps(self.plain(), indent=2) + "\n").encode())
 
 
 def environment_of(task: str) -> str:
@@ -116,17 +119,15 @@ def evaluate(
     module = load_policy(checkpoint)
     environment = environment_of(module.deployment.task)
     provenance = session({"checkpoint": file(checkpoint)}, [seed])
-    console = console or Console(stderr=True)
-    columns = (TextColumn("episode"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
     outcomes: dict[int, tuple[bool, int]] = {}
-    with Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal) as bar:
-        shown = bar.add_task("", total=episodes)
+    with Bars(console) as bars:
+        bar = bars.add("episode", episodes)
         for index, outcome in _outcomes(
             partial(Trial, checkpoint, environment, seed, robot), str(checkpoint), episodes, workers
         ):
             outcomes[index] = outcome
             succeeded = sum(success for success, _ in outcomes.values())
-            bar.update(shown, advance=1, description=f"{succeeded} of {len(outcomes)} succeeded")
+            bars.update(bar, advance=1, words=f"{succeeded} of {len(outcomes)} succeeded")
     success, steps = (list(values) for values in zip(*(outcomes[index] for index in range(episodes)), strict=True))
     return Evaluation(str(checkpoint), environment, seed, success, steps, provenance)
 

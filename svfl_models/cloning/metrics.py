@@ -1,13 +1,12 @@
 """Callbacks that record and show the progress of a behaviour cloning run; the records survive an interruption."""
 
-import time
 from pathlib import Path
 from typing import Any
 
 import lightning.pytorch as pl
 
 from svfl_models.training import progress
-from svfl_models.training.progress import QUIET_SECONDS, ProgressLine
+from svfl_models.training.progress import ProgressLine
 
 COLUMNS = (
     "epoch", "train_loss", "valid_loss", "valid_error", "valid_gripper", "valid_xy_mm", "valid_z_mm", "valid_turn_deg",
@@ -39,7 +38,7 @@ class CloningProgress(ProgressLine):
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Show the losses and the position error of the epoch."""
-        metrics, epoch = trainer.callback_metrics, trainer.current_epoch + 1
+        metrics = trainer.callback_metrics
         words = ", ".join(
             (
                 f"loss {float(metrics['train_loss']):.3f}",
@@ -49,8 +48,4 @@ class CloningProgress(ProgressLine):
                 else f"error {float(metrics['valid_error']):.1%}",
             )
         )
-        if self.console.is_terminal:
-            self.bar.update(self.task, completed=epoch, description=words)
-        elif time.monotonic() >= self.next_line:
-            self.console.print(f"epoch {epoch}/{self.epochs}: {words}", highlight=False)
-            self.next_line = time.monotonic() + QUIET_SECONDS
+        self.say(trainer.current_epoch + 1, words)

@@ -11,6 +11,7 @@ import lightning.pytorch as pl
 from rich.console import Console
 
 from svfl_data.errors import TrainingError
+from svfl_data.system.progress import progress_console
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.data import CloningData
@@ -83,7 +84,7 @@ def train_cloning(
         config: Configuration of the policy, the demonstrations and the training.
         out: Folder for the checkpoint, metrics and result. If it holds an interrupted training of the same
             configuration, that training is resumed after its last complete epoch.
-        console: Console that progress is printed on; standard output by default.
+        console: Console that progress is shown on; standard error by default.
         hardware: Devices, number format and threads. Several processes give the result of one, apart from rounding.
         loggers: Names of experiment trackers to log to, beside the metrics file (`training.trackers`).
 
@@ -100,7 +101,7 @@ def train_cloning(
         >>> config = CloningConfig("data/block_picking", episodes=50)
         >>> train_cloning(config, Path("out/bc"))  # doctest: +SKIP
     """
-    console = console or Console()
+    console = console or progress_console()
     check_trackers(loggers)
     placement = placed(hardware, needs_of(config.preset, config.group))
     placement.prepare(console)

@@ -3,8 +3,7 @@
 import argparse
 from pathlib import Path
 
-from svfl_data.system.command_line import Commands, natural, positive
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, add_json, natural, positive, report
 from svfl_models.training.run_folder import EVALUATION
 
 EXAMPLE = "svfl-train evaluate out/bc_picking/checkpoint.ckpt --episodes 100 --workers 2"
@@ -22,16 +21,17 @@ def add(commands: Commands) -> None:
         "demonstration; svfl-collect policy with the same seed has the same scenes, and records the episodes.",
     )  # fmt: skip
     add = parser.add_argument
-    add("checkpoint", type=Path, help="checkpoint.ckpt of svfl-train bc")
+    add("checkpoint", type=Path, metavar="CHECKPOINT", help="checkpoint.ckpt of svfl-train bc")
     add("--episodes", type=positive, default=100, metavar="N",
         help="number of episodes to run (default: %(default)s)")  # fmt: skip
     add("--seed", type=natural, default=0, metavar="S", help="seed of the scenes, at least 0 (default: %(default)s)")
     add("--robot", metavar="NAME",
-        help="simulated robot that acts, such as ur5e_sim (default: the robot of the demonstrations)")  # fmt: skip
-    add("--workers", type=positive, default=1, metavar="W",
+        help="robot that acts, a simulated one such as ur5e_sim (default: that of the demonstrations)")  # fmt: skip
+    add("--workers", type=positive, default=1, metavar="N",
         help="number of episodes that run at the same time (default: %(default)s)")  # fmt: skip
     add("--out", type=Path, metavar="FILE",
-        help=f"JSON file to write (default: {EVALUATION} beside the checkpoint)")  # fmt: skip
+        help=f"file to write, the result as JSON (default: {EVALUATION} beside the checkpoint)")  # fmt: skip
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -48,4 +48,4 @@ def run(arguments: argparse.Namespace) -> None:
 
     found = evaluate(arguments.checkpoint, arguments.episodes, arguments.seed, arguments.workers, robot=arguments.robot)
     found.save(arguments.out or arguments.checkpoint.with_name(EVALUATION))
-    say(found)
+    report(arguments.json, found.plain(), found)

@@ -3,8 +3,7 @@
 import argparse
 from pathlib import Path
 
-from svfl_data.system.command_line import Commands
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, add_json, report
 
 EXAMPLE = """\
 svfl-train export out/centering/checkpoint.ckpt --out out/centering/classifier.pt2
@@ -24,12 +23,15 @@ def add(commands: Commands) -> None:
         "(.onnx), or a trained policy as a .pt2 file that svfl-collect policy can run. Before the file is written, its "
         "outputs are compared with those of the network.",
     )  # fmt: skip
-    parser.add_argument("checkpoint", type=Path, help="checkpoint.ckpt of svfl-train centering or svfl-train bc")
+    parser.add_argument(
+        "checkpoint", type=Path, metavar="CHECKPOINT", help="checkpoint.ckpt of svfl-train centering or svfl-train bc"
+    )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE",
         help="file to write, replaced if it exists; its name ends in .pt2, or for a block-centering network in .pt2 or "
         ".onnx",
     )  # fmt: skip
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -49,15 +51,18 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_models.deployment import export
 
     if is_policy(arguments.checkpoint):
-        difference = acting.export(load_policy(arguments.checkpoint), arguments.out, _texts(arguments.checkpoint))
-        say(f"{arguments.out}: actions differ from the network's by {difference:.1g} of their bounds, at most")
+        kept = _texts(arguments.checkpoint)
+        difference = acting.export(load_policy(arguments.checkpoint), arguments.out, kept)
+        words = f"actions differ from the network's by {difference:.1g} of their bounds, at most"
+        report(arguments.json, {"file": arguments.out, "difference": difference}, f"{arguments.out}: {words}")
         return
     save = export.saver(arguments.out)
     module = checkpoint.load_classifier(arguments.checkpoint)
     trained = checkpoint.configuration(module)
     kept = _texts(arguments.checkpoint)
     difference = save(module.classifier, arguments.out, trained.view, trained.camera, kept)
-    say(f"{arguments.out}: outputs differ from the network's by {difference:.1g} of the largest output, at most")
+    words = f"outputs differ from the network's by {difference:.1g} of the largest output, at most"
+    report(arguments.json, {"file": arguments.out, "difference": difference}, f"{arguments.out}: {words}")
 
 
 def _texts(checkpoint: Path) -> dict[str, str]:

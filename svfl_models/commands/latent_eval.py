@@ -3,8 +3,9 @@
 import argparse
 from pathlib import Path
 
-from svfl_data.system.command_line import Commands, natural, positive
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, add_json, natural, positive
+from svfl_data.system.command_line import report as tell
+from svfl_data.system.progress import progress_console
 
 EXAMPLE = """\
 svfl-train latent-eval out/latent_poe/checkpoint.ckpt
@@ -25,17 +26,18 @@ def add(commands: Commands) -> None:
         "contact, alignment, prediction, linear probes, missing modalities, the weight of each expert, and symmetry.",
     )  # fmt: skip
     add = parser.add_argument
-    add("checkpoint", type=Path, help="checkpoint.ckpt of svfl-train latent")
-    add("--data", type=Path, metavar="FOLDER",
+    add("checkpoint", type=Path, metavar="CHECKPOINT", help="checkpoint.ckpt of svfl-train latent")
+    add("--data", type=Path, metavar="DATASET",
         help="dataset folder to evaluate on: another dataset, or the new place of the training's one (default: the "
         "folder that the checkpoint names)")  # fmt: skip
     add("--episodes", type=positive, default=EPISODES, metavar="N",
-        help="largest number of episodes to evaluate; if there are more, they are drawn at random "
+        help="number of episodes to evaluate, at most; if there are more, they are drawn at random "
         "(default: %(default)s)")  # fmt: skip
     add("--seed", type=natural, default=0, metavar="S",
         help="seed of everything that is drawn at random, at least 0 (default: %(default)s)")  # fmt: skip
     add("--out", type=Path, metavar="FOLDER",
         help=f"folder to write the report to (default: {FOLDER} beside the checkpoint)")  # fmt: skip
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -48,8 +50,6 @@ def run(arguments: argparse.Namespace) -> None:
     Raises:
         SvflError: If the checkpoint or the dataset cannot be used, or a file cannot be written.
     """
-    from rich.console import Console
-
     from svfl_models.latent.checkpoint import read_latent
     from svfl_models.latent.evaluation.evaluate import evaluate
     from svfl_models.latent.evaluation.pages import report  # torch and lightning take seconds to import
@@ -58,16 +58,14 @@ def run(arguments: argparse.Namespace) -> None:
     out = arguments.out or arguments.checkpoint.with_name(FOLDER)
     read_latent(arguments.checkpoint)  # no folder is made if the file is not a checkpoint
     report.prepare(out)
-    with Console(stderr=True).status("loading") as status:  # silent where there is no terminal
+    with progress_console().status("loading") as status:  # silent where there is no terminal
         found, samples = evaluate(
             arguments.checkpoint, arguments.data, arguments.episodes, arguments.seed, lambda stage: status.update(stage)
         )
     files = report.write(out, found, samples)
-    say(f"{found.model} after {found.steps} steps, on {found.episodes} {found.of}")
+    lines = [f"{found.model} after {found.steps} steps, on {found.episodes} {found.of}"]
     rows = compact(found)
     width = max(len(name) for name, _ in rows) + 2
-    for name, words in rows:
-        say(f"{name:<{width}}{words}")
-    for line in found.left_out:
-        say(f"not evaluated: {line}")
-    say(f"report  {files[0]}")
+    lines += [f"{name:<{width}}{words}" for name, words in rows]
+    lines += [f"not evaluated: {line}" for line in found.left_out]
+    tell(arguments.json, found.plain() | {"files": files}, *lines, f"report  {files[0]}")

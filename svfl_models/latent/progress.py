@@ -5,7 +5,6 @@ from pathlib import Path
 
 import lightning.pytorch as pl
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from svfl_data.errors import FormatError
 from svfl_models.latent.module import LatentModule, columns
@@ -56,28 +55,23 @@ class StepsBar(Bar):
     """
 
     def __init__(self, steps: int, console: Console) -> None:
-        fields = (TextColumn("step"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
-        bar = Progress(*fields, TimeElapsedColumn(), TimeRemainingColumn(), console=console, transient=True)
-        super().__init__(bar, console)
+        super().__init__("step", steps, console)
         self.steps = steps
-        self.task = self.bar.add_task("", total=steps)
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Show the bar at the number of steps so far."""
-        if self.console.is_terminal:
-            self.bar.update(self.task, completed=steps_of(pl_module))
-            self.bar.start()
+        self.bars.update(self.bar, completed=steps_of(pl_module))
+        self.bars.start()
 
     def on_train_batch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule, *_: object) -> None:
         """Move the bar to the number of steps so far."""
-        if self.console.is_terminal:
-            self.bar.update(self.task, completed=steps_of(pl_module))
+        self.bars.update(self.bar, completed=steps_of(pl_module))
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Show the losses of the leg."""
         metrics = trainer.callback_metrics
         words = f"loss {float(metrics['train_loss']):.4g}, held out {float(metrics['valid_loss']):.4g}"
-        if self.console.is_terminal:
-            self.bar.update(self.task, description=words)
+        if self.bars.shown:
+            self.bars.update(self.bar, words=words)
         else:
             self.console.print(f"step {steps_of(pl_module)}/{self.steps}: {words}", highlight=False)

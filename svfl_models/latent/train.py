@@ -13,6 +13,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import TrainingError
 from svfl_data.sampling.named_camera import camera_of_dataset
 from svfl_data.system.printable import printable
+from svfl_data.system.progress import progress_console
 from svfl_models.latent.checkpoint import load_latent, read_latent
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.data import Leg, Sequences, fit, sequences_of
@@ -74,7 +75,7 @@ def train_latent(
         config: Configuration of the model, the data and the training.
         out: Folder for the checkpoint, metrics and result. If it holds an unfinished training of the same
             configuration, or a finished one with fewer steps, that training is resumed after its last checkpoint.
-        console: Console that progress is printed on; standard output by default.
+        console: Console that progress is shown on; standard error by default.
         hardware: Device, number format and threads; a latent model is trained in one process.
         loggers: Names of experiment trackers to log to, beside the metrics file (`training.trackers`).
 
@@ -91,7 +92,7 @@ def train_latent(
         >>> config = LatentConfig("data/block_picking", "poe", steps=10_000)
         >>> train_latent(config, Path("out/latent_poe"))  # doctest: +SKIP
     """
-    console = console or Console()
+    console = console or progress_console()
     check_trackers(loggers)
     placement = placed(hardware, NEEDS)
     placement.prepare(console)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import lightning.pytorch as pl
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from svfl_data.system.progress.bars import Bars
 from svfl_models.training.writing import write_rows
 
 COLUMNS = ("epoch", "train_loss", "train_accuracy", "test_loss", "test_accuracy", "seconds")
@@ -67,13 +67,18 @@ class MetricsFile(pl.Callback):
 class Bar(pl.Callback):
     """Callback that removes a progress bar when its training ends, for whatever reason.
 
+    A bar is shown if the console is a terminal; a subclass starts and updates it.
+
     Args:
-        bar: Progress bar, which a subclass starts and updates if the console is a terminal.
+        doing: Name of what is counted.
+        total: Number of them.
         console: Console that the bar is shown on.
     """
 
-    def __init__(self, bar: Progress, console: Console) -> None:
-        self.bar, self.console = bar, console
+    def __init__(self, doing: str, total: int, console: Console) -> None:
+        self.bars = Bars(console)
+        self.console = self.bars.console
+        self.bar = self.bars.add(doing, total)
 
     def on_fit_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Remove the bar."""
@@ -84,8 +89,7 @@ class Bar(pl.Callback):
         self._take_away()
 
     def _take_away(self) -> None:
-        if self.console.is_terminal:
-            self.bar.stop()
+        self.bars.stop()
 
 
 class ProgressLine(Bar):
@@ -97,28 +101,32 @@ class ProgressLine(Bar):
     """
 
     def __init__(self, epochs: int, console: Console) -> None:
-        columns = (TextColumn("epoch"), MofNCompleteColumn(), BarColumn(), TextColumn("{task.description}"))
-        super().__init__(Progress(*columns, TimeElapsedColumn(), console=console, transient=True), console)
+        super().__init__("epoch", epochs, console)
         self.epochs = epochs
         self.best = 0.0
         self.next_line = 0.0
-        self.task = self.bar.add_task("", total=epochs)
 
     def on_fit_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Show the bar, if the console is a terminal."""
         self.next_line = time.monotonic() + QUIET_SECONDS
-        if self.console.is_terminal:
-            self.bar.start()
+        self.bars.start()
 
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
         """Show loss and accuracy of the epoch that has ended."""
         metrics = trainer.callback_metrics
         loss, accuracy = float(metrics["train_loss"]), float(metrics.get("test_accuracy", 0))
         self.best = max(self.best, accuracy)
-        words = f"loss {loss:.3f}, test accuracy {accuracy:.1%}, best {self.best:.1%}"
-        epoch = trainer.current_epoch + 1
-        if self.console.is_terminal:
-            self.bar.update(self.task, completed=epoch, description=words)
+        self.say(trainer.current_epoch + 1, f"loss {loss:.3f}, test accuracy {accuracy:.1%}, best {self.best:.1%}")
+
+    def say(self, epoch: int, words: str) -> None:
+        """Show what an epoch has given.
+
+        Args:
+            epoch: Number of epochs that are over.
+            words: What the last one has given.
+        """
+        if self.bars.shown:
+            self.bars.update(self.bar, completed=epoch, words=words)
         elif time.monotonic() >= self.next_line:
             self.console.print(f"epoch {epoch}/{self.epochs}: {words}", highlight=False)
             self.next_line = time.monotonic() + QUIET_SECONDS

@@ -28,7 +28,7 @@ def data_commands(data: Path, out: Path) -> dict[str, list[str]]:
         "card": ["--out", f"{out}/card.md"],
         "plot": ["--out", f"{out}/plot.png"],
         "topdown": ["--out", f"{out}/above.png"],
-        "view": ["--save", f"{out}/view.rrd"],
+        "view": ["--out", f"{out}/view.rrd"],
         "relabel": ["--episode", "0", "--success", "no"],
         "filter": [f"{out}/filtered", "--success", "yes"],
         "merge": [f"{out}/merged"],
@@ -36,7 +36,8 @@ def data_commands(data: Path, out: Path) -> dict[str, list[str]]:
         "unpack": [f"{out}/unpacked"],
     }
     upgrade = ["upgrade", str(data.with_name("version_1")) if data.name else "", f"{out}/upgraded"]
-    return {command: [command, str(data), *words] for command, words in own.items()} | {"upgrade": upgrade}
+    others = {"upgrade": upgrade, "completion": ["completion", "bash"]}
+    return {command: [command, str(data), *words] for command, words in own.items()} | others
 
 
 def train_commands(data: Path, out: Path) -> dict[str, list[str]]:
@@ -67,13 +68,13 @@ def collect_commands(data: Path, out: Path) -> dict[str, list[str]]:
     task = ["--task", "block_picking"]
     return {
         "expert": ["expert", *task, "--episodes", "1", "--image-size", "16", "--out", f"{out}/expert"],
-        "centering": ["centering", "--samples", "1", "--image-size", "16", "--out", f"{out}/collected"],
+        "centering": ["centering", "--episodes", "1", "--image-size", "16", "--out", f"{out}/collected"],
         "policy": ["policy", *task, "--checkpoint", f"{out}/policy.pt2", "--episodes", "1", "--out", f"{out}/policy"],
         "replay": ["replay", str(data)],
-        "teleop": ["teleop", *task, "--device", "keyboard", "--out", f"{out}/teleop"],
+        "teleop": ["teleop", *task, "--input-device", "keyboard", "--out", f"{out}/teleop"],
         "tags": ["tags", "--count", "2", "--out", f"{out}/tags.pdf"],
         "calibrate": [
-            "calibrate", str(data), "--board", f"{out}/board.json", "--board-pose", "0.45,-0.1,0,90",
+            "calibrate", str(data), "--layout", f"{out}/board.json", "--board-pose", "0.45,-0.1,0,90",
             "--out", f"{out}/calibration.json",
         ],
     }  # fmt: skip

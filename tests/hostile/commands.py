@@ -71,9 +71,9 @@ COMMANDS = (
     _data("plot", "plot", "data", "--episode", "0", "--out", "out/p.png", reads=EPISODE | {"shard"}, spared=ONE),
     _data("plot_file", "plot", FILE, "--out", "out/p.png", reads=ONE_FILE),
     _data("topdown", "topdown", "data", "--episode", "0", "--out", "out/t.png", reads=EPISODE | {"shard"}, spared=ONE),
-    _data("view", "view", "data", "--episode", "0", "--save", "out/v.rrd", reads=EPISODE | {"shard"}, spared=ONE),
-    _data("view_file", "view", FILE, "--save", "out/v.rrd", reads=ONE_FILE),
-    _data("compare", "view", "data", "--compare", "data", "--save", "out/v.rrd"),
+    _data("view", "view", "data", "--episode", "0", "--out", "out/v.rrd", reads=EPISODE | {"shard"}, spared=ONE),
+    _data("view_file", "view", FILE, "--out", "out/v.rrd", reads=ONE_FILE),
+    _data("compare", "view", "data", "--compare", "data", "--out", "out/v.rrd"),
     _data("card", "card", "data", "--out", "out/card.md"),
     _data("card_inside", "card", "data", changes=True),
     _data("relabel", "relabel", "data", "--episode", "0", "--success", "no", "--remove", "slip", "--contact",
@@ -106,7 +106,7 @@ COMMANDS = (
             EPISODE | ORDER | {"shard", "split"}, heavy=True, spared=ONE),
 )  # fmt: skip
 BY_NAME = {one.name: one.words for one in COMMANDS}
-VIEWED = ("svfl-data", "view", "data", "--episode", "0", "--save", "out/v.rrd", "--checkpoint")
+VIEWED = ("svfl-data", "view", "data", "--episode", "0", "--out", "out/v.rrd", "--checkpoint")
 MODEL_COMMANDS = tuple(
     Command(name, words, frozenset({file}), heavy=True)
     for name, file, words in (
@@ -137,6 +137,6 @@ MODEL_COMMANDS = tuple(
 )  # fmt: skip
 REPLAY = Command("replay", ("svfl-collect", "replay", "data", "--episode", "0"), frozenset({"config"}), heavy=True)
 URDF = _data(
-    "view_arm", "view", "data", "--episode", "0", "--urdf", "arm.urdf", "--save", "out/v.rrd", reads=frozenset({"urdf"})
+    "view_arm", "view", "data", "--episode", "0", "--urdf", "arm.urdf", "--out", "out/v.rrd", reads=frozenset({"urdf"})
 )
 EVERY = (*COMMANDS, *MODEL_COMMANDS, REPLAY, URDF)

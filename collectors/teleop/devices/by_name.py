@@ -5,6 +5,7 @@ from pathlib import Path
 
 from collectors.teleop.devices.device import Device
 from svfl_data.errors import UsageError
+from svfl_data.system.near_names import instead
 
 
 def _keyboard() -> Device:
@@ -30,7 +31,7 @@ SCRIPT = "script"
 
 
 def check_device(words: Sequence[str]) -> None:
-    """Check the words that were given after ``--device``.
+    """Check the words that were given after ``--input-device``.
 
     Args:
         words: Name of the device, followed by one file if the device is a script.
@@ -40,9 +41,9 @@ def check_device(words: Sequence[str]) -> None:
     """
     name, *files = words
     if name != SCRIPT and name not in DEVICES:
-        raise UsageError(f"--device: no device {name!r}; the devices are {', '.join(DEVICES)}, script FILE")
+        raise UsageError(f"--input-device: no device {name!r}; {instead(name, [*DEVICES, 'script FILE'])}")
     if len(files) != (name == SCRIPT):
-        raise UsageError(f"--device {' '.join(words)}: script takes one FILE, the others take none")
+        raise UsageError(f"--input-device {' '.join(words)}: script takes one FILE, the others take none")
 
 
 def open_device(words: Sequence[str]) -> Device:

@@ -52,7 +52,7 @@ class Gamepad(Device):
         if not known:
             others = [pygame.joystick.Joystick(number).get_name() for number in range(count)]
             found = f"only {', '.join(others)}, which SDL has no mapping for" if others else "no joystick of any kind"
-            raise CollectError(f"--device gamepad: no gamepad is connected; found {found}")
+            raise CollectError(f"--input-device gamepad: no gamepad is connected; found {found}")
         self._controller = controller.Controller(known[0])
         self._open = True
         self._told: list[Command] = []

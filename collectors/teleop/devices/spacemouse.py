@@ -57,14 +57,15 @@ class SpaceMouse(Device):
                     opened.open_path(found["path"])
                 except OSError as error:
                     raise CollectError(
-                        f"--device spacemouse: {found['product_string']} may not be opened; on Linux, a udev rule "
-                        "gives access (docs/teleoperation.md)"
+                        f"--input-device spacemouse: {found['product_string']} may not be opened; on Linux, a udev "
+                        "rule gives access (docs/teleoperation.md)"
                     ) from error
                 opened.set_nonblocking(True)
                 return cls(opened)
         names = sorted({found["product_string"] or "unnamed" for found in connected})
         raise CollectError(
-            f"--device spacemouse: none is connected; found {', '.join(names) if names else 'no HID device at all'}"
+            "--input-device spacemouse: none is connected; found "
+            + (", ".join(names) if names else "no HID device at all")
         )
 
     def read(self) -> NDArray[np.float32]:

@@ -7,16 +7,14 @@ import operator
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from svfl_data.commands.source import add_allowances, left_out_words, yes_no
+from svfl_data.commands.arguments import add_allowances, add_dataset, add_new, left_out_words
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import UsageError
 from svfl_data.maintenance.merge import choose
 from svfl_data.schema.episode import Episode
-from svfl_data.system.command_line import Commands
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, add_json, report, yes_no
 
 OPERATORS: dict[str, Callable[[Any, Any], bool]] = {
     "!=": operator.ne, "<=": operator.le, ">=": operator.ge, "=": operator.eq, "<": operator.lt, ">": operator.gt,
@@ -88,16 +86,16 @@ def add(commands: Commands) -> None:
         example="svfl-data filter data/week data/good --success yes --source teleop\n"
         "svfl-data filter data/week data/soft --where 'config.drawn.block_friction<0.6' --where 'steps>=8'",
     )
-    parser.add_argument("path", type=Path, metavar="SRC", help="dataset folder to copy from")
-    parser.add_argument("destination", type=Path, metavar="DST", help="folder of the new dataset, absent or empty")
-    parser.add_argument("--task", metavar="TASK", help="keep only episodes of this task (default: all tasks)")
+    add_dataset(parser)
+    add_new(parser)
+    parser.add_argument("--task", metavar="TASK", help="task of the episodes to keep (default: all tasks)")
     parser.add_argument(
         "--success", type=yes_no, metavar="yes|no",
-        help="keep only episodes that achieved the task (yes) or that did not (no) (default: both)",
+        help="whether the task was achieved in the episodes to keep (default: both)",
     )  # fmt: skip
     parser.add_argument(
         "--source", metavar="SOURCE",
-        help="keep only episodes that this source recorded, such as expert or teleop (default: all sources)",
+        help="source that recorded the episodes to keep, such as expert or teleop (default: all sources)",
     )  # fmt: skip
     parser.add_argument(
         "--where", type=Condition.parse, action="append", default=[], metavar="KEY=VALUE",
@@ -113,6 +111,7 @@ def add(commands: Commands) -> None:
         "episode ends the command)",
     )
     add_allowances(parser)
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -128,7 +127,7 @@ def run(arguments: argparse.Namespace) -> None:
     asked = {key: getattr(arguments, key) for key in ("task", "success", "source")}
     conditions = [Condition(key, "=", value) for key, value in asked.items() if value is not None] + arguments.where
     if not conditions and not arguments.once and not arguments.valid:
-        raise UsageError("filter: name a condition: --task, --success, --source, --where, --valid or --once")
+        raise UsageError("name a condition: --task, --success, --source, --where, --valid or --once")
     count, left_out = choose(
         Dataset.open(arguments.path),
         arguments.destination,
@@ -138,4 +137,5 @@ def run(arguments: argparse.Namespace) -> None:
         arguments.once,
         arguments.valid,
     )
-    say(f"{arguments.destination}: {count} episodes{left_out_words(left_out)}")
+    facts = {"path": arguments.destination, "episodes": count, "copies_left_out": left_out}
+    report(arguments.json, facts, f"{arguments.destination}: {count} episodes{left_out_words(left_out)}")

@@ -3,11 +3,10 @@
 import argparse
 from pathlib import Path
 
-from svfl_data.commands.source import add_allowances, left_out_words
+from svfl_data.commands.arguments import add_allowances, add_new, left_out_words
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.maintenance.merge import merge
-from svfl_data.system.command_line import Commands
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, add_json, report
 
 
 def add(commands: Commands) -> None:
@@ -22,9 +21,10 @@ def add(commands: Commands) -> None:
         example="svfl-data merge data/monday data/tuesday data/week\n"
         "svfl-data merge data/monday data/tuesday data/week --varies cameras/front/T_base_camera --once",
     )
-    parser.add_argument("sources", type=Path, nargs="+", metavar="SRC", help="dataset folders to copy from")
-    parser.add_argument("destination", type=Path, metavar="DST", help="folder of the new dataset, absent or empty")
+    parser.add_argument("sources", type=Path, nargs="+", metavar="DATASET", help="dataset folders to copy from")
+    add_new(parser)
     add_allowances(parser)
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -32,4 +32,6 @@ def run(arguments: argparse.Namespace) -> None:
     """Merge the datasets."""
     sources = [Dataset.open(source) for source in arguments.sources]
     count, left_out = merge(sources, arguments.destination, arguments.varies, arguments.once)
-    say(f"{arguments.destination}: {count} episodes from {len(sources)} datasets{left_out_words(left_out)}")
+    facts = {"path": arguments.destination, "episodes": count, "datasets": len(sources), "copies_left_out": left_out}
+    words = f"{arguments.destination}: {count} episodes from {len(sources)} datasets{left_out_words(left_out)}"
+    report(arguments.json, facts, words)

@@ -1,15 +1,14 @@
 """``svfl-data pack`` and ``unpack``: copy a dataset into a few large shards, or back into one file per episode."""
 
 import argparse
-from pathlib import Path
 
-from svfl_data.commands.source import add_dataset
+from svfl_data.commands.arguments import add_dataset, add_new
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.maintenance import pack
-from svfl_data.system.command_line import Commands, positive
-from svfl_data.system.printable import say
+from svfl_data.system.command_line import Commands, add_json, positive, report
 
 MEGABYTE = 10**6
+STATES = "absent, empty, or the result of an interrupted call of this command"
 
 
 def add(commands: Commands) -> None:
@@ -23,15 +22,13 @@ def add(commands: Commands) -> None:
         example="svfl-data pack data/centering data/centering_packed --shard-mb 500",
     )
     add_dataset(parser)
-    parser.add_argument(
-        "out", type=Path, metavar="OUT",
-        help="folder of the new dataset: absent, empty, or the result of an interrupted call of this command",
-    )  # fmt: skip
+    add_new(parser, STATES)
     parser.add_argument(
         "--shard-mb", type=positive, default=pack.SHARD_BYTES // MEGABYTE, metavar="MB",
         help="largest size of a shard, MB (10^6 bytes), at least 1; only a shard with a single episode may be larger "
         "(default: %(default)s)",
     )  # fmt: skip
+    add_json(parser)
     parser.set_defaults(command=run)
     parser = commands.add_parser(
         "unpack",
@@ -41,20 +38,21 @@ def add(commands: Commands) -> None:
         example="svfl-data unpack data/centering_packed data/centering_again",
     )
     add_dataset(parser)
-    parser.add_argument(
-        "out", type=Path, metavar="OUT",
-        help="folder of the new dataset: absent, empty, or the result of an interrupted call of this command",
-    )  # fmt: skip
+    add_new(parser, STATES)
+    add_json(parser)
     parser.set_defaults(command=run_unpack)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Pack the dataset into shards."""
-    target = pack.pack(Dataset.open(arguments.path), arguments.out, arguments.shard_mb * MEGABYTE)
-    say(f"{arguments.out}: {len(target)} episodes in {len(list(target.path.glob('shard_*')))} shards")
+    target = pack.pack(Dataset.open(arguments.path), arguments.destination, arguments.shard_mb * MEGABYTE)
+    shards = len(list(target.path.glob("shard_*")))
+    facts = {"path": arguments.destination, "episodes": len(target), "shards": shards}
+    report(arguments.json, facts, f"{arguments.destination}: {len(target)} episodes in {shards} shards")
 
 
 def run_unpack(arguments: argparse.Namespace) -> None:
     """Unpack the dataset into one file per episode."""
-    target = pack.unpack(Dataset.open(arguments.path), arguments.out)
-    say(f"{arguments.out}: {len(target)} episodes in files of their own")
+    target = pack.unpack(Dataset.open(arguments.path), arguments.destination)
+    facts = {"path": arguments.destination, "episodes": len(target)}
+    report(arguments.json, facts, f"{arguments.destination}: {len(target)} episodes in files of their own")

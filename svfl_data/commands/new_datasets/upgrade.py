@@ -1,13 +1,13 @@
 """``svfl-data upgrade``: make a new dataset of the present episode format from an old one."""
 
 import argparse
-from pathlib import Path
 
+from svfl_data.commands.arguments import add_dataset, add_new
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.maintenance.upgrade import upgrade
 from svfl_data.storage.header import FORMAT_VERSION
-from svfl_data.system.command_line import Commands
-from svfl_data.system.printable import printable, say
+from svfl_data.system.command_line import Commands, add_json, report
+from svfl_data.system.printable import printable
 
 MOST_NAMED = 20
 """Largest number of arrays or files that are named; of others only their number."""
@@ -25,23 +25,27 @@ def add(commands: Commands) -> None:
         "error, and writes nothing, if an episode is damaged.",
         example="svfl-data upgrade data/centering data/centering_2",
     )
-    parser.add_argument("source", type=Path, metavar="SRC", help="dataset folder to upgrade, which is not changed")
-    parser.add_argument("destination", type=Path, metavar="DST", help="folder of the new dataset, absent or empty")
+    add_dataset(parser)
+    add_new(parser)
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Upgrade the dataset, and say what was done."""
-    made = upgrade(Dataset.open(arguments.source), arguments.destination)
+    made = upgrade(Dataset.open(arguments.path), arguments.destination)
     kept = f", {made.current} of which were so already" if made.current else ""
-    say(f"{arguments.destination}: {made.episodes} episodes in format {FORMAT_VERSION}{kept}")
+    lines = [f"{arguments.destination}: {made.episodes} episodes in format {FORMAT_VERSION}{kept}"]
     if made.left_out:
         named = [f"{printable(path, 80)} ({count})" for path, count in sorted(made.left_out.items())]
-        say(f"left out, since format 1.0 does not define them (number of episodes): {_some(named)}")
+        lines.append(f"left out, since format 1.0 does not define them (number of episodes): {_some(named)}")
     if made.journals:
-        say(f"unfinished recordings: {made.journals}; svfl-data repair {arguments.destination} makes episodes of them")
+        command = f"svfl-data repair {arguments.destination}"
+        lines.append(f"unfinished recordings: {made.journals}; {command} makes episodes of them")
     if made.others:
-        say(f"not copied, since they are no part of a dataset: {_some([printable(name, 80) for name in made.others])}")
+        names = [printable(name, 80) for name in made.others]
+        lines.append(f"not copied, since they are no part of a dataset: {_some(names)}")
+    report(arguments.json, {"path": arguments.destination} | vars(made), *lines)
 
 
 def _some(names: list[str]) -> str:

@@ -22,6 +22,7 @@ from svfl_data.schema.robot import image_axes
 from svfl_data.storage.store import write_episode
 from tests.helpers.apriltag_scenes import COLUMNS, ROWS, SIZE_MM, board_picture, camera
 from tests.helpers.builders import make_episode
+from tests.helpers.command_page import json_keys
 
 TRUE = camera((0.95, 0.15, 0.55), fov_deg=40.0)
 BOARD = Layout.grid(COLUMNS, ROWS, 1e-3 * SIZE_MM, 1e-3 * cell_mm("tag36h11", SIZE_MM))
@@ -63,7 +64,7 @@ def calibrate(folder, poses_of_board, *words):
         cv2.imwrite(str(pictures / f"{number}.png"), board_picture(base @ T, TRUE.intrinsics, seed=number))
     BOARD.write(folder / "board.json")
     out = folder / "calibration.json"
-    options = ["--board", folder / "board.json", "--intrinsics", INTRINSICS, "--out", out]
+    options = ["--layout", folder / "board.json", "--intrinsics", INTRINSICS, "--out", out]
     arguments = build_parser().parse_args(["calibrate", *map(str, [pictures, *options, *words])])
     arguments.command(arguments)
     return out
@@ -88,7 +89,10 @@ def test_a_board_on_the_table(tmp_path, capsys):
     residuals = json.loads(out.read_text())["cameras"]["front"]["residuals"]
     assert 0.02 < residuals["error_px"] < 0.4
     # The liar: a board that lies elsewhere than it is said to gives another camera, or a larger error.
-    wrong = calibrate(tmp_path, [], "--board-pose", "0.49,-0.06,0,20", "--camera", "wrong")
+    wrong = calibrate(tmp_path, [], "--board-pose", "0.49,-0.06,0,20", "--camera", "wrong", "--json")
+    told = json.loads(capsys.readouterr().out)
+    assert told.keys() | {"T_gripper_board"} == json_keys("svfl-collect calibrate")
+    assert (told["file"], told["camera"]) == (str(wrong), "wrong")
     cameras = read_calibrations(wrong)
     assert sorted(cameras) == ["front", "wrong"]
     assert off(cameras["wrong"])[0] > 15.0
@@ -157,7 +161,7 @@ def episode(tmp_path_factory):
 
 def of_episode(path, *words):
     """Run the command on the pictures of an episode."""
-    options = ["--board", path.parent / "board.json", "--out", path.parent / "calibration.json"]
+    options = ["--layout", path.parent / "board.json", "--out", path.parent / "calibration.json"]
     arguments = build_parser().parse_args(["calibrate", *map(str, [path, *options, *words])])
     arguments.command(arguments)
     return path.parent / "calibration.json"
@@ -182,7 +186,6 @@ def test_the_pictures_of_an_episode(episode, capsys):
         (["--episode", "7"], DatasetError, "episode 7"),
         (["--intrinsics", "0,0,0,0"], UsageError, "0,0,0,0 .*640 x 480 px"),
         (["--intrinsics", "660,660,700,240"], UsageError, "660,660,700,240 .*640 x 480 px"),
-        (["--printed", "9"], UsageError, "--printed 9.* 100 mm"),
     ],
 )
 def test_options_that_do_not_fit_an_episode(episode, words, error, facts):
@@ -194,7 +197,7 @@ def test_a_board_that_is_not_seen(episode):
     file, out = episode.parent / "other.json", episode.parent / "none.json"
     Layout.grid(COLUMNS, ROWS, 1e-3 * SIZE_MM, 0.05, first=100).write(file)
     with pytest.raises(CollectError, match=r"tags 100, 101, .* 5 pictures"):
-        of_episode(episode, "--board-pose", "0,0,0,0", "--board", file, "--out", out)
+        of_episode(episode, "--board-pose", "0,0,0,0", "--layout", file, "--out", out)
     assert not out.exists()
 
 
@@ -206,7 +209,7 @@ def test_a_board_file_that_does_not_fit_the_pictures_gives_no_camera(tmp_path):
             [board_pose(0.47, -0.06, 0.0, 20.0)],
             "--board-pose",
             "0,0,0,0",
-            "--board",
+            "--layout",
             tmp_path / "other.json",
         )
     assert not (tmp_path / "calibration.json").exists()

@@ -25,7 +25,7 @@ SAMPLES = 24  # a second's work for two workers: long enough to be stopped in th
 @pytest.fixture(scope="module")
 def collected(tmp_path_factory):
     folder = tmp_path_factory.mktemp("collected") / "centering"
-    done = collect("centering", "--samples", SAMPLES, "--workers", 1, "--out", folder)
+    done = collect("centering", "--episodes", SAMPLES, "--workers", 1, "--out", folder)
     assert done.returncode == 0, done.stderr
     assert f"{folder}: {SAMPLES} samples" in done.stdout
     assert "rejected attempts: " in done.stdout
@@ -33,7 +33,7 @@ def collected(tmp_path_factory):
 
 
 def test_two_workers_give_the_same_bytes_as_one(collected, tmp_path):
-    done = collect("centering", "--samples", SAMPLES, "--workers", 2, "--out", tmp_path / "two")
+    done = collect("centering", "--episodes", SAMPLES, "--workers", 2, "--out", tmp_path / "two")
     assert done.returncode == 0, done.stderr
     assert contents(tmp_path / "two") == contents(collected)
 
@@ -41,7 +41,7 @@ def test_two_workers_give_the_same_bytes_as_one(collected, tmp_path):
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)])
 def test_a_stopped_collector_is_resumed_by_the_same_command(collected, tmp_path, sent, code):
     folder = tmp_path / "stopped"
-    arguments = ("centering", "--samples", SAMPLES, "--workers", 2, "--out", folder)
+    arguments = ("centering", "--episodes", SAMPLES, "--workers", 2, "--out", folder)
     for _ in range(5):  # on a busy machine it may have ended before it is told to
         shutil.rmtree(folder, ignore_errors=True)
         running = subprocess.Popen(
@@ -72,7 +72,7 @@ def test_a_full_disk_is_one_clear_line(tmp_path):
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
 
-    done = collect("centering", "--samples", 3, "--workers", 2, "--out", tmp_path / "full", preexec_fn=no_room)
+    done = collect("centering", "--episodes", 3, "--workers", 2, "--out", tmp_path / "full", preexec_fn=no_room)
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
     assert "cannot write" in done.stderr
@@ -82,7 +82,7 @@ def test_a_full_disk_is_one_clear_line(tmp_path):
 
 def test_another_dataset_is_refused(collected):
     before = contents(collected)
-    done = collect("centering", "--samples", SAMPLES, "--seed", 1, "--out", collected)
+    done = collect("centering", "--episodes", SAMPLES, "--seed", 1, "--out", collected)
     assert done.returncode == 1
     assert re.search("seed .*0.* 1", done.stderr)
     assert done.stderr.count("\n") == 1
@@ -94,10 +94,10 @@ def test_another_dataset_is_refused(collected):
     [
         (
             ["juggling", "--out", "x"],
-            "'juggling' .*'expert', 'centering', 'policy', 'replay', ",
+            "no command 'juggling'; possible are expert, centering, policy, replay, ",
         ),
-        (["centering", "--samples", "0", "--out", "x"], "--samples.* '0' .*at least 1"),
-        (["centering", "--samples", "many", "--out", "x"], "--samples.* 'many'"),
+        (["centering", "--episodes", "0", "--out", "x"], "--episodes.* '0' .*at least 1"),
+        (["centering", "--episodes", "many", "--out", "x"], "--episodes.* 'many'"),
         (["centering", "--workers", "-1", "--out", "x"], "--workers.* '-1' .*at least 1"),
         (["centering", "--seed", "-1", "--out", "x"], "--seed.* '-1' .*at least 0"),
         (["centering", "--border", "50", "--out", "x"], "--border.* '50' .*0 and 40"),
@@ -124,4 +124,4 @@ def test_help_shows_an_example():
     for arguments in (["--help"], ["centering", "--help"]):
         done = collect(*arguments)
         assert done.returncode == 0
-        assert "svfl-collect centering --samples 200" in done.stdout
+        assert "svfl-collect centering --episodes 200" in done.stdout

@@ -88,8 +88,8 @@ def listening(processes: list[psutil.Process]) -> dict[str, list[str]]:
 def test_a_cluster_of_its_own_is_heard_by_this_machine_only_and_ends_with_sigterm(tmp_path):
     """While a command collects: sockets on the loopback interface alone. At SIGTERM: one line, 143, nobody left."""
     command = (
-        "from collectors.cli import main; import sys; sys.argv[1:] = ['centering', '--samples', '1000', '--image-size',"
-        f" '64', '--executor', 'ray', '--out', {str(tmp_path / 'x')!r}]; sys.exit(main())"
+        "from collectors.cli import main; import sys; sys.argv[1:] = ['centering', '--episodes', '1000', "
+        f"'--image-size', '64', '--executor', 'ray', '--out', {str(tmp_path / 'x')!r}]; sys.exit(main())"
     )
     environment = {name: value for name, value in os.environ.items() if not name.startswith("RAY_")}
     running = subprocess.Popen(

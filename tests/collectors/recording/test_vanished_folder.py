@@ -71,7 +71,7 @@ def test_collecting_stops_and_says_where_the_rest_is(tmp_path, happens, executor
 
 def test_the_command_fails_with_one_line(tmp_path):
     out = tmp_path / "mine"
-    words = ("--samples", 500, "--seed", 0, "--image-size", 16, "--workers", 1, "--out", out)
+    words = ("--episodes", 500, "--seed", 0, "--image-size", 16, "--workers", 1, "--out", out)
     process = subprocess.Popen(command("centering", *words), stderr=subprocess.PIPE, text=True)
     wait_for(lambda: (out / "episode_000001.hdf5").exists(), process)
     out.rename(tmp_path / "elsewhere")

@@ -17,6 +17,7 @@ from collectors.sources import policy
 from collectors.sources.replay import from_json
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, UsageError
+from tests.helpers.command_page import item_keys
 from tests.helpers.finger_robot import FingerRobot
 from tests.helpers.own_robot import own_episode
 from tests.helpers.rerun_files import entities, gathered
@@ -101,9 +102,15 @@ def test_a_person_moves_it(package, tmp_path, run):
         (8, DOWN, ["start"]), (10, DOWN, ["discard"]), (12, DOWN, ["start"]), (15, DOWN, ["quit"]),
     )  # fmt: skip
     out = tmp_path / "mine"
-    words = ("teleop", "--task", "wiping", "--robot", "finger_arm", "--device", "script", log, "--out", out)
+    words = ("teleop", "--task", "wiping", "--robot", "finger_arm", "--input-device", "script", log, "--out", out)
     code, said, err = run(*words, "--pace", 1)
     assert (code, err) == (0, "")
+    code, as_json, err = run(*words[:-1], tmp_path / "again", "--json")
+    (told,) = json.loads(as_json)["datasets"]
+    assert told.keys() == item_keys("svfl-collect teleop")
+    assert (told["episodes"], told["successes"], told["collected"]) == (2, 1, 2)
+    assert "episode 0 saved" in err
+    package.robots.pop()
     assert "episode 0 saved: success (marked as success), 5 steps, 0.5 s" in said
     dataset = Dataset.open(out)
     first, second = dataset.read(0), dataset.read(1)
@@ -134,7 +141,9 @@ def test_a_policy_moves_it(package, tmp_path, run):
         felt = episode["streams/left_finger/wrench"] - episode["streams/left_finger/tare"]
         rows = np.searchsorted(episode["streams/left_finger/t_ns"], episode.t_ns[:-1], side="right") - 1
         np.testing.assert_allclose(episode.action[:, 2], -0.001 * felt[rows, 2], atol=1e-7)
-    code, _, _ = run(*words, "--episodes", 1, "--steps", 3, "--out", tmp_path / "short")
+    code, said, _ = run(*words, "--episodes", 1, "--max-steps", 3, "--out", tmp_path / "short", "--json")
+    (told,) = json.loads(said)["datasets"]
+    assert told == {"path": str(tmp_path / "short"), "task": "wiping", "episodes": 1, "collected": 1}
     assert (code, len(Dataset.open(tmp_path / "short").read(0))) == (0, 3)
     assert all(robot.calls[-1] == "close" for robot in package.robots)
 
@@ -149,11 +158,11 @@ def test_a_policy_moves_it(package, tmp_path, run):
          (*FINGER, "a.fixed", "--image-size", 20, "--out", "OUT")),
         (2, "one worker of this machine",
          (*FINGER, "a.fixed", "--workers", 2, "--out", "OUT")),
-        (2, "--steps is for robots that are not simulated",
-         ("policy", "--task", "block_picking", "--checkpoint", "a.fixed", "--steps", 9, "--out", "OUT")),
-        (2, "no task 'wiping'; the tasks are block_picking",
+        (2, "--max-steps is for robots that are not simulated",
+         ("policy", "--task", "block_picking", "--checkpoint", "a.fixed", "--max-steps", 9, "--out", "OUT")),
+        (2, "no task 'wiping'; possible are block_picking",
          ("policy", "--task", "wiping", "--checkpoint", "a.fixed", "--out", "OUT")),
-        (2, "no robot 'abacus'; the robots are finger_arm, half_arm, no_arm, panda_sim, silent_arm, ur5e_sim",
+        (2, "no robot 'abacus'; possible are finger_arm, half_arm, no_arm, panda_sim, silent_arm, ur5e_sim",
          ("policy", "--task", "x", "--robot", "abacus", "--checkpoint", "a.fixed", "--out", "OUT")),
         (2, "robot no_arm: finger_package:nothing cannot be loaded",
          ("policy", "--task", "x", "--robot", "no_arm", "--checkpoint", "a.fixed", "--out", "OUT")),

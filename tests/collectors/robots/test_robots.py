@@ -70,7 +70,7 @@ def test_a_package_of_ones_own_adds_a_robot(added):
 
 
 def test_a_robot_that_nobody_knows_is_named_with_those_there_are(added):
-    with pytest.raises(UsageError, match=r"no robot 'abacus'; the robots are .*panda_sim, .*slow_sim, ur5e_sim"):
+    with pytest.raises(UsageError, match=r"no robot 'abacus'; possible are .*panda_sim, .*slow_sim, ur5e_sim"):
         make("abacus")
     with pytest.raises(UsageError, match="gone_sim: slow_package:Gone cannot be loaded"):
         make("gone_sim")

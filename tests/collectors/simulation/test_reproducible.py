@@ -19,7 +19,7 @@ import sys
 from collectors import cli
 few = ["--seed", "0", "--image-size", "16", "--out"]
 out = sys.argv[-1]
-for words in (["centering", "--samples", "2"], ["expert", "--task", "block_picking", "--episodes", "1"]):
+for words in (["centering", "--episodes", "2"], ["expert", "--task", "block_picking", "--episodes", "1"]):
     sys.argv = ["svfl-collect", *words, *few, f"{out}/{words[0]}"]
     assert cli.main() == 0
 """

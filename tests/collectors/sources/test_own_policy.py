@@ -157,7 +157,7 @@ def test_the_robot_of_the_demonstrations_acts_unless_another_is_named(checkpoint
     assert cli.main([*words, "--robot", "ur5e_sim"]) == 0
     assert len(json.loads(out.read_text())["success"]) == 1
     assert cli.main([*words, "--robot", "nobody"]) == 1
-    assert "no robot 'nobody'; the robots are panda_sim, ur5e_sim" in capsys.readouterr().err
+    assert "no robot 'nobody'; possible are panda_sim, ur5e_sim" in capsys.readouterr().err
 
 
 def test_each_file_is_opened_by_its_own_mark(checkpoint, file, tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from collectors.cli import main
 
-TASK = ("teleop", "--task", "block_picking", "--device")
+TASK = ("teleop", "--task", "block_picking", "--input-device")
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_no_display(answer, monkeypatch, display):
     code, line = answer("keyboard")
     assert code == 1
     assert "display" in line
-    assert "--device script FILE" in line
+    assert "--input-device script FILE" in line
 
 
 @pytest.mark.parametrize(("library", "device"), [("pygame", "keyboard"), ("hid", "spacemouse")])

@@ -243,7 +243,7 @@ def test_what_breaks_in_the_middle_leaves_a_partial_episode(dataset, what, tmp_p
 def test_a_killed_session_is_salvaged_by_the_next(what, tmp_path):
     script(tmp_path, at(0, [1, 0, 0, -0.02, 0], "start"), at(10**6, REST))
     out = tmp_path / "mine"
-    words = ("--task", what.task, "--device", "script", tmp_path / "script.log", "--image-size", 16, "--out", out)
+    words = ("--task", what.task, "--input-device", "script", tmp_path / "script.log", "--image-size", 16, "--out", out)
     process = subprocess.Popen(command("teleop", *words, "--seconds", 3600), stderr=subprocess.PIPE)
     journal = out / ".inflight" / "episode_000000.journal"
     wait_for(lambda: journal.exists() and journal.stat().st_size > 200_000, process)

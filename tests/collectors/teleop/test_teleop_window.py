@@ -37,7 +37,7 @@ def test_typed_keys_pick_a_block(tmp_path):
     options = ("--seed", SEED, "--out", out, "--log", log, "--operator", "typist", "--image-size", 16)
     with display() as name:
         process = subprocess.Popen(
-            command("teleop", "--task", "block_picking", "--device", "keyboard", *options),
+            command("teleop", "--task", "block_picking", "--input-device", "keyboard", *options),
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ | {"DISPLAY": name},
         )  # fmt: skip
         try:

@@ -28,13 +28,13 @@ def test_view_saves_the_chosen_or_the_first_episode(command, dataset, tmp_path, 
     saved = []
     monkeypatch.setattr(show, "content", lambda episodes, urdf: [shown.meta.index for shown, _ in episodes])
     monkeypatch.setattr(show, "save", lambda content, path: saved.append((content, path)))
-    code, out, _ = command("view", dataset.path, *words, "--save", tmp_path / "a.rrd")
+    code, out, _ = command("view", dataset.path, *words, "--out", tmp_path / "a.rrd")
     assert (code, saved) == (0, [([shown], tmp_path / "a.rrd")])
     assert f"rerun {tmp_path / 'a.rrd'}" in out
 
 
 def test_view_takes_a_single_episode_file(command, dataset, tmp_path):
-    code, _, err = command("view", dataset.episode_path(5), "--save", tmp_path / "a.rrd")
+    code, _, err = command("view", dataset.episode_path(5), "--out", tmp_path / "a.rrd")
     assert (code, err) == (0, "")
     assert (tmp_path / "a.rrd").stat().st_size > 0
 
@@ -64,7 +64,7 @@ def test_every_mistake_is_one_line_with_its_exit_code(command, dataset, tmp_path
         ((dataset.episode_path(2), "--episode", 2), 2, "--episode chooses from a dataset"),
         ((), 2, "PATH"),
     ):
-        found, out, err = command("view", *words, "--save", target)
+        found, out, err = command("view", *words, "--out", target)
         assert (found, out) == (code, ""), words
         assert one_line(err), err
         assert said in err
@@ -79,7 +79,7 @@ def test_save_names_that_cannot_work_are_one_line(command, dataset, tmp_path):
         (tmp_path / "missing" / "out.rrd", 1, "No such file or directory"),
         (tmp_path / "folder.rrd", 1, "no ordinary file"),
     ):
-        found, _, err = command("view", dataset.path, "--save", target)
+        found, _, err = command("view", dataset.path, "--out", target)
         assert found == code
         assert one_line(err), err
         assert said in err
@@ -95,7 +95,7 @@ def test_a_failed_save_leaves_the_old_file_and_nothing_else(command, dataset, tm
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full_disk)
-    code, _, err = command("view", dataset.path, "--save", target)
+    code, _, err = command("view", dataset.path, "--out", target)
     assert code == 1
     assert "No space left on device" in err
     assert target.read_bytes() == b"precious"
@@ -109,7 +109,7 @@ def test_without_a_display_the_way_out_is_named(command, dataset, monkeypatch):
     code, _, err = command("view", dataset.path)
     assert code == 1
     assert one_line(err)
-    assert "--save FILE.rrd" in err
+    assert "--out FILE.rrd" in err
 
 
 def test_a_viewer_that_fails_is_one_line(command, dataset, monkeypatch):
@@ -118,7 +118,7 @@ def test_a_viewer_that_fails_is_one_line(command, dataset, monkeypatch):
     code, _, err = command("view", dataset.path)
     assert code == 1
     assert one_line(err), err
-    assert "--save FILE.rrd" in err
+    assert "--out FILE.rrd" in err
 
 
 def python(script):

@@ -51,7 +51,7 @@ def shown(command, folder, tmp_path, monkeypatch, words):
     "words",
     [
         ("info",), ("info", "--json"), ("info", "--episode", "0"), ("info", "--episode", "0", "--json"),
-        ("plot", "--out", "e.png"), ("view", "--save", "e.rrd"), ("card", "--out", "card.md"), ("stats",),
+        ("plot", "--out", "e.png"), ("view", "--out", "e.rrd"), ("card", "--out", "card.md"), ("stats",),
     ],
     ids=" ".join,
 )  # fmt: skip

@@ -112,7 +112,7 @@ METAS = {
 TOOLS = (
     ("validate",), ("info",), ("info", "--episode", "0"), ("plot", "--episode", "0", "--out", "p.png"),
     ("topdown", "--episode", "0", "--out", "t.png"), ("card", "--out", "card.md"),
-    ("view", "--episode", "0", "--save", "v.rrd"),
+    ("view", "--episode", "0", "--out", "v.rrd"),
 )  # fmt: skip
 
 

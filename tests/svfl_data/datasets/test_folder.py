@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 
 COMMANDS = (
     ("info",), ("validate",), ("merge", "NEW"), ("filter", "NEW", "--success", "yes"), ("stats",), ("pack", "NEW"),
-    ("split", "--name", "default", "--seed", "5"), ("relabel", "--contact"), ("card",), ("repair",),
+    ("split", "--split", "default", "--seed", "5"), ("relabel", "--contact"), ("card",), ("repair",),
 )  # fmt: skip
 
 
@@ -151,7 +151,7 @@ def test_the_same_recording_twice_is_found_and_never_split(dataset, tmp_path, co
     for words in (
         ("merge", dataset.path, tmp_path / "m"),
         ("filter", dataset.path, tmp_path / "m", "--task", "centering"),
-        ("split", dataset.path, "--name", "new"),
+        ("split", dataset.path, "--split", "new"),
     ):
         code, _, err = command(*words)
         assert (code, err.count("\n")) == (1, 1)
@@ -201,14 +201,14 @@ def test_a_split_whose_episodes_are_gone_says_which_and_how_to_go_on(dataset, co
         assert "--replace" in err
     assert command("split", dataset.path, "--ratios", "train=0.5", "test=0.5", "--replace")[0] == 0
     assert command("stats", dataset.path)[0] == 0
-    assert command("split", dataset.path, "--name", "other", "--ratios", "train=0.5", "test=0.5")[0] == 0
+    assert command("split", dataset.path, "--split", "other", "--ratios", "train=0.5", "test=0.5")[0] == 0
 
 
 @pytest.mark.slow
 def test_a_split_of_all_episodes_gone_names_only_some(dataset, command):
     for index in range(4, 40):
         write_episode(make_episode(index, steps=1), dataset.episode_path(index))
-    command("split", dataset.path, "--name", "many")
+    command("split", dataset.path, "--split", "many")
     for index in range(40):
         dataset.episode_path(index).unlink()
     code, _, err = command("stats", dataset.path, "--split", "many")

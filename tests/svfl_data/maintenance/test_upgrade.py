@@ -308,10 +308,10 @@ def test_shards_can_be_unpacked_afterwards(upgraded, tmp_path):
     "words",
     [
         "info OLD", "info OLD --json", "info OLD --episode 2", "info FILE", "validate OLD", "validate OLD --json",
-        "validate FILE", "plot OLD --out NEW.png", "topdown OLD --out NEW.png", "view OLD --save NEW.rrd",
-        "view OLD --compare OLD --save NEW.rrd", "view FILE --save NEW.rrd", "card OLD", "card OLD --out NEW.md",
+        "validate FILE", "plot OLD --out NEW.png", "topdown OLD --out NEW.png", "view OLD --out NEW.rrd",
+        "view OLD --compare OLD --out NEW.rrd", "view FILE --out NEW.rrd", "card OLD", "card OLD --out NEW.md",
         "relabel OLD --episode 0 --success no", "relabel FILE --success no", "filter OLD NEW --success yes",
-        "filter OLD NEW --valid", "merge OLD NEW", "pack OLD NEW", "unpack OLD NEW", "split OLD --name other",
+        "filter OLD NEW --valid", "merge OLD NEW", "pack OLD NEW", "unpack OLD NEW", "split OLD --split other",
         "split OLD --replace", "stats OLD", "repair OLD", "repair OLD --reseal",
     ],
 )  # fmt: skip

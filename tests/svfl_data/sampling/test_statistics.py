@@ -91,7 +91,7 @@ def test_what_is_no_split_is_refused(dataset):
     file.write_text(json.dumps(content))
     gone = split["test"][0]
     dataset.episode_path(gone).unlink()
-    with pytest.raises(DatasetError, match=rf"\b1 of its 5 episodes \({gone}\).*--name default --replace"):
+    with pytest.raises(DatasetError, match=rf"\b1 of its 5 episodes \({gone}\).*--split default --replace"):
         load_split(dataset, "default")
 
 

@@ -1,6 +1,7 @@
 """The check passes what is symmetric, fails what is not, and says which."""
 
 import copy
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from svfl_models.centering.compatibility import expect_fit
 from svfl_models.commands import check as command
 from svfl_models.symmetry.groups import GROUPS
 from tests.helpers.builders import make_episode
+from tests.helpers.command_page import item_keys, json_keys
 from tests.helpers.trained import untrained, write
 
 pytestmark = pytest.mark.slow
@@ -159,11 +161,16 @@ def module(dataset):
 @pytest.mark.slow
 def test_the_command(dataset, module, tmp_path, capsys):
     file = write(module, tmp_path / "checkpoint.ckpt")
-    assert cli.main(["check", str(file), "--data", str(dataset), "--samples", "4"]) == 0
+    assert cli.main(["check", str(file), "--data", str(dataset), "--episodes", "4"]) == 0
     printed = capsys.readouterr().out
     assert "group D4, 4 episodes" in printed
     assert printed.count("exact") == 8
     assert "270 deg, mirrored" in printed
+    assert max(map(len, printed.splitlines()[1:])) <= 80
+    assert cli.main(["check", str(file), "--data", str(dataset), "--episodes", "4", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told.keys() == json_keys("svfl-train check")
+    assert [one.keys() for one in told["elements"]] == [item_keys("svfl-train check")] * 8
 
 
 @pytest.mark.slow

@@ -24,6 +24,7 @@ from svfl_models.cloning.evaluate import Evaluation, environment_of, evaluate
 from svfl_models.training import run_folder
 from svfl_models.training.provenance.session import file
 from tests.helpers.builders import IMAGE_AXES
+from tests.helpers.command_page import json_keys
 from tests.helpers.demonstrations import demonstrations
 
 pytestmark = pytest.mark.slow
@@ -124,6 +125,12 @@ def test_the_command_writes_and_prints(checkpoint, countdown, capsys):
     assert found["provenance"]["seeds"] == [0]
     assert cli.main(["info", str(checkpoint)]) == 0
     assert re.search(r"results, evaluation.json\n(    .*\n)*    rate +0\.5\n", capsys.readouterr().out)
+    assert cli.main(["evaluate", str(checkpoint), "--episodes", "4", "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert {name: value for name, value in printed.items() if name != "provenance"} == {
+        name: value for name, value in found.items() if name != "provenance"
+    }
+    assert found.keys() == json_keys("svfl-train evaluate")
 
 
 def test_other_environments_are_one_clear_line(checkpoint):

@@ -35,6 +35,7 @@ from svfl_models.symmetry.groups import GROUPS
 from svfl_models.symmetry.layers import SymmetricConv, SymmetricLinear
 from svfl_models.symmetry.testing import assert_equivariant, equivariance_error
 from tests.helpers.builders import make_episode
+from tests.helpers.command_page import json_keys
 from tests.helpers.trained import untrained, write
 
 pytestmark = pytest.mark.slow
@@ -208,6 +209,8 @@ def test_the_command_says_how_exact_the_file_is(samples, tmp_path, capsys):
     checkpoint = write(untrained(samples, encoder="f")[0], tmp_path / "checkpoint.ckpt")
     assert cli.main(["export", str(checkpoint), "--out", str(tmp_path / "network.pt2")]) == 0
     assert re.search(rf"{tmp_path / 'network.pt2'}: .* [-.e\d]+ of", capsys.readouterr().out)
+    assert cli.main(["export", str(checkpoint), "--out", str(tmp_path / "network.pt2"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out).keys() == json_keys("svfl-train export")
 
 
 @pytest.mark.parametrize("place", ["../secret", "/etc/passwd", "link", "absolute"])

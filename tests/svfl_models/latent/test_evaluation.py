@@ -115,12 +115,18 @@ def test_the_yaw_of_a_cube_repeats_at_every_quarter_turn(task, half, repeats, tm
 @pytest.mark.parametrize("model", ["poe", "vtt"])
 def test_the_command(model, data, tmp_path, capsys):
     checkpoint = trained(data, tmp_path / "run", model)
-    assert main(["latent-eval", str(checkpoint), "--episodes", "1"]) == 0
+    as_json = ["--json"] if model == "vtt" else []
+    assert main(["latent-eval", str(checkpoint), "--episodes", "1", *as_json]) == 0
     printed = capsys.readouterr().out
-    assert f"{model} after 2 steps, on 1 episodes" in printed
-    assert "probe: object yaw" in printed
     out = tmp_path / "run" / "latent_eval"
     found = json.loads((out / "evaluation.json").read_text())
+    if as_json:
+        told = json.loads(printed)
+        assert told.pop("files")[0] == str(out / "report.md")
+        assert told == found
+    else:
+        assert f"{model} after 2 steps, on 1 episodes" in printed
+        assert "probe: object yaw" in printed
     assert found["episodes"] == 1
     assert len(found["missing"]) == 7
     assert found["provenance"]["data"]["checkpoint"]["sha256"] == digest(checkpoint)

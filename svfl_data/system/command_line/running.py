@@ -1,104 +1,23 @@
-"""Behaviour that all programs of this software share: one-line errors, exit codes and ``--help`` with an example."""
+"""Running of a command: one-line errors, exit codes, and an orderly end by signals."""
 
-import argparse
 import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any, NoReturn
 
-from svfl_data.errors import SvflError
+from svfl_data.errors import SvflError, UsageError
 from svfl_data.system import standard_streams
 from svfl_data.system.cache_folder import confine_caches
+from svfl_data.system.command_line import completion
+from svfl_data.system.command_line.parser import Parser
 from svfl_data.system.extras import OURS, needs
 from svfl_data.system.printable import LONGEST_LINE, printable
+from svfl_data.system.progress import quiet
 from svfl_data.system.refused import refusal
 
-LAST_PORT = 2**16 - 2
 SIGNALLED = 128  # exit code of a command that a signal ended, plus the signal's number, as in shells
-
-
-EXAMPLE = "example:\n"
-
-
-class _Formatter(argparse.HelpFormatter):
-    """Wraps descriptions to the width of the terminal, and leaves the lines of examples as they are."""
-
-    def _fill_text(self, text: str, width: int, indent: str) -> str:
-        return text if text.startswith(EXAMPLE) else super()._fill_text(text, width, indent)
-
-
-class Parser(argparse.ArgumentParser):
-    """Argument parser that reports a mistake in one line with exit code 2, and whose help ends with examples.
-
-    Args:
-        example: Command lines that are printed at the end of the help, one per line. No example is printed if it is
-            empty.
-        **kwargs: Further arguments of `argparse.ArgumentParser`.
-    """
-
-    def __init__(self, *, example: str = "", **kwargs: Any) -> None:  # noqa: ANN401 - passed on to argparse
-        if example:
-            kwargs["epilog"] = EXAMPLE + "\n".join(f"  {line}" for line in example.splitlines())
-        super().__init__(formatter_class=_Formatter, **kwargs)
-
-    def _print_message(self, message: str, file: Any = None) -> None:  # noqa: ANN401 - as argparse declares it
-        """Print help or an error message, and raise an error, unlike argparse, if it cannot be written."""
-        if message:
-            (file or sys.stderr).write(message)
-
-    def error(self, message: str) -> NoReturn:
-        """Print the mistake and how to get help, and exit with code 2.
-
-        Raises:
-            SystemExit: Always.
-        """
-        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
-
-
-Commands = argparse._SubParsersAction  # what `add_subparsers` returns; argparse has no public name
-"""Type of the object that holds the commands of a program."""
-
-
-def positive(text: str) -> int:
-    """Parse a command-line argument that must be an integer of at least 1.
-
-    Raises:
-        argparse.ArgumentTypeError: If the text is not such an integer.
-    """
-    return _integer(text, 1)
-
-
-def port(text: str) -> int:
-    """Parse a command-line argument that must be the number of a TCP port, and not the last one.
-
-    Raises:
-        argparse.ArgumentTypeError: If the text is not such an integer.
-    """
-    return _integer(text, 1, LAST_PORT)
-
-
-def natural(text: str) -> int:
-    """Parse a command-line argument that must be an integer of at least 0.
-
-    Raises:
-        argparse.ArgumentTypeError: If the text is not such an integer.
-    """
-    return _integer(text, 0)
-
-
-def _integer(text: str, least: int, most: int | None = None) -> int:
-    try:
-        value = int(text)
-    except ValueError:
-        value = least - 1
-    if value < least or (most is not None and value > most):
-        possible = f"of at least {least}" if most is None else f"from {least} to {most}"
-        raise argparse.ArgumentTypeError(f"{text!r} is not an integer {possible}")
-    return value
 
 
 def main(root: Parser, words: list[str] | None = None) -> int:
@@ -115,6 +34,7 @@ def main(root: Parser, words: list[str] | None = None) -> int:
     Raises:
         SystemExit: After ``--help``, and with code 2 after a mistake in the command line.
     """
+    completion.answer(root)
     return run(lambda: _called(root, words), root.prog)
 
 
@@ -123,7 +43,10 @@ def _called(root: Parser, words: list[str] | None) -> None:
     name = vars(arguments).pop("command_name")
     confine_caches()
     try:
-        arguments.command(arguments)
+        with quiet(vars(arguments).pop("quiet", False)):
+            arguments.command(arguments)
+    except UsageError as error:
+        raise UsageError(f"{error} (see {root.prog} {name} --help)") from error
     except ModuleNotFoundError as error:
         if not error.name or error.name.partition(".")[0] in OURS:
             raise
