@@ -6,6 +6,13 @@ from typing import Any
 ENCODERS = ("v", "f", "p", "vf", "vp", "vfp")
 LOSSES = ("action", "likelihood")
 VIEWS = ("gripper", "camera")
+NETWORKS: dict[str, dict[str, Any]] = {
+    "svfl": {"group": "D4", "rotate": False},
+    "cnn": {"group": "none", "rotate": False},
+    "cnn-rotated": {"group": "none", "rotate": True},
+}
+"""Settings of the networks that experiments compare, by their names; the last one is trained with rotated samples
+instead of being symmetric."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +32,8 @@ class CloningConfig:
             `cloning.loss`).
         augment: Whether the colours and positions of training images are changed at random (`training.augmentation`).
             False leaves only the random crops.
+        rotate: Whether every training step, observation and action together, is rotated and mirrored by a random
+            element of D4, the usual substitute for a symmetric network.
         view: Centre of the images, one of `VIEWS`: ``gripper``, cropped around the gripper, or ``camera``, cropped from
             the middle of the camera image.
         image_size: Height and width of the images that the network gets, [px].
@@ -49,6 +58,7 @@ class CloningConfig:
     preset: str = "default"
     loss: str = "action"
     augment: bool = True
+    rotate: bool = False
     view: str = "gripper"
     image_size: int = 64
     camera: str | None = None

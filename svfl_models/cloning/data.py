@@ -23,7 +23,8 @@ from svfl_models.cloning.deployment_spec import DeploymentSpec, deployment_of, d
 from svfl_models.cloning.gripper_view import JITTER, corners
 from svfl_models.cloning.own_data import OwnDemonstrations
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, random_crop, scaled
-from svfl_models.symmetry.actions import Batch
+from svfl_models.symmetry.actions import Batch, augment
+from svfl_models.symmetry.groups import GROUPS
 from svfl_models.training.augmentation import MARGIN, recoloured
 
 VALID_BATCH = 256
@@ -47,8 +48,8 @@ class Demonstrations(TorchDataset[Batch]):
         episodes: Indices of the episodes.
         deployment: What the episodes have in common, as `deployment_of` returns it.
         config: Configuration that gives the inputs, the image size, the view, the augmentation and the seed.
-        random: Whether crops are shifted at random, as in training, or lie exactly around the gripper or the centre of
-            the image.
+        random: Whether crops are shifted at random and steps are rotated at random (`CloningConfig.rotate`), as in
+            training, or crops lie exactly around the gripper or the centre of the image.
 
     Raises:
         DatasetError: If the images do not fit into memory.
@@ -96,12 +97,13 @@ class Demonstrations(TorchDataset[Batch]):
         }
         if self.feels:
             batch["wrench"] = torch.from_numpy(act(self.axes, recorded[WRENCH], WRENCH_PARTS))
-        if self.sees:
-            color, depth = (recorded[f"cameras/{self.deployment.camera}/{name}"][:, 0] for name in ("color", "depth"))
-            with torch.random.fork_rng(devices=[]):
-                torch.manual_seed(int(np.random.SeedSequence([self.config.seed, keys[0]]).generate_state(1)[0]))
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(int(np.random.SeedSequence([self.config.seed, keys[0]]).generate_state(1)[0]))
+            if self.sees:
+                camera = f"cameras/{self.deployment.camera}"
+                color, depth = (recorded[f"{camera}/{name}"][:, 0] for name in ("color", "depth"))
                 batch["image"] = self._image(_picture(color, depth, self.deployment.depth_scale), known)
-        return batch
+            return augment(batch, GROUPS["D4"]) if self.random and self.config.rotate else batch
 
     def loader(self, batch_size: int) -> DataLoader[Batch]:
         """Return a loader of batches of all steps.
@@ -177,7 +179,7 @@ class CloningData(pl.LightningDataModule):
 
     def _take_own(self, dataset: Dataset, chosen: Sequence[int], config: CloningConfig) -> None:
         """Prepare batches of inputs and an action of the user's own."""
-        symmetric = config.group != "none"
+        symmetric = config.group != "none" or config.rotate  # either must know how each input turns
         self.deployment = deployment_of_own(dataset, chosen, config.inputs, config.action, symmetric)
         groups = {one["path"] if one["kind"] == "image" else one["path"].rpartition("/")[0]
                   for one in self.deployment.inputs}  # fmt: skip

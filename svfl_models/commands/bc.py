@@ -64,6 +64,9 @@ def add(commands: Commands) -> None:
     add("--plain-images", dest="augment", action="store_false",
         help="change training images only by the random crops of the paper (default: colours and depth are changed at "
         "random too, and crops are shifted further)")  # fmt: skip
+    add("--rotate", action="store_true",
+        help="rotate training steps, observations and actions together, by random quarter turns and mirror them at "
+        "random (default: not)")  # fmt: skip
     add("--view", choices=VIEWS, default=DEFAULT.view,
         help="centre of the network's images: the gripper, or the middle of the camera image "
         "(default: %(default)s)")  # fmt: skip

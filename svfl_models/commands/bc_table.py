@@ -6,7 +6,7 @@ from pathlib import Path
 
 from svfl_data.system.command_line import Commands, positive
 from svfl_data.system.printable import say
-from svfl_models.cloning.config import ENCODERS, VIEWS, CloningConfig
+from svfl_models.cloning.config import ENCODERS, NETWORKS, VIEWS, CloningConfig
 from svfl_models.networks.presets import PRESETS
 
 EXAMPLE = (
@@ -28,9 +28,9 @@ def add(commands: Commands) -> None:
         "bc-table", help="compare SVFL and CNN policies that are trained by behaviour cloning on several tasks",
         example=EXAMPLE,
         description="Train SVFL and CNN policies by behaviour cloning on several datasets, evaluate each in simulation "
-        "and write a page with their success rates and learning curves. Finished policies are kept. After an "
-        "interruption, the same command continues, each training after its last complete epoch. If a policy fails, "
-        "the others are still trained, and the failure is reported at the end.",
+        "and write a page with their success rates, intervals over the seeds and learning curves. Finished policies "
+        "are kept. After an interruption, the same command continues, each training after its last complete epoch. If "
+        "a policy fails, the others are still trained, and the failure is reported at the end.",
     )  # fmt: skip
     add = parser.add_argument
     add("--data", type=Path, nargs="+", required=True, metavar="FOLDER", help="dataset folders with demonstrations")
@@ -40,6 +40,9 @@ def add(commands: Commands) -> None:
         help="number of seeds; the seeds are 0 to N-1 (default: %(default)s)")  # fmt: skip
     add("--trials", type=positive, default=100, metavar="N",
         help="number of episodes in which each policy is evaluated (default: %(default)s)")  # fmt: skip
+    add("--networks", nargs="+", choices=tuple(NETWORKS), default=list(NETWORKS), metavar="NETWORK",
+        help="networks to compare: svfl, cnn, and cnn-rotated, which is a CNN whose training samples are rotated and "
+        "mirrored at random (default: all)")  # fmt: skip
     add("--encoder", choices=ENCODERS, default=DEFAULT.encoder,
         help="inputs of the networks: v for image, f for wrench (force and torque), p for proprioception, or several "
         "of them (default: %(default)s)")  # fmt: skip
@@ -87,7 +90,8 @@ def run(arguments: argparse.Namespace) -> None:
 
     out, base = arguments.out, CloningConfig("", **{option: getattr(arguments, option) for option in RECIPE})
     episodes, data = sorted(set(arguments.episodes)), list(map(str, arguments.data))
-    runs = cloning_table.runs(base, data, episodes, arguments.seeds, arguments.trials, out)
+    networks = [network for network in NETWORKS if network in arguments.networks]
+    runs = cloning_table.runs(base, data, episodes, arguments.seeds, arguments.trials, out, networks)
     jobs = {run.folder.name: run for run in runs}
     grid = Grid(out, jobs)
     for folder in {jobs[name].config.data for name in grid.unfinished()}:
@@ -97,7 +101,7 @@ def run(arguments: argparse.Namespace) -> None:
             grid.run(arguments.workers, Console(stderr=True))
         finally:
             with storage_errors(out):
-                words, files = cloning_table_page.write(cloning_table_page.Table(runs), _command_line(arguments), out)
+                words, files = cloning_table_page.write(cloning_table.Table(runs), _command_line(arguments), out)
         if arguments.copy_report_to:
             with storage_errors(arguments.copy_report_to):
                 arguments.copy_report_to.mkdir(parents=True, exist_ok=True)
@@ -115,6 +119,8 @@ def _command_line(arguments: argparse.Namespace) -> str:
     if arguments.episodes != [DEFAULT.episodes]:
         words += ["--episodes", *map(str, arguments.episodes)]
     words += ["--seeds", str(arguments.seeds), "--trials", str(arguments.trials)]
+    if set(arguments.networks) != set(NETWORKS):
+        words += ["--networks", *arguments.networks]
     for option in RECIPE:
         if getattr(arguments, option) != getattr(DEFAULT, option):
             words += [f"--{option}", str(getattr(arguments, option))]
