@@ -12,6 +12,13 @@ from svfl_models.training.schedules import SCHEDULES
 ENCODERS = ("v", "f", "p", "vf", "vp", "vfp")
 LOSSES = ("action", "likelihood")
 VIEWS = ("gripper", "camera")
+NETWORKS: dict[str, dict[str, Any]] = {
+    "svfl": {"group": "D4", "rotate": False},
+    "cnn": {"group": "none", "rotate": False},
+    "cnn-rotated": {"group": "none", "rotate": True},
+}
+"""Settings of the networks that experiments compare, by their names; the last one is trained with rotated samples
+instead of being symmetric."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +67,9 @@ class CloningConfig:
     augment: Annotated[bool, option(
         "change colours and depth of training images at random, and shift crops further than in the paper; without it "
         "there are only the random crops of the paper")] = True  # fmt: skip
+    rotate: Annotated[bool, option(
+        "rotate training steps, observations and actions together, by random quarter turns and mirror them at random, "
+        "the usual substitute for a symmetric network")] = False  # fmt: skip
     noise: Annotated[float, option(
         "white noise that is added to the wrench readings of training, in multiples of the simulated sensor's",
         ge=0)] = 0.0  # fmt: skip

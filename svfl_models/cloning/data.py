@@ -24,7 +24,8 @@ from svfl_models.cloning.deployment_spec import DeploymentSpec, deployment_of, d
 from svfl_models.cloning.gripper_view import JITTER, corners
 from svfl_models.cloning.own_data import OwnDemonstrations
 from svfl_models.networks.image_crops import centre_crop, crop_at, crop_side, random_crop, scaled
-from svfl_models.symmetry.actions import Batch
+from svfl_models.symmetry.actions import Batch, augment
+from svfl_models.symmetry.groups import GROUPS
 from svfl_models.training.augmentation import MARGIN, WHITE, recoloured
 
 VALID_BATCH = 256
@@ -48,8 +49,8 @@ class Demonstrations(TorchDataset[Batch]):
         episodes: Indices of the episodes.
         deployment: What the episodes have in common, as `deployment_of` returns it.
         config: Configuration that gives the inputs, the image size, the view, the augmentation and the seed.
-        random: Whether crops are shifted at random, as in training, or lie exactly around the gripper or the centre of
-            the image.
+        random: Whether crops are shifted at random and steps are rotated at random (`CloningConfig.rotate`), as in
+            training, or crops lie exactly around the gripper or the centre of the image.
 
     Raises:
         DatasetError: If the images do not fit into memory.
@@ -101,12 +102,12 @@ class Demonstrations(TorchDataset[Batch]):
                 draw = np.random.default_rng([self.config.seed, keys[0]]).standard_normal(wrench.shape)
                 wrench = (wrench + self.config.noise * np.array(WHITE) * draw).astype(np.float32)
             batch["wrench"] = torch.from_numpy(act(self.axes, wrench, WRENCH_PARTS))
-        if self.sees:
-            image = torch.from_numpy(camera_picture(recorded, self.deployment.camera, self.deployment.depth_scale))
-            with torch.random.fork_rng(devices=[]):
-                torch.manual_seed(int(np.random.SeedSequence([self.config.seed, keys[0]]).generate_state(1)[0]))
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(int(np.random.SeedSequence([self.config.seed, keys[0]]).generate_state(1)[0]))
+            if self.sees:
+                image = torch.from_numpy(camera_picture(recorded, self.deployment.camera, self.deployment.depth_scale))
                 batch["image"] = self._image(image, known)
-        return batch
+            return augment(batch, GROUPS["D4"]) if self.random and self.config.rotate else batch
 
     def loader(self, batch_size: int, workers: int = 0) -> DataLoader[Batch]:
         """Return a loader of batches of all steps.
@@ -177,7 +178,7 @@ class CloningData(pl.LightningDataModule):
 
     def _take_own(self, dataset: Dataset, chosen: Sequence[int], config: CloningConfig) -> None:
         """Prepare batches of inputs and an action of the user's own."""
-        symmetric = config.group != "none"
+        symmetric = config.group != "none" or config.rotate  # either must know how each input turns
         self.deployment = deployment_of_own(dataset, chosen, config.inputs, config.action, symmetric)
         groups = {one["path"] if one["kind"] == "image" else one["path"].rpartition("/")[0]
                   for one in self.deployment.inputs}  # fmt: skip

@@ -18,7 +18,9 @@ from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.recorded_inputs import RecordedInput, of_plain, windows
 from svfl_models.networks.action_space import ActionSpace
 from svfl_models.networks.image_crops import centre_crop, crop_side, random_crop, scaled, turned
-from svfl_models.symmetry.actions import Batch
+from svfl_models.networks.input_types import actions_of
+from svfl_models.symmetry.actions import Batch, act_on_parts, augment
+from svfl_models.symmetry.groups import GROUPS
 from svfl_models.training.augmentation import MARGIN, recoloured
 
 STATISTICS = 1024
@@ -35,7 +37,8 @@ class OwnDemonstrations(TorchDataset[Batch]):
         episodes: Indices of the episodes.
         deployment: What the episodes have in common, with `inputs` and `action`.
         config: Configuration that gives the image size, the augmentation and the seed.
-        random: Whether images are cropped at random, as in training, or in the middle.
+        random: Whether images are cropped at random and steps are rotated at random (`CloningConfig.rotate`), as in
+            training, or images are cropped in the middle.
     """
 
     def __init__(
@@ -45,6 +48,7 @@ class OwnDemonstrations(TorchDataset[Batch]):
         self.inputs, self.config, self.random = of_plain(deployment.inputs), config, random
         self.axes, self.space = np.array(deployment.image_axes), ActionSpace.of_plain(deployment.action)
         self.action = config.action
+        self.moves = actions_of([one.network() for one in self.inputs]) | {"action": act_on_parts(self.space.parts)}
         self.samples = Samples(
             dataset, episodes, cameras=cameras(self.inputs), windows=windows(self.inputs),
             vectors=[one.path for one in self.inputs if one.kind == "vector"], actions=[self.action],
@@ -77,7 +81,7 @@ class OwnDemonstrations(TorchDataset[Batch]):
                 matrix, offset, turn = (torch.from_numpy(part).float() for part in one.maps(self.axes))
                 values = torch.from_numpy(recorded[one.path]).float().reshape(len(keys), *one.shape)
                 batch[one.path] = (values - offset) @ matrix + turn
-        return batch
+            return augment(batch, GROUPS["D4"], self.moves) if self.random and self.config.rotate else batch
 
     def loader(self, batch_size: int, workers: int = 0) -> DataLoader[Batch]:
         """Return a loader of batches of all steps, in a new random order in every epoch if crops are random.

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from svfl_data.system.command_line import Commands, positive
 from svfl_data.system.printable import say
-from svfl_models.cloning.config import CloningConfig
+from svfl_models.cloning.config import NETWORKS, CloningConfig
 from svfl_models.configuration.program import Program, command_line
 from svfl_models.configuration.setting import option, settings_of
 
@@ -33,6 +33,10 @@ class Table:
     )] = field(default_factory=lambda: [CloningConfig.episodes])  # fmt: skip
     seeds: Annotated[int, option("number of seeds; the seeds are 0 to N-1", ge=1)] = 3
     trials: Annotated[int, option("number of episodes in which each policy is evaluated", ge=1)] = 100
+    networks: Annotated[list[str], option(
+        "networks to compare: svfl, cnn, and cnn-rotated, which is a CNN whose training samples are rotated and "
+        "mirrored at random",
+        choices=tuple(NETWORKS), metavar="NETWORK")] = field(default_factory=lambda: list(NETWORKS))  # fmt: skip
 
 
 def add(commands: Commands) -> None:
@@ -79,7 +83,8 @@ def run(values: dict[str, Any], arguments: argparse.Namespace) -> None:
 
     out, base = arguments.out, CloningConfig("", **{name: values[name] for name in RECIPE})
     episodes = sorted(set(values["episodes"]))
-    runs = cloning_table.runs(base, values["data"], episodes, values["seeds"], values["trials"], out)
+    networks = [network for network in NETWORKS if network in values["networks"]]
+    runs = cloning_table.runs(base, values["data"], episodes, values["seeds"], values["trials"], out, networks)
     jobs = {run.folder.name: run for run in runs}
     grid = Grid(out, jobs)
     for folder in {jobs[name].config.data for name in grid.unfinished()}:
@@ -93,7 +98,7 @@ def run(values: dict[str, Any], arguments: argparse.Namespace) -> None:
         finally:
             with storage_errors(out):
                 made = provenance.runs_section(started, (run.folder for run in runs if run.outcome()))
-                words, files = cloning_table_page.write(cloning_table_page.Table(runs), command, out, made)
+                words, files = cloning_table_page.write(cloning_table.Table(runs), command, out, made)
         if arguments.copy_report_to:
             with storage_errors(arguments.copy_report_to):
                 arguments.copy_report_to.mkdir(parents=True, exist_ok=True)
@@ -109,9 +114,9 @@ PROGRAM = Program(
     "bc-table",
     help="compare SVFL and CNN policies that are trained by behaviour cloning on several tasks",
     description="Train SVFL and CNN policies by behaviour cloning on several datasets, evaluate each in simulation and "
-    "write a page with their success rates and learning curves. Finished policies are kept. After an interruption, the "
-    "same command continues, each training after its last complete epoch. If a policy fails, the others are still "
-    "trained, and the failure is reported at the end.",
+    "write a page with their success rates, intervals over the seeds and learning curves. Finished policies are kept. "
+    "After an interruption, the same command continues, each training after its last complete epoch. If a policy "
+    "fails, the others are still trained, and the failure is reported at the end.",
     example=EXAMPLE,
     settings=(*settings_of(Table), *(setting for setting in settings_of(CloningConfig) if setting.name in RECIPE)),
     run=run,

@@ -9,14 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from svfl_data.errors import FormatError, StorageError, SvflError, TrainingError, UsageError
 from svfl_data.system.side_files import read_json
-from svfl_models.cloning.config import CloningConfig
+from svfl_models.cloning.config import NETWORKS, CloningConfig
 from svfl_models.experiments.runs.folder import RUNS, finished
 from svfl_models.training import run_folder
-
-GROUPS = {"svfl": "D4", "cnn": "none"}
-"""Symmetry groups of the two networks that are compared, by name of the network."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +36,11 @@ class Run:
     def task(self) -> str:
         """Name of the task, which is the name of the dataset's folder."""
         return Path(self.config.data).name
+
+    @property
+    def network(self) -> str:
+        """Name of the network, a key of `cloning.config.NETWORKS`."""
+        return next(name for name, settings in NETWORKS.items() if replace(self.config, **settings) == self.config)
 
     @property
     def cost(self) -> float:
@@ -102,7 +106,13 @@ class Run:
 
 
 def runs(
-    base: CloningConfig, data: Sequence[str], episodes: Sequence[int], seeds: int, trials: int, out: Path
+    base: CloningConfig,
+    data: Sequence[str],
+    episodes: Sequence[int],
+    seeds: int,
+    trials: int,
+    out: Path,
+    networks: Sequence[str] = tuple(NETWORKS),
 ) -> list[Run]:
     """Return every policy of a table.
 
@@ -117,6 +127,7 @@ def runs(
         seeds: Number of seeds; they are 0 to `seeds` - 1.
         trials: Number of episodes that each policy is evaluated in.
         out: Folder of the table.
+        networks: Names of the networks to compare, keys of `cloning.config.NETWORKS`.
 
     Raises:
         UsageError: If several dataset folders have the same name.
@@ -124,15 +135,67 @@ def runs(
     tasks = [Path(folder).name for folder in data]
     if twice := sorted({task for task in tasks if tasks.count(task) > 1}):
         raise UsageError(f"--data has several folders called {', '.join(twice)}; a table tells tasks by their names")
-    configs = [
-        replace(base, data=folder, episodes=count, epochs=base.epochs * max(episodes) // count, group=group, seed=seed)
-        for seed in range(seeds)
-        for folder in data
-        for count in episodes
-        for group in GROUPS.values()
-    ]
-    names = [f"{Path(one.data).name}_{one.encoder}_{one.model}_{one.episodes}_seed{one.seed}" for one in configs]
-    return [Run(config, out / RUNS / name, trials) for config, name in zip(configs, names, strict=True)]
+    found = []
+    for seed in range(seeds):
+        for folder in data:
+            for count in episodes:
+                for network in networks:
+                    length = {"episodes": count, "epochs": base.epochs * max(episodes) // count}
+                    config = replace(base, data=folder, seed=seed, **length, **NETWORKS[network])
+                    name = f"{Path(folder).name}_{base.encoder}_{network}_{count}_seed{seed}"
+                    found.append(Run(config, out / RUNS / name, trials))
+    return found
+
+
+class Table:
+    """The runs of a table, looked up by task, number of demonstrations and network.
+
+    Args:
+        runs: All runs of the table, finished or not, with the same number of trials each.
+
+    Attributes:
+        runs: All runs of the table.
+        trials: Number of episodes that each policy is evaluated in.
+        tasks: Names of the tasks, in the order of the runs.
+        counts: Numbers of demonstrations, in increasing order.
+        networks: Names of the networks, in the order of `NETWORKS`.
+        seeds: Number of seeds that the table is to have.
+    """
+
+    def __init__(self, runs: Sequence[Run]) -> None:
+        self.runs, self.trials = list(runs), runs[0].trials
+        self.tasks = list(dict.fromkeys(run.task for run in runs))
+        self.counts = sorted({run.config.episodes for run in runs})
+        self.networks = [name for name in NETWORKS if any(run.network == name for run in runs)]
+        self.seeds = len({run.config.seed for run in runs})
+        self._outcomes = {run.folder: run.outcome() for run in runs}
+
+    def find(self, task: str, count: int, network: str) -> list[tuple[Run, dict[str, Any]]]:
+        """Return the finished runs of all seeds, each with its outcome.
+
+        Args:
+            task: Name of the task.
+            count: Number of demonstrations.
+            network: Name of the network, one of `networks`.
+        """
+        wanted = [run for run in self.runs if (run.task, run.config.episodes, run.network) == (task, count, network)]
+        return [(run, outcome) for run in wanted if (outcome := self._outcomes[run.folder])]
+
+    def success(self, task: str, count: int, network: str) -> np.ndarray | None:
+        """Return the outcome of each trial, shape (finished seeds, trials), or None if no seed is finished.
+
+        Args:
+            task: Name of the task.
+            count: Number of demonstrations.
+            network: Name of the network, one of `networks`.
+        """
+        found = [outcome["success"] for _, outcome in self.find(task, count, network)]
+        return np.array(found, dtype=float) if found else None
+
+    @property
+    def done(self) -> list[dict[str, Any]]:
+        """Outcomes of all finished runs."""
+        return [outcome for outcome in self._outcomes.values() if outcome]
 
 
 def _read(file: Path) -> dict[str, Any] | None:
@@ -141,39 +204,3 @@ def _read(file: Path) -> dict[str, Any] | None:
     except (OSError, FormatError):
         return None
     return found if isinstance(found, dict) else None
-
-
-@dataclass(frozen=True)
-class Rate:
-    """Success rate of policies that differ in the seed only.
-
-    Attributes:
-        by_seed: Share of successful trials for each seed, 0..1.
-        successes: Number of successful trials of all seeds together.
-        trials: Number of trials of all seeds together.
-    """
-
-    by_seed: list[float]
-    successes: int
-    trials: int
-
-    @classmethod
-    def of(cls, outcomes: Sequence[dict[str, Any]]) -> "Rate":
-        """Return the success rate of policies from their outcomes, see `Run.outcome`."""
-        tried = [one["success"] for one in outcomes]
-        return cls([sum(one) / len(one) for one in tried], sum(map(sum, tried)), sum(map(len, tried)))
-
-    @property
-    def share(self) -> float:
-        """Share of all trials that were successful, 0..1."""
-        return self.successes / self.trials
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Bounds of the 95 % confidence interval of `share`, 0..1, for newly drawn scenes.
-
-        The interval does not include the differences between seeds.
-        """
-        from svfl_data.reports.success_rate import wilson
-
-        return wilson(self.successes, self.trials)

@@ -1,65 +1,27 @@
 """The page of a table of behaviour cloning: success by task and network, learning curves, and how it was made."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from svfl_data.system.printable import markdown as escaped
-from svfl_models.centering.report import NAMES
-from svfl_models.experiments.cloning_table import GROUPS, Rate, Run
-from svfl_models.experiments.figures import MODEL_COLOURS, panels
-from svfl_models.experiments.page import duration, markdown
-from svfl_models.training import run_folder
-from svfl_models.training.figures import save
-from svfl_models.training.writing import read_numbers, write_rows, write_text
+from svfl_models.experiments import cloning_table_figures as figures
+from svfl_models.experiments.cloning_table import Table
+from svfl_models.experiments.page import duration, markdown, seeds_words
+from svfl_models.experiments.seed_intervals import Interval, difference, interquartile_mean, success_rate
+from svfl_models.training.writing import write_rows, write_text
 
 PICTURES = ("bc_success.png", "bc_curves.png")
+NAMES = {"svfl": "SVFL", "cnn": "CNN", "cnn-rotated": "CNN, turned and mirrored samples"}
+"""Names of the networks on the page; the last one is that of the centering ablation."""
 ERRORS = {"valid_gripper": "gripper wrong, %", "valid_xy_mm": "(dx, dy), mm", "valid_z_mm": "dz, mm"}
+Place = tuple[str, int, str]
+"""Task, number of demonstrations and network, see `cloning_table.Table.success`."""
+Compared = tuple[list[object], Interval]
+"""Label and value of a difference."""
 FEWER = "\n- These are the epochs with {most} demonstrations; with fewer there are more, for equally many steps."
-
-
-class Table:
-    """The runs of a table, looked up by task, number of demonstrations and network.
-
-    Args:
-        runs: All runs of the table, finished or not, with the same number of trials each.
-
-    Attributes:
-        runs: All runs of the table.
-        trials: Number of episodes that each policy is evaluated in.
-        tasks: Names of the tasks, in the order of the runs.
-        counts: Numbers of demonstrations, in increasing order.
-    """
-
-    def __init__(self, runs: Sequence[Run]) -> None:
-        self.runs, self.trials = list(runs), runs[0].trials
-        self.tasks = list(dict.fromkeys(run.task for run in runs))
-        self.counts = sorted({run.config.episodes for run in runs})
-
-    def find(self, task: str, count: int, model: str) -> list[tuple[Run, dict[str, Any]]]:
-        """Return the finished runs of all seeds, each with its outcome.
-
-        Args:
-            task: Name of the task.
-            count: Number of demonstrations.
-            model: Kind of network, ``svfl`` or ``cnn``.
-        """
-        wanted = [run for run in self.runs if (run.task, run.config.episodes, run.config.model) == (task, count, model)]
-        return [(run, outcome) for run in wanted if (outcome := run.outcome())]
-
-    def rate(self, task: str, count: int, model: str) -> Rate | None:
-        """Return the success rate over the finished seeds, or None if no seed is finished.
-
-        Args:
-            task: Name of the task.
-            count: Number of demonstrations.
-            model: Kind of network, ``svfl`` or ``cnn``.
-        """
-        found = [outcome for _, outcome in self.find(task, count, model)]
-        return Rate.of(found) if found else None
 
 
 def write(table: Table, command: str, out: Path, provenance: str = "") -> tuple[str, list[Path]]:
@@ -74,142 +36,185 @@ def write(table: Table, command: str, out: Path, provenance: str = "") -> tuple[
     Returns:
         The page in Markdown, and the files that were written: page, figures and ``runs.csv``.
     """
-    words = "\n\n".join(
-        ["# Behaviour cloning: success in simulation", _success(table), _errors(table), _how(table, command)]
-        + [provenance.rstrip()] * bool(provenance)
-    )
+    parts = [_success(table), _differences(table), _all_tasks(table), _errors(table), _how(table, command)]
+    words = "\n\n".join(filter(None, ["# Behaviour cloning: success in simulation", *parts, provenance.rstrip()]))
     page = out / "bc_table.md"
     write_text(page, words + "\n")
-    pictures = [_draw_success(table, out / PICTURES[0]), _draw_curves(table, out / PICTURES[1])]
+    pictures = [
+        figures.draw_success(table, NAMES, out / PICTURES[0]),
+        figures.draw_curves(table, NAMES, out / PICTURES[1]),
+    ]
     return words, [page, *pictures, _write_runs(table, out / "runs.csv")]
 
 
 def _success(table: Table) -> str:
-    rows, verdicts = [], []
+    rows = []
     for task in table.tasks:
         for count in table.counts:
-            rates = {model: table.rate(task, count, model) for model in GROUPS}
-            for model, rate in rates.items():
-                rows.append([escaped(task), count, NAMES[model], *_rate_words(rate)])
-            if all(rates.values()) and count == table.counts[-1]:
-                svfl, cnn = (rates[model].share for model in GROUPS)  # type: ignore[union-attr] # no rate is None
-                verdicts.append(f"{escaped(task)} {svfl - cnn:+.0%}".replace("%", " points"))
+            for network in table.networks:
+                rows.append([escaped(task), count, NAMES[network], *_rate(table.success(task, count, network))])
     header = ["task", "demonstrations", "network", "success", "95 % interval", "each seed"]
     return (
         f"{markdown(header, rows)}\n\nEach policy was tried in {table.trials} scenes that no demonstration has, the "
-        f"same for all. The interval is Wilson's over all trials of a row.\nSVFL minus CNN with {table.counts[-1]} "
-        f"demonstrations: {', '.join(verdicts) or 'not known yet'}.\n\n![success by task]({PICTURES[0]})"
+        f"same for all. {_about_intervals(table)}\n\n![success by task]({PICTURES[0]})"
     )
 
 
-def _rate_words(rate: Rate | None) -> list[str]:
-    if rate is None:
+def _rate(trials: np.ndarray | None) -> list[str]:
+    if trials is None:
         return ["-", "-", "-"]
-    low, high = rate.interval
-    return [f"{rate.share:.1%}", f"{low:.0%} to {high:.0%}", ", ".join(f"{one:.0%}" for one in rate.by_seed)]
+    found = success_rate(trials)
+    seeds = ", ".join(f"{one:.0%}" for one in trials.mean(axis=1))
+    return [f"{found.value:.1%}", f"{found.low:.0%} to {found.high:.0%}", seeds]
+
+
+def _about_intervals(table: Table) -> str:
+    """Return what the intervals include, which depends on the number of finished seeds."""
+    known = [len(rates) for row in _cells(table) if (rates := table.success(*row)) is not None]
+    if not known:
+        return "No policy has been tried yet."
+    single, several = min(known) == 1, max(known) > 1
+    words = []
+    if several:
+        words.append(
+            "The interval is for newly trained policies in newly drawn scenes: seeds and scenes are drawn again "
+            "(bootstrap, expanded for few seeds)."
+        )
+    if single:
+        words.append(
+            f"Of {'rows with ' if several else ''}one seed the spread between seeds is unknown, and the interval "
+            "(Wilson's) is that of this very policy in newly drawn scenes."
+        )
+    return " ".join(words)
+
+
+def _cells(table: Table) -> list[Place]:
+    return [(task, count, name) for task in table.tasks for count in table.counts for name in table.networks]
+
+
+def _differences(table: Table) -> str:
+    """Return the section on differences between networks, and between numbers of demonstrations."""
+    networks = [
+        ([escaped(task), count, f"SVFL minus {NAMES[other]}"], ((task, count, "svfl"), (task, count, other)))
+        for task in table.tasks
+        for count in table.counts
+        for other in table.networks
+        if other != "svfl"
+    ]
+    demonstrations = [
+        ([escaped(task), f"{more} minus {fewer}", NAMES[name]], ((task, more, name), (task, fewer, name)))
+        for task in table.tasks
+        for name in table.networks
+        for fewer, more in pairwise(table.counts)
+    ]
+    between, more = _compared(table, networks), _compared(table, demonstrations)
+    if not between and not more:
+        return ""
+    rows = [[*label, f"{100 * one.value:+.0f}", _points(one), _verdict(one)] for label, one in (*between, *more)]
+    header = ["task", "demonstrations", "network", "difference, points", "95 % interval", "told from noise"]
+    return f"## Differences\n\n{markdown(header, rows)}{_falls(more)}"
+
+
+def _compared(table: Table, pairs: Sequence[tuple[list[object], tuple[Place, Place]]]) -> list[Compared]:
+    """Return the differences of those pairs of which both have a finished seed, each with its label."""
+    found = []
+    for label, (one, other) in pairs:
+        trials, others = table.success(*one), table.success(*other)
+        if trials is not None and others is not None:
+            found.append((label, difference(trials, others)))
+    return found
+
+
+def _points(found: Interval) -> str:
+    return f"{100 * found.low:+.0f} to {100 * found.high:+.0f}"
+
+
+def _verdict(found: Interval) -> str:
+    if not found.between_seeds:
+        return "unknown (one seed)"
+    return "yes" if found.excludes_zero else "no"
+
+
+def _falls(compared: Sequence[Compared]) -> str:
+    """Return a sentence about networks that succeed less with more demonstrations; empty if there are none."""
+    fell = [(label, one) for label, one in compared if one.value < 0]
+    if not fell:
+        return ""
+    told = [f"{task} {name} {counts}" for (task, counts, name), one in fell if one.between_seeds and one.excludes_zero]
+    return (
+        f"\n\nLess success with more demonstrations in {len(fell)} of {len(compared)} cases; told from noise: "
+        f"{'; '.join(told) or 'none'}."
+    )
+
+
+def _all_tasks(table: Table) -> str:
+    """Return the section on all tasks together; empty for a single task or if runs are missing."""
+    rows: list[list[object]] = []
+    for count in table.counts:
+        for name in table.networks:
+            tried = [trials for task in table.tasks if (trials := table.success(task, count, name)) is not None]
+            if len(tried) == len(table.tasks) > 1:
+                found = interquartile_mean(tried)
+                rows.append([count, NAMES[name], f"{found.value:.1%}", f"{found.low:.0%} to {found.high:.0%}"])
+    if not rows:
+        return ""
+    header = ["demonstrations", "network", "interquartile mean", "95 % interval"]
+    return (
+        f"## All tasks\n\nMean of the middle half of the runs of all {len(table.tasks)} tasks (Agarwal et al., NeurIPS "
+        f"2021):\n\n{markdown(header, rows)}"
+    )
 
 
 def _errors(table: Table) -> str:
     """Return the section on errors on held-out demonstrations, with numbers of parameters and training times."""
     rows = []
     for task in table.tasks:
-        for model in GROUPS:
-            found = [outcome for _, outcome in table.find(task, table.counts[-1], model)]
+        for network in table.networks:
+            found = [outcome for _, outcome in table.find(task, table.counts[-1], network)]
             if found:
                 means = {name: float(np.mean([one[name] for one in found])) for name in (*ERRORS, "seconds")}
                 rows.append(
-                    [task, NAMES[model], f"{100 * means['valid_gripper']:.1f}", f"{means['valid_xy_mm']:.1f}",
-                     f"{means['valid_z_mm']:.1f}", f"{found[0]['parameters']:,}", f"{means['seconds']:.0f}"]
+                    [escaped(task), NAMES[network], f"{100 * means['valid_gripper']:.1f}",
+                     f"{means['valid_xy_mm']:.1f}", f"{means['valid_z_mm']:.1f}", f"{found[0]['parameters']:,}",
+                     f"{means['seconds']:.0f}"]
                 )  # fmt: skip
+    if not rows:
+        return ""
     header = ["task", "network", *ERRORS.values(), "parameters", "training, s"]
     return (
-        "Errors on held-out demonstrations, mean over the seeds:\n\n"
+        f"## Held-out demonstrations\n\nErrors with {table.counts[-1]} demonstrations, mean over the seeds:\n\n"
         f"{markdown(header, rows)}\n\n![learning curves]({PICTURES[1]})"
     )
 
 
 def _how(table: Table, command: str) -> str:
-    config = next(run.config for run in table.runs if run.config.episodes == table.counts[-1]).plain()
-    left_out = ("data", "episodes", "group", "seed")
+    config = next(run.config for run in table.runs if run.config.episodes == table.counts[-1])
+    left_out = ("data", "episodes", "group", "rotate", "seed", "valid")
     recipe = ", ".join(
-        f"{name} {value}" for name, value in config.items() if name not in left_out and value is not None
+        f"{name} {escaped(value)}"
+        for name, value in config.plain().items()
+        if name not in left_out and value not in (None, [])
     )
-    done = [outcome for run in table.runs if (outcome := run.outcome())]
-    seconds = sum(one["seconds"] for one in done)
+    seconds = sum(one["seconds"] for one in table.done)
     return (
-        f"## How\n\nGenerated by\n\n    {command}\n\n- {len(table.runs)} policies, {len(done)} of them finished; "
-        f"{duration(seconds)} of training together, one thread each.\n- Of the demonstrations, a tenth is held out.\n"
-        f"- Same recipe for both networks: {recipe}."
+        f"## How\n\nGenerated by\n\n    {command}\n\n- {len(table.runs)} policies, {len(table.done)} of them finished: "
+        f"{seeds_words(table.seeds)}; {duration(seconds)} of training together, one thread each.\n"
+        f"- Of the demonstrations, {config.valid:.0%} are held out.\n"
+        f"- {'Same recipe for all networks' if len(table.networks) > 1 else 'Recipe'}: {recipe}."
         + ("" if len(table.counts) == 1 else FEWER.format(most=table.counts[-1]))
     )
 
 
-def _draw_success(table: Table, file: Path) -> Path:
-    figure, axes = panels(1, len(table.tasks), 3.4)
-    for panel, task in zip(axes, table.tasks, strict=True):
-        for place, model in enumerate(GROUPS):
-            for position, count in enumerate(table.counts):
-                if rate := table.rate(task, count, model):
-                    _bar(panel, position + 0.4 * (place - 0.5), rate, model, label=position == 0)
-        panel.set(title=task.replace("_", " "), xlabel="demonstrations", ylim=(0, 100))
-        panel.set_xticks(range(len(table.counts)), [str(count) for count in table.counts])
-        panel.set_xlim(-0.7, len(table.counts) - 0.3)
-        panel.grid(axis="y", alpha=0.3)
-    axes[0].set_ylabel("success, % (dots: seeds)")
-    handles, names = axes[0].get_legend_handles_labels()
-    if handles:
-        figure.legend(handles, names, loc="outside lower center", ncols=len(names))
-    return save(figure, file)
-
-
-def _bar(panel: Axes, place: float, rate: Rate, model: str, label: bool) -> None:
-    low, high = rate.interval
-    panel.bar(place, 100 * rate.share, 0.36, color=MODEL_COLOURS[model], label=NAMES[model] if label else None)
-    spread = [[100 * (rate.share - low)], [100 * (high - rate.share)]]
-    panel.errorbar(place, 100 * rate.share, spread, color="black", capsize=3)
-    spots = place + np.linspace(-0.08, 0.08, len(rate.by_seed))
-    panel.plot(spots, [100 * one for one in rate.by_seed], "o", color="white", markeredgecolor="black", markersize=4)
-
-
-def _draw_curves(table: Table, file: Path) -> Path:
-    """Draw the loss by epoch, for the demonstrations that are learned from and for those that are held out."""
-    figure, axes = panels(1, len(table.tasks), 3.4)
-    for panel, task in zip(axes, table.tasks, strict=True):
-        for model in GROUPS:
-            curves = [_metrics(run.folder) for run, _ in table.find(task, table.counts[-1], model)]
-            for name, style, words in (("train_loss", ":", "learned from"), ("valid_loss", "-", "held out")):
-                if curves:
-                    mean = np.mean([curve[name] for curve in curves], axis=0)
-                    panel.plot(
-                        1 + np.arange(len(mean)),
-                        mean,
-                        style,
-                        color=MODEL_COLOURS[model],
-                        label=f"{NAMES[model]}, {words}",
-                    )
-        panel.set(title=task.replace("_", " "), xlabel="epoch", yscale="log")
-        panel.grid(alpha=0.3)
-    axes[0].set_ylabel("loss")
-    if axes[0].get_legend_handles_labels()[0]:
-        axes[0].legend(fontsize=8)
-    return save(figure, file)
-
-
-def _metrics(folder: Path) -> dict[str, list[float]]:
-    rows = read_numbers(folder / run_folder.METRICS)
-    return {name: [row[name] for row in rows] for name in ("train_loss", "valid_loss")}
-
-
 def _write_runs(table: Table, file: Path) -> Path:
     rows: list[list[object]] = [
-        ["task", "model", "demonstrations", "seed", "success", "trials", *ERRORS, "epochs", "seconds"]
+        ["task", "network", "demonstrations", "seed", "success", "trials", *ERRORS, "epochs", "seconds"]
     ]
     for run in table.runs:
-        if found := run.outcome():
+        for _, found in [one for one in table.find(run.task, run.config.episodes, run.network) if one[0] is run]:
             said = [f"{found[name]:.4g}" for name in ERRORS]
             config = run.config
             rows.append(
-                [run.task, config.model, config.episodes, config.seed, sum(found["success"]), table.trials, *said,
+                [run.task, run.network, config.episodes, config.seed, sum(found["success"]), table.trials, *said,
                  found["epochs"], f"{found['seconds']:.0f}"]
             )  # fmt: skip
     write_rows(file, rows)

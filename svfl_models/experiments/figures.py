@@ -13,7 +13,7 @@ from svfl_models.experiments.results import Cell, Mean, Results
 from svfl_models.training.figures import WIDTH_IN
 
 # These colours are of Okabe and Ito's palette, which colour-blind people can tell apart.
-MODEL_COLOURS = {"svfl": "#0072b2", "cnn": "#d55e00"}
+MODEL_COLOURS = {"svfl": "#0072b2", "cnn": "#d55e00", "cnn-rotated": "#e69f00"}
 ENCODER_COLOURS = {"v": "#e69f00", "f": "#009e73", "vf": "#0072b2"}
 GROUP_COLOURS = {
     "none": "#555555", "C4": "#56b4e9", "D4": "#0072b2", "C8": "#e69f00", "D8": "#d55e00", "D12": "#cc79a7",

@@ -76,6 +76,11 @@ def how(command: str, results: Results, about: dict[str, Any], seeds: int) -> st
     return "\n".join(lines) + "\n"
 
 
+def seeds_words(count: int) -> str:
+    """Return the seeds 0 to `count` - 1 in words, e.g. ``seeds 0 to 2``."""
+    return "seed 0" if count == 1 else f"seeds 0 to {count - 1}"
+
+
 def duration(seconds: float) -> str:
     """Return a duration in words, in minutes or seconds.
 

@@ -57,8 +57,8 @@ class ActionSpace:
 
         Args:
             field: Declaration of the action, with bounds.
-            symmetric: Whether the network is symmetric. A plain network takes an action without parts, such as one in
-                joint space, as invariants.
+            symmetric: Whether the network is symmetric, or its samples are rotated. Otherwise an action without parts,
+                such as one in joint space, consists of invariants.
 
         Raises:
             TrainingError: If the action has no bounds, or a symmetric network asks for parts that it does not have.
@@ -141,7 +141,8 @@ def parts_of(field: Field, symmetric: bool) -> tuple[Part, ...]:
 
     Args:
         field: Declaration of the field.
-        symmetric: Whether the network is symmetric. For a plain network, a field without parts consists of invariants.
+        symmetric: Whether the network is symmetric, or its samples are rotated. Otherwise a field without parts
+            consists of invariants.
 
     Raises:
         TrainingError: If the field has no parts but the network is symmetric.
@@ -150,7 +151,8 @@ def parts_of(field: Field, symmetric: bool) -> tuple[Part, ...]:
         return field.parts
     if symmetric:
         raise TrainingError(
-            f"{field.path} has no planar parts, so it does not say how it turns; a plain network (group none) takes it"
+            f"{field.path} has no planar parts, so it does not say how it turns; a plain network (group none) takes it "
+            "if samples are not rotated"
         )
     last = field.shape[-1] if len(field.shape) > 1 else 1
     return (Part("invariant", tuple(range(int(last)))),)

@@ -71,12 +71,13 @@ def act_on_batch(matrix: np.ndarray, batch: Batch, own: Mapping[str, Action] | N
     return moved
 
 
-def augment(batch: Batch, group: Group) -> Batch:
+def augment(batch: Batch, group: Group, own: Mapping[str, Action] | None = None) -> Batch:
     """Transform every sample of a batch by a random element of those that map pixels onto pixels.
 
     Args:
         batch: Samples to transform, see `act_on_batch`.
         group: Group whose elements `Group.pixel_exact` are drawn from.
+        own: Actions on further entries by name, see `act_on_batch`.
 
     Returns:
         The transformed batch, of the same shapes; an element is drawn for each sample.
@@ -86,7 +87,8 @@ def augment(batch: Batch, group: Group) -> Batch:
     moved = {name: torch.empty_like(values) for name, values in batch.items()}
     for index, matrix in enumerate(group.pixel_exact):
         chosen = (drawn == index).nonzero()[:, 0]
-        for name, values in act_on_batch(matrix, {name: values[chosen] for name, values in batch.items()}).items():
+        part = {name: values[chosen] for name, values in batch.items()}
+        for name, values in act_on_batch(matrix, part, own).items():
             moved[name][chosen] = values
     return moved
 

@@ -18,7 +18,10 @@ from svfl_models.cloning.config import VIEWS, CloningConfig
 from svfl_models.cloning.data import CloningData
 from svfl_models.cloning.deployment_spec import deployment_of
 from svfl_models.cloning.gripper_view import JITTER
+from svfl_models.cloning.loss import action_error
 from svfl_models.networks.policy import Policy
+from svfl_models.symmetry.actions import act_on_batch
+from svfl_models.symmetry.groups import GROUPS
 from tests.helpers.builders import IMAGE_AXES
 from tests.helpers.demonstrations import demonstration, demonstrations, write
 
@@ -286,3 +289,46 @@ def test_a_gripper_that_is_half_open_is_no_switch(folder, tmp_path):
     episodes = [demonstration(0), changed(half, action=action), demonstration(2)]
     other = Dataset.open(write(tmp_path / "half", episodes))
     assert not deployment_of(other, other.indices).switch
+
+
+@pytest.mark.parametrize("group", ["D4", "none"])
+def test_rotated_samples_change_the_loss_of_networks_without_symmetry_only(folder, group):
+    """The rotation moves image, wrench, proprioception and action together, so a symmetric network cannot tell."""
+    whole = {"view": "gripper", "group": group, "augment": False}
+    plain, rotated = (data_of(folder, rotate=rotate, **whole).train_set for rotate in (False, True))
+    batches = [one.batch(list(range(len(plain)))) for one in (plain, rotated)]
+    assert not torch.equal(batches[0]["image"], batches[1]["image"])
+    torch.manual_seed(0)
+    policy = Policy("vfp", group, "tiny", 8).eval()
+    policy.trunk.normalization.fit(**{name: values.numpy() for name, values in plain.typical().items()})
+    with torch.no_grad():
+        losses = [action_error(policy(batch), batch["action"]) for batch in batches]
+    assert torch.allclose(*losses, rtol=1e-4, atol=1e-5) == (group == "D4")
+
+
+def test_a_rotated_sample_is_the_sample_moved_by_one_element(folder):
+    plain, rotated = (data_of(folder, rotate=rotate, augment=False).train_set for rotate in (False, True))
+    keys = list(range(len(plain)))
+    one, other = plain.batch(keys), rotated.batch(keys)
+    again = rotated.batch(keys)
+    drawn = set()
+    for row in keys:
+        sample = {name: values[row : row + 1] for name, values in one.items()}
+        fits = [
+            index
+            for index, matrix in enumerate(GROUPS["D4"].pixel_exact)
+            if all(
+                torch.allclose(values, other[name][row : row + 1], atol=1e-5)
+                for name, values in act_on_batch(matrix, sample).items()
+            )
+        ]
+        assert len(fits) == 1
+        drawn.add(fits[0])
+    assert len(drawn) > 4  # of eight elements
+    assert all(torch.equal(values, again[name]) for name, values in other.items())
+
+
+def test_held_out_samples_are_not_rotated(folder):
+    plain, rotated = (data_of(folder, rotate=rotate).valid_set for rotate in (False, True))
+    keys = list(range(len(plain)))
+    assert all(torch.equal(values, rotated.batch(keys)[name]) for name, values in plain.batch(keys).items())

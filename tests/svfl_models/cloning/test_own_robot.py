@@ -228,3 +228,30 @@ def test_images_that_are_too_small_name_the_sizes_that_fit(folder):
     data = CloningData(config(folder, image_size=64))
     with pytest.raises(TrainingError, match=r"10 x 10 pixels, smaller than the network's 64 x 64; --image-size 8 fits"):
         data.train_set.batch([0])
+
+
+def test_own_inputs_are_rotated_together_with_the_action(folder):
+    """What turns with the world turns by one element per sample, and what is invariant stays."""
+    part = CloningData(config(folder, group="none", rotate=True, augment=False, inputs=INPUTS[2:6])).train_set
+    keys = list(range(len(part)))
+    plain = CloningData(config(folder, group="none", augment=False, inputs=INPUTS[2:6])).train_set.batch(keys)
+    rotated = part.batch(keys)
+    torch.testing.assert_close(rotated["streams/left_finger/wrench"], plain["streams/left_finger/wrench"])
+    drawn = set()
+    for row in keys:
+        fits = [
+            index
+            for index, matrix in enumerate(GROUPS["D4"].pixel_exact)
+            if all(
+                torch.allclose(part.moves[name](matrix, values[row : row + 1]), rotated[name][row : row + 1], atol=1e-5)
+                for name, values in plain.items()
+            )
+        ]
+        assert len(fits) == 1
+        drawn.add(fits[0])
+    assert len(drawn) > 4
+
+
+def test_what_does_not_say_how_it_turns_is_not_rotated(folder):
+    with pytest.raises(TrainingError, match=r"left_finger.*no planar parts.*not rotated"):
+        CloningData(config(folder, group="none", rotate=True, inputs=["streams/left_finger/wrench=8"]))

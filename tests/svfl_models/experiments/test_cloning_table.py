@@ -1,5 +1,6 @@
 """The table of clonings: every policy once, in any number of sittings, and a page that says what was found."""
 
+import json
 import os
 import re
 import signal
@@ -13,7 +14,6 @@ import pytest
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.datasets.fingerprint import identity
 from svfl_data.errors import DatasetError, StorageError, TrainingError
-from svfl_data.reports.success_rate import wilson
 from svfl_models import cli
 from svfl_models.cloning import evaluate, train
 from svfl_models.cloning.config import CloningConfig
@@ -22,7 +22,7 @@ from svfl_models.cloning.metrics import MetricsFile
 from svfl_models.commands import bc_table
 from svfl_models.configuration.program import command_line
 from svfl_models.experiments import cloning_table, cloning_table_page
-from svfl_models.experiments.cloning_table import Rate
+from svfl_models.experiments.cloning_table import Table
 from svfl_models.experiments.runs.folder import held
 from svfl_models.experiments.runs.grid import Grid
 from svfl_models.training import run_folder
@@ -31,7 +31,7 @@ from svfl_models.training.provenance.session import Session
 from tests.helpers.demonstrations import demonstrations
 from tests.helpers.patience import PATIENCE
 from tests.helpers.pretend import is_running
-from tests.helpers.pretend_cloning import SUCCESS, Diverging, Endless, Quick
+from tests.helpers.pretend_cloning import Diverging, Endless, Quick
 
 pytestmark = pytest.mark.slow
 
@@ -79,6 +79,7 @@ def tried(monkeypatch):
 
 def words(data, out, *more):
     few = ("--episodes", 6, "--seeds", 2, "--trials", TRIALS, "--preset", "tiny", "--epochs", 2)
+    few += ("--networks", "svfl", "cnn")
     return [str(word) for word in ("bc-table", "--data", data, *few, "--out", out, *more)]
 
 
@@ -87,11 +88,17 @@ def written(out):
 
 
 def test_every_combination_is_there_once_and_seeds_come_in_turn(runs):
-    assert len(runs) == len({run.folder for run in runs}) == 2 * 2 * 2 * 2
-    assert [run.config.seed for run in runs] == [0] * 8 + [1] * 8
-    assert {(run.task, run.config.model, run.config.episodes) for run in runs} == {
-        (task, model, count) for task in ("picking", "pushing") for model in ("svfl", "cnn") for count in (5, 10)
+    assert len(runs) == len({run.folder for run in runs}) == 2 * 2 * 2 * 3
+    assert [run.config.seed for run in runs] == [0] * 12 + [1] * 12
+    assert {(run.task, run.network, run.config.episodes) for run in runs} == {
+        (task, network, count)
+        for task in ("picking", "pushing")
+        for network in ("svfl", "cnn", "cnn-rotated")
+        for count in (5, 10)
     }
+    assert {(run.network, run.config.model, run.config.rotate) for run in runs} == {
+        ("svfl", "svfl", False), ("cnn", "cnn", False), ("cnn-rotated", "cnn", True)
+    }  # fmt: skip
 
 
 def test_fewer_demonstrations_train_for_as_many_steps(runs):
@@ -188,7 +195,7 @@ def test_data_are_needed_for_what_is_unfinished_only(data, tmp_path, monkeypatch
     assert said.startswith(f"svfl-train: {gone}: ")
     assert said.count("\n") == 1
     assert not (tmp_path / "out").exists()
-    for run in cloning_table.runs(BASE, [str(gone)], [6], 2, TRIALS, tmp_path / "out"):
+    for run in cloning_table.runs(BASE, [str(gone)], [6], 2, TRIALS, tmp_path / "out", ("svfl", "cnn")):
         run()
     assert cli.main(words(gone, tmp_path / "out")) == 0
     assert "4 policies, 4 of them finished" in capsys.readouterr().out
@@ -210,23 +217,57 @@ def test_a_table_that_is_told_to_end_leaves_no_process(data, tmp_path):
     assert not any(is_running(file.read_text()) for file in begun)  # and the file is still there, to go on from
 
 
-def test_rates_of_seeds_are_pooled():
-    rate = Rate.of([{"success": SUCCESS["svfl"]}, {"success": SUCCESS["cnn"]}])
-    assert (rate.share, rate.by_seed) == (0.5, [0.75, 0.25])
-    assert rate.interval == wilson(4, 8)
-    assert rate.interval[0] < 0.5 < rate.interval[1]
+def page_of(runs, out):
+    out.mkdir(exist_ok=True)
+    page, files = cloning_table_page.write(Table(runs), "svfl-train bc-table", out)
+    assert all(file.stat().st_size for file in files)
+    return page
 
 
-@pytest.mark.parametrize("finished", [0, 5, 16])
+@pytest.mark.parametrize("finished", [0, 7, 24])
 def test_the_page_says_what_is_known(runs, tmp_path, finished):
     for run in runs[:finished]:
         pretend(run)
-    (tmp_path / "out").mkdir(exist_ok=True)
-    page, files = cloning_table_page.write(cloning_table_page.Table(runs), "svfl-train bc-table", tmp_path / "out")
-    assert all(file.stat().st_size for file in files)
-    assert f"16 policies, {finished} of them finished" in page
+    page = page_of(runs, tmp_path / "out")
+    assert f"24 policies, {finished} of them finished: seeds 0 to 1;" in page
     assert page.count("| picking | 10 | SVFL | 75.0% |") == (1 if finished else 0)
-    assert ("pushing +50 points" in page) == (finished == 16)
+    assert page.count("| pushing | 10 | SVFL minus CNN | +50 |") == (finished == 24)
+    assert page.count("| pushing | 10 | SVFL minus CNN, turned and mirrored samples | +50 |") == (finished == 24)
+    assert ("## All tasks" in page) == (finished > 0)
+    assert ("No policy has been tried" in page) == (finished == 0)
+    assert ("spread between seeds is unknown" in page) == (finished == 7)
+    assert ("seeds and scenes are drawn again" in page) == (finished == 24)
+    assert "Less success" not in page  # the pretended results do not depend on the number of demonstrations
+
+
+def tell(run, *success):
+    """What a finished run leaves that succeeded in these trials."""
+    pretend(run)
+    (run.folder / run_folder.EVALUATION).write_text(json.dumps({"success": success}))
+
+
+@pytest.mark.parametrize(
+    ("fewer", "more", "told"), [([4, 4, 4], [0, 0, 0], "picking CNN 10 minus 5"), ([4, 0, 3], [1, 2, 2], "none")]
+)
+def test_the_page_tells_a_fall_from_noise(tmp_path, fewer, more, told):
+    runs = cloning_table.runs(BASE, ["data/picking"], [5, 10], 3, TRIALS, tmp_path / "out", ["cnn"])
+    for run in runs:
+        count = (fewer if run.config.episodes == 5 else more)[run.config.seed]
+        tell(run, *[index < count for index in range(TRIALS)])
+    page = page_of(runs, tmp_path / "out")
+    assert f"Less success with more demonstrations in 1 of 1 cases; told from noise: {told}." in page
+    assert "SVFL" not in page
+    assert "all networks" not in page
+
+
+def test_the_seeds_of_a_row_are_seen(tmp_path):
+    runs = cloning_table.runs(BASE, ["data/picking"], [5], 1, TRIALS, tmp_path / "out", ["svfl", "cnn"])
+    for run in runs:
+        tell(run, True, True, False, False)
+    page = page_of(runs, tmp_path / "out")
+    assert "| picking | 5 | SVFL | 50.0% | 15% to 85% | 50% |" in page
+    assert "unknown (one seed)" in page
+    assert "seed 0;" in page
 
 
 def test_the_page_says_where_the_policies_and_their_data_come_from(data, tmp_path, monkeypatch, capsys):
