@@ -88,7 +88,6 @@ def write_report(out: Path, config: TrainingConfig, result: Result, history: His
 
 def page(config: TrainingConfig, result: Result) -> str:
     """Return the report of a run in Markdown."""
-    paper = centering_words(config.encoder, config.model, config.train_samples)
     settings = "\n".join(f"| {name} | {markdown(value)} |" for name, value in _settings(config).items())
     return f"""# Block centering: {cell_name(config)}
 
@@ -96,11 +95,9 @@ def page(config: TrainingConfig, result: Result) -> str:
 | --- | --- |
 | **{config.test_samples} test samples, final weights** | **{result.test_accuracy:.1%}** |
 | the same, best epoch | {result.best_test_accuracy:.1%} |
-{_separate(result)}| paper, same cell, simulation, 3 seeds | {paper} |
-
-{_stopping(config)} The best epoch is chosen on the test samples and is optimistic; the headline is the accuracy of
-the weights that the training ended with. The paper's data are not published: its figure is of the same task, not of
-the same samples.
+{_separate(result)}{_paper(config)}
+{_stopping(config, result)} The best epoch is chosen on the test samples and is optimistic; the headline is the
+accuracy of the weights that the training ended with.{_same_task(config)}
 
 {_latent(config)}{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training on \
 {_classes(result)}.
@@ -133,6 +130,26 @@ def _latent(config: TrainingConfig) -> str:
     return f"The encoder is that of {checkpoint}, pretrained {pretraining(config.latent)}; it {kept}.\n\n"
 
 
+def _paper(config: TrainingConfig) -> str:
+    words = centering_words(config.encoder, config.model, config.train_samples)
+    return f"| paper, same cell, simulation, 3 seeds | {words} |\n" if _published(config) else ""
+
+
+def _same_task(config: TrainingConfig) -> str:
+    if not _published(config):
+        return ""
+    return (
+        " The paper's data are not\npublished: its figure is of the same task if the samples are of block centering, "
+        "not of the same samples."
+    )
+
+
+def _published(config: TrainingConfig) -> bool:
+    """Return whether the paper has a figure for the same cell, which is one without pretraining."""
+    figure = centering_figure(config.encoder, config.model, config.train_samples)
+    return config.latent is None and figure is not None
+
+
 def _separate(result: Result) -> str:
     accuracy = result.separate_test_accuracy
     return "" if accuracy is None else f"| separate test set | {accuracy:.1%} |\n"
@@ -144,13 +161,15 @@ def _offsets(result: Result) -> str:
     return f"Predicted offsets are {result.offset_error_mm:.1f} mm off on average; the direction is read off them.\n"
 
 
-def _stopping(config: TrainingConfig) -> str:
+def _stopping(config: TrainingConfig, result: Result) -> str:
     if not config.patience:
-        return f"The training lasted {config.epochs} epochs, whatever the test accuracy."
-    return (
-        f"The training stopped when the test accuracy had not improved for {config.patience} epochs, as in the paper, "
-        f"or at {config.epochs}."
-    )
+        return f"The training lasted {result.epochs} epochs, whatever the test accuracy."
+    if result.epochs < config.epochs:
+        return (
+            f"The training stopped after {result.epochs} of at most {config.epochs} epochs, when the test accuracy had "
+            f"not improved for {config.patience}, as in the paper."
+        )
+    return f"The training lasted all {result.epochs} epochs that it was allowed."
 
 
 def _classes(result: Result) -> str:

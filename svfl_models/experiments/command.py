@@ -99,7 +99,7 @@ def run(arguments: argparse.Namespace, usual_samples: Sequence[int]) -> None:
                 results.write_runs(out / "runs.csv")
                 results.write_summary(out / SUMMARY)
         with storage_errors(out):
-            words = f"# {experiment.TITLE}\n\n{experiment.body(results)}\n## How\n\n"
+            words = f"# {experiment.TITLE}\n\n{experiment.body(results)}\n{page.seeds(results)}## How\n\n"
             words += page.how(command_line(arguments, samples, usual_samples), results, about, arguments.seeds)
             write_text(out / f"{name}.md", words)
             pictures = experiment.draw(results, out)
