@@ -13,6 +13,7 @@ from svfl_models.centering.config import Latent, TrainingConfig
 from svfl_models.centering.paper_figures import centering_figure, centering_words
 from svfl_models.training import run_folder
 from svfl_models.training.progress import History
+from svfl_models.training.run_report import Panel, plot_curves, settings_table
 from svfl_models.training.writing import write_figure, write_json, write_text
 
 NAMES = {
@@ -20,6 +21,11 @@ NAMES = {
     "vtt": "VTT", "poe": "PoE", "concat": "concat",
     "frozen": "frozen", "fine-tuned": "fine-tuned", "from-scratch": "from scratch",
 }  # fmt: skip
+STAGES = ("train", "test")
+CURVES = (
+    Panel("cross-entropy", {f"{stage}_loss": stage for stage in STAGES}, log=True),
+    Panel("accuracy, %", {f"{stage}_accuracy": stage for stage in STAGES}, factor=100, ylim=(0, 102)),
+)
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,7 @@ def write_report(out: Path, config: TrainingConfig, result: Result, history: His
         result: Outcome of the run.
         history: Loss and accuracy of each epoch.
     """
-    plot_history(history, out / run_folder.LEARNING_CURVE, cell_name(config))
+    plot_curves(history, CURVES, out / run_folder.LEARNING_CURVE, cell_name(config))
     plot_confusion(np.array(result.confusion), out / run_folder.CONFUSION, cell_name(config))
     write_text(out / run_folder.REPORT, page(config, result))
     figure = centering_figure(config.encoder, config.model, config.train_samples)
@@ -88,7 +94,6 @@ def write_report(out: Path, config: TrainingConfig, result: Result, history: His
 
 def page(config: TrainingConfig, result: Result) -> str:
     """Return the report of a run in Markdown."""
-    settings = "\n".join(f"| {name} | {markdown(value)} |" for name, value in _settings(config).items())
     return f"""# Block centering: {cell_name(config)}
 
 | | accuracy |
@@ -106,10 +111,7 @@ accuracy of the weights that the training ended with.{_same_task(config)}
 ![learning curve]({run_folder.LEARNING_CURVE})
 ![confusion matrix]({run_folder.CONFUSION})
 
-| setting | value |
-| --- | --- |
-{settings}
-"""
+{settings_table(_settings(config))}"""
 
 
 def _settings(config: TrainingConfig) -> dict[str, Any]:
@@ -174,28 +176,6 @@ def _stopping(config: TrainingConfig, result: Result) -> str:
 
 def _classes(result: Result) -> str:
     return ", ".join(f"{count} {name}" for name, count in zip(DIRECTIONS, result.train_samples, strict=True))
-
-
-def plot_history(history: History, path: Path, title: str) -> None:
-    """Draw the loss and the accuracy on training and test samples over the epochs.
-
-    Args:
-        history: Rows of the metrics file, one per epoch.
-        path: PNG file to write.
-        title: Title of the figure.
-    """
-    figure = Figure(figsize=(9, 3.4), layout="constrained")
-    axes = figure.subplots(1, 2)
-    for stage, color in (("train", "tab:blue"), ("test", "tab:orange")):
-        rows = [row for row in history if f"{stage}_loss" in row]
-        epoch = [row["epoch"] + 1 for row in rows]
-        axes[0].plot(epoch, [row[f"{stage}_loss"] for row in rows], color=color, label=stage)
-        axes[1].plot(epoch, [100 * row[f"{stage}_accuracy"] for row in rows], color=color, label=stage)
-    axes[0].set(xlabel="epoch", ylabel="cross-entropy", yscale="log")
-    axes[1].set(xlabel="epoch", ylabel="accuracy, %", ylim=(0, 102))
-    axes[1].legend(loc="lower right")
-    figure.suptitle(title)
-    write_figure(figure, path, dpi=120)
 
 
 def plot_confusion(confusion: np.ndarray, path: Path, title: str) -> None:

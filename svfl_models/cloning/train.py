@@ -1,7 +1,7 @@
 """Trains a policy on demonstrations: loads, splits and fits; an interrupted training can be resumed."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,44 +18,12 @@ from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.metrics import CloningProgress, MetricsFile
 from svfl_models.cloning.module import CloningModule
 from svfl_models.cloning.recorded_inputs import of_plain
+from svfl_models.cloning.report import Result, write_report
 from svfl_models.networks.input_types import plain_inputs
 from svfl_models.networks.presets import THREADS
 from svfl_models.training import run_folder
 from svfl_models.training.trainer import parameter_count, run, storage_errors
 from svfl_models.training.writing import write_json
-
-
-@dataclass(frozen=True)
-class Result:
-    """Outcome of a training; errors are those of the last epoch on the held-out episodes (`module.errors`).
-
-    Attributes:
-        train_loss: Mean loss of the last epoch on the training episodes.
-        valid_loss: Mean loss of the last epoch on the held-out episodes.
-        valid_gripper: Share of the gripper openings that were wrong, 0..1; 0 for an action without a gripper.
-        valid_error: Mean absolute error of the action, as a share of half the range between its bounds.
-        valid_xy_mm: Mean distance between predicted and demonstrated (dx, dy), [mm].
-        valid_z_mm: Mean distance between predicted and demonstrated dz, [mm].
-        valid_turn_deg: Mean absolute difference between predicted and demonstrated dtheta, [deg].
-        episodes: Number of training episodes, then of held-out episodes.
-        steps: Number of steps in the training episodes, then in the held-out episodes.
-        epochs: Number of epochs trained.
-        seconds: Duration of the training without imports and loading, [s].
-        parameters: Number of trained parameters of the network.
-    """
-
-    train_loss: float
-    valid_loss: float
-    valid_gripper: float
-    valid_error: float
-    valid_xy_mm: float | None
-    valid_z_mm: float | None
-    valid_turn_deg: float | None
-    episodes: list[int]
-    steps: list[int]
-    epochs: int
-    seconds: float
-    parameters: int
 
 
 def train_cloning(config: CloningConfig, out: Path, console: Console | None = None) -> Result:
@@ -66,8 +34,8 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
 
     Args:
         config: Configuration of the policy, the demonstrations and the training.
-        out: Folder for the checkpoint, metrics and result. If it holds an interrupted training of the same
-            configuration, that training is resumed after its last complete epoch.
+        out: Folder for the checkpoint, metrics, result, learning curves and report. If it holds an interrupted training
+            of the same configuration, that training is resumed after its last complete epoch.
         console: Console that progress is printed on; standard output by default.
 
     Returns:
@@ -100,7 +68,7 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
         watching = [metrics, CloningProgress(config.epochs, console or Console())]
         run(module, data, out, watching, resumed, max_epochs=config.epochs)
         last = metrics.rows[-1]
-        absent: dict[str, Any] = dict.fromkeys(("valid_xy_mm", "valid_z_mm", "valid_turn_deg"))
+        absent: dict[str, Any] = dict.fromkeys(("valid_gripper", "valid_xy_mm", "valid_z_mm", "valid_turn_deg"))
         found = {name: last[name] for name in Result.__annotations__ if name in last and name != "seconds"}
         result = Result(
             **absent | found,
@@ -111,6 +79,7 @@ def train_cloning(config: CloningConfig, out: Path, console: Console | None = No
             parameters=parameter_count(module),
         )
         content = {"config": config.plain(), "deployment": data.deployment.plain(), "result": asdict(result)}
+        write_report(out, config, data.deployment.task, result, metrics.rows)
         write_json(out / run_folder.RESULT, content)
     return result
 

@@ -24,7 +24,11 @@ CONFUSION = "confusion_matrix.png"
 REPORT = "report.md"
 RESULT = "result.json"
 EVALUATION = "evaluation.json"
-OWN = (CHECKPOINT, METRICS, PREDICTIONS, LEARNING_CURVE, CONFUSION, REPORT, RESULT, EVALUATION)
+ACTION_ERRORS, ACTION_ERRORS_PAGE = "action_errors.json", "action_errors.md"
+OWN = (
+    CHECKPOINT, METRICS, PREDICTIONS, LEARNING_CURVE, CONFUSION, REPORT, RESULT, EVALUATION, ACTION_ERRORS,
+    ACTION_ERRORS_PAGE,
+)  # fmt: skip
 WORTH = (CHECKPOINT, RESULT)
 """Files that make a run worth keeping. A folder with neither may be taken for a run with another configuration."""
 
