@@ -30,12 +30,13 @@ from svfl_models.experiments.figures import panels
 from svfl_models.experiments import error_analysis
 from svfl_models.latent.evaluation.pages import sample_figures
 from svfl_models.training.figures import save
+from svfl_models.training.run_report import plot_curves
 from tests.helpers.builders import make_episode
 
 out = Path(sys.argv[1])
 plot.save(make_episode(), out / "episode.png")
 report.plot_confusion(np.eye(4, dtype=int), out / "confusion.png", "title")
-report.plot_history([{"epoch": 0, "train_loss": 1.0, "train_accuracy": 0.5}], out / "history.png", "title")
+plot_curves([{"epoch": 0, "train_loss": 1.0, "train_accuracy": 0.5}], report.CURVES, out / "history.png", "title")
 save(panels(1, 2, 2.0)[0], out / "panels.png")
 
 assert matplotlib.get_backend() == "svg", matplotlib.get_backend()

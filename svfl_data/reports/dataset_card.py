@@ -184,9 +184,7 @@ def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, p
         "| --- | --- | --- | --- |",
         *_streams(found, first),
         "",
-        "Each stream has its own timestamps. Wrench readings are raw: subtract the tare, or apply the recorded "
-        "transforms.",
-        "",
+        *_about_streams(found, first),
         "## Distributions",
         "",
         f"![Histograms of duration, largest force and labels]({quote(pictures[1])})",
@@ -250,6 +248,14 @@ def _streams(found: Summary, first: EpisodeReader) -> Iterator[str]:
     for group, rows in (("observations", found.steps + found.episodes), ("actions", found.steps), ("labels", None)):
         if what := _arrays(group, first):
             yield f"| {group} | {'each step' if rows else 'once'} | {rows or found.episodes} | {what} |"
+
+
+def _about_streams(found: Summary, first: EpisodeReader) -> list[str]:
+    """Return how to read the streams that the episodes have; nothing without streams."""
+    words = ["Each stream has its own timestamps."] if found.streams else []
+    if "streams/wrench/tare" in first:
+        words.append("Wrench readings are raw: subtract the tare, or apply the recorded transforms.")
+    return [" ".join(words), ""] if words else []
 
 
 def _arrays(group: str, first: EpisodeReader) -> str:

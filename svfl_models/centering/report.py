@@ -16,6 +16,7 @@ from svfl_models.training import run_folder
 from svfl_models.training.progress import History
 from svfl_models.training.provenance import words
 from svfl_models.training.provenance.session import Session
+from svfl_models.training.run_report import Panel, plot_curves, settings_table
 from svfl_models.training.writing import write_figure, write_json, write_text
 
 NAMES = {
@@ -23,6 +24,11 @@ NAMES = {
     "vtt": "VTT", "poe": "PoE", "concat": "concat",
     "frozen": "frozen", "fine-tuned": "fine-tuned", "from-scratch": "from scratch",
 }  # fmt: skip
+STAGES = ("train", "test")
+CURVES = (
+    Panel("cross-entropy", {f"{stage}_loss": stage for stage in STAGES}, log=True),
+    Panel("accuracy, %", {f"{stage}_accuracy": stage for stage in STAGES}, factor=100, ylim=(0, 102)),
+)
 
 
 @dataclass(frozen=True)
@@ -90,7 +96,7 @@ def write_report(
         sessions: Provenance of the run.
         hardware: Devices, number format and threads that the training used, as plain values.
     """
-    plot_history(history, out / run_folder.LEARNING_CURVE, cell_name(config))
+    plot_curves(history, CURVES, out / run_folder.LEARNING_CURVE, cell_name(config))
     plot_confusion(np.array(result.confusion), out / run_folder.CONFUSION, cell_name(config))
     write_text(out / run_folder.REPORT, page(config, result, sessions))
     figure = centering_figure(config.encoder, config.model, config.train_samples)
@@ -102,19 +108,15 @@ def write_report(
 def page(config: TrainingConfig, result: Result, sessions: Sequence[Session] = ()) -> str:
     """Return the report of a run in Markdown."""
     provenance = "".join(f"\n{words.section(one)}" for one in sessions)
-    paper = centering_words(config.encoder, config.model, config.train_samples)
-    settings = "\n".join(f"| {name} | {markdown(value)} |" for name, value in _settings(config).items())
     return f"""# Block centering: {cell_name(config)}
 
 | | accuracy |
 | --- | --- |
 | **{config.test_samples} test samples, final weights** | **{result.test_accuracy:.1%}** |
 | the same, best epoch | {result.best_test_accuracy:.1%} |
-{_separate(result)}| paper, same cell, simulation, 3 seeds | {paper} |
-
-{_stopping(config)} The best epoch is chosen on the test samples and is optimistic; the headline is the accuracy of
-the weights that the training ended with. The paper's data are not published: its figure is of the same task, not of
-the same samples.
+{_separate(result)}{_paper(config)}
+{_stopping(config, result)} The best epoch is chosen on the test samples and is optimistic; the headline is the
+accuracy of the weights that the training ended with.{_same_task(config)}
 
 {_latent(config)}{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training on \
 {_classes(result)}.
@@ -123,10 +125,7 @@ the same samples.
 ![learning curve]({run_folder.LEARNING_CURVE})
 ![confusion matrix]({run_folder.CONFUSION})
 
-| setting | value |
-| --- | --- |
-{settings}
-{provenance}"""
+{settings_table(_settings(config))}{provenance}"""
 
 
 def _settings(config: TrainingConfig) -> dict[str, Any]:
@@ -147,6 +146,26 @@ def _latent(config: TrainingConfig) -> str:
     return f"The encoder is that of {checkpoint}, pretrained {pretraining(config.latent)}; it {kept}.\n\n"
 
 
+def _paper(config: TrainingConfig) -> str:
+    words = centering_words(config.encoder, config.model, config.train_samples)
+    return f"| paper, same cell, simulation, 3 seeds | {words} |\n" if _published(config) else ""
+
+
+def _same_task(config: TrainingConfig) -> str:
+    if not _published(config):
+        return ""
+    return (
+        " The paper's data are not\npublished: its figure is of the same task if the samples are of block centering, "
+        "not of the same samples."
+    )
+
+
+def _published(config: TrainingConfig) -> bool:
+    """Return whether the paper has a figure for the same cell, which is one without pretraining."""
+    figure = centering_figure(config.encoder, config.model, config.train_samples)
+    return config.latent is None and figure is not None
+
+
 def _separate(result: Result) -> str:
     accuracy = result.separate_test_accuracy
     return "" if accuracy is None else f"| separate test set | {accuracy:.1%} |\n"
@@ -158,39 +177,19 @@ def _offsets(result: Result) -> str:
     return f"Predicted offsets are {result.offset_error_mm:.1f} mm off on average; the direction is read off them.\n"
 
 
-def _stopping(config: TrainingConfig) -> str:
+def _stopping(config: TrainingConfig, result: Result) -> str:
     if not config.patience:
-        return f"The training lasted {config.epochs} epochs, whatever the test accuracy."
-    return (
-        f"The training stopped when the test accuracy had not improved for {config.patience} epochs, as in the paper, "
-        f"or at {config.epochs}."
-    )
+        return f"The training lasted {result.epochs} epochs, whatever the test accuracy."
+    if result.epochs < config.epochs:
+        return (
+            f"The training stopped after {result.epochs} of at most {config.epochs} epochs, when the test accuracy had "
+            f"not improved for {config.patience}, as in the paper."
+        )
+    return f"The training lasted all {result.epochs} epochs that it was allowed."
 
 
 def _classes(result: Result) -> str:
     return ", ".join(f"{count} {name}" for name, count in zip(DIRECTIONS, result.train_samples, strict=True))
-
-
-def plot_history(history: History, path: Path, title: str) -> None:
-    """Draw the loss and the accuracy on training and test samples over the epochs.
-
-    Args:
-        history: Rows of the metrics file, one per epoch.
-        path: PNG file to write.
-        title: Title of the figure.
-    """
-    figure = Figure(figsize=(9, 3.4), layout="constrained")
-    axes = figure.subplots(1, 2)
-    for stage, color in (("train", "tab:blue"), ("test", "tab:orange")):
-        rows = [row for row in history if f"{stage}_loss" in row]
-        epoch = [row["epoch"] + 1 for row in rows]
-        axes[0].plot(epoch, [row[f"{stage}_loss"] for row in rows], color=color, label=stage)
-        axes[1].plot(epoch, [100 * row[f"{stage}_accuracy"] for row in rows], color=color, label=stage)
-    axes[0].set(xlabel="epoch", ylabel="cross-entropy", yscale="log")
-    axes[1].set(xlabel="epoch", ylabel="accuracy, %", ylim=(0, 102))
-    axes[1].legend(loc="lower right")
-    figure.suptitle(title)
-    write_figure(figure, path, dpi=120)
 
 
 def plot_confusion(confusion: np.ndarray, path: Path, title: str) -> None:

@@ -1,4 +1,4 @@
-"""Measures how often a trained policy succeeds in the gymnasium environment of its task."""
+"""Measures how often a trained policy succeeds in the gymnasium environment of its task, or in another one."""
 
 import json
 from collections import deque
@@ -14,6 +14,7 @@ from rich.console import Console
 
 from svfl_data.errors import TrainingError, UsageError
 from svfl_data.reports.success_rate import wilson
+from svfl_data.schema.input_spec import WINDOW
 from svfl_data.schema.rates import RATE_FACTOR
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
@@ -23,10 +24,14 @@ from svfl_models.cloning import own_acting
 from svfl_models.cloning.acting import ActingPolicy, acting
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.deployment_spec import OTHER_RATE, DeploymentSpec
+from svfl_models.cloning.evaluation import other_environments
 from svfl_models.cloning.recorded_inputs import of_plain
 from svfl_models.networks.action_space import ActionSpace
 from svfl_models.programs.policy_file import inputs_of
 from svfl_models.training.provenance.session import Session, file, session
+
+LONGEST = 10_000
+"""Number of steps after which an episode of an environment without a limit of its own ends without success."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +106,13 @@ def evaluate(
     workers: int = 1,
     console: Console | None = None,
     robot: str | None = None,
+    environment: str | None = None,
 ) -> Evaluation:
     """Run a policy in several scenes, which are those of ``svfl-collect policy`` with the same seed.
+
+    In an environment of another package, a scene is what the environment sets up with a seed of its own for each
+    episode, and an episode succeeds if the last ``info["success"]`` is true, or, without such an entry, if the
+    environment terminates.
 
     Args:
         checkpoint: Checkpoint file that ``svfl-train bc`` has written.
@@ -111,19 +121,25 @@ def evaluate(
         workers: Number of worker processes; 1 runs the episodes in this process.
         console: Console that progress is printed on; standard error by default.
         robot: Name of the simulated robot that acts. By default the one of the demonstrations.
+        environment: Gymnasium id of the environment, with the module that declares it if need be (``module:id``). By
+            default that of the task of the demonstrations.
 
     Raises:
         SvflError: If the file is not a checkpoint of a policy, the task has no environment, the environment differs
-            from that of the demonstrations (control rate, rate of the wrench or camera), or a worker process dies.
+            from that of the demonstrations (inputs, action, control rate, rate of the wrench or camera), or a worker
+            process dies.
     """
     module = load_policy(checkpoint)
-    environment = environment_of(module.deployment.task)
+    other = environment is not None and not other_environments.is_ours(environment)
+    if other and robot is not None:
+        raise UsageError(f"environment {printable(environment, 80)} has its own robot; --robot is for those of svfl")
+    environment = environment or environment_of(module.deployment.task)
     provenance = session({"checkpoint": file(checkpoint)}, [seed])
     outcomes: dict[int, tuple[bool, int]] = {}
     with Bars(console) as bars:
         bar = bars.add("episode", episodes)
         for index, outcome in _outcomes(
-            partial(Trial, checkpoint, environment, seed, robot), str(checkpoint), episodes, workers
+            partial(Trial, checkpoint, environment, seed, robot, other), str(checkpoint), episodes, workers
         ):
             outcomes[index] = outcome
             succeeded = sum(success for success, _ in outcomes.values())
@@ -140,20 +156,27 @@ class Trial:
         environment: Gymnasium id of the environment.
         seed: Seed of the scenes.
         robot: Name of the simulated robot that acts; that of the demonstrations if None.
+        other: Whether the environment is of another package, see `evaluation.other_environments`.
         render_mode: Gymnasium's render mode of the environment; None for no pictures.
 
     Raises:
-        TrainingError: If the environment does not exist, or its steps or images differ from those of the
-            demonstrations.
+        TrainingError: If the environment does not exist, or its steps, images, inputs or actions differ from those of
+            the demonstrations.
     """
 
     def __init__(
-        self, checkpoint: Path, environment: str, seed: int, robot: str | None = None, render_mode: str | None = None
+        self,
+        checkpoint: Path,
+        environment: str,
+        seed: int,
+        robot: str | None = None,
+        other: bool = False,
+        render_mode: str | None = None,
     ) -> None:
         import gymnasium
 
         module = load_policy(checkpoint)
-        self.deployment, self.seed, self.name = module.deployment, seed, str(checkpoint)
+        self.deployment, self.seed, self.other, self.name = module.deployment, seed, other, str(checkpoint)
         robot = robot or self.deployment.robot
         options: dict[str, Any] = {"robot": robot} if robot else {}
         options |= {"render_mode": render_mode} if render_mode else {}
@@ -165,10 +188,12 @@ class Trial:
             self._act = partial(_paper_action, acting(module), self.name)
             options["camera"] = self.deployment.camera or None
         try:
-            self.environment = gymnasium.make(environment, disable_env_checker=True, **options)
+            self.environment = gymnasium.make(environment, disable_env_checker=True, **({} if other else options))
         except (gymnasium.error.Error, UsageError, ValueError) as error:  # ValueError: not a valid name
             reason = printable(" ".join(str(error).split()), 200)
             raise TrainingError(f"{checkpoint}: cannot be evaluated in {environment}: {reason}") from error
+        if other:
+            other_environments.expect_inputs(self.environment, module, self.name)
         _expect_same(self.environment, self.deployment, self.name)
 
     @torch.inference_mode()
@@ -179,19 +204,25 @@ class Trial:
             index: Number of the episode.
             watch: Function that is called after the reset and after each step.
         """
-        observation, _ = self.environment.reset(options={"scene": (self.seed, index)})
+        scene = (self.seed, index)
+        begin = other_environments.begin(scene) if self.other else {"options": {"scene": scene}}
+        observation, _ = self.environment.reset(**begin)
         ended, success, steps = False, False, 0
         watch()
-        while not ended:
+        while not ended and steps < LONGEST:
             observation, _, terminated, truncated, info = self.environment.step(self._act(observation))
-            success, steps, ended = bool(info["success"]), steps + 1, terminated or truncated
+            success = bool(info.get("success", terminated))
+            steps, ended = steps + 1, terminated or truncated
             watch()
         return success, steps
 
 
 def _paper_action(policy: ActingPolicy, name: str, observation: dict[str, Any]) -> np.ndarray:
     """Return the action of a policy with the paper's inputs, (5,), within the bounds of its demonstrations."""
-    image, wrench, proprio = (torch.from_numpy(observation[one][None]) for one in ("image", "wrench", "proprio"))
+    side = policy.deployment.image_side
+    unused = {"image": np.zeros((4, side, side)), "wrench": np.zeros((WINDOW, 6)), "proprio": np.zeros(5)}
+    values = unused | observation
+    image, wrench, proprio = (torch.from_numpy(np.asarray(values[one], np.float32)[None]) for one in unused)
     action = policy(image, wrench, proprio)[0].numpy()
     if not np.isfinite(action).all():
         raise TrainingError(f"{name}: the policy's action is not finite: {action.tolist()}")
@@ -224,6 +255,8 @@ def _expect_same(environment: Any, deployment: DeploymentSpec, name: str) -> Non
     side = environment.observation_space["image"].shape[-1]
     if side != deployment.image_side:
         raise TrainingError(f"{name}: learned from images of {deployment.image_side} px, the environment gives {side}")
+    if not environment.has_wrapper_attr("image_axes"):
+        return  # an environment of another package need not say
     axes = environment.get_wrapper_attr("image_axes")
     if not np.allclose(axes, deployment.image_axes):
         raise TrainingError(
@@ -246,7 +279,7 @@ def _expect_same_form(environment: Any, deployment: DeploymentSpec, name: str) -
             f"has shape {environment.action_space.shape}"
         )
     for one in of_plain(deployment.inputs):
-        if one.kind == "image" and one.moves == "pixels":
+        if one.kind == "image" and one.moves == "pixels" and environment.has_wrapper_attr("cameras"):
             axes = environment.get_wrapper_attr("cameras")[one.path.removeprefix("cameras/")].image_axes
             if not np.allclose(axes, deployment.image_axes):
                 raise TrainingError(

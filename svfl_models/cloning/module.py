@@ -88,20 +88,32 @@ class CloningModule(pl.LightningModule):
                 f"the {stage} loss became {loss.item()} in epoch {self.current_epoch}: the training diverged; "
                 f"try a smaller learning rate than {self.learning_rate}"
             )
-        figures = {"loss": loss} | (self._errors(said, action) if stage == "valid" else {})
+        figures = {"loss": loss} | (self.action_errors(said, action) if stage == "valid" else {})
         of_epoch: dict[str, Any] = {"on_step": False, "on_epoch": True, "sync_dist": True, "batch_size": len(action)}
         self.log_dict({f"{stage}_{name}": value for name, value in figures.items()}, **of_epoch)
         return loss
 
-    def _errors(self, said: SquashedGaussian, action: Tensor) -> dict[str, Tensor]:
+    def action_errors(self, said: SquashedGaussian, action: Tensor) -> dict[str, Tensor]:
+        """Compute the mean errors of the policy's actions.
+
+        Args:
+            said: Distributions of the policy for B samples.
+            action: Demonstrated actions, in image-aligned axes and within the bounds of the network, shape (B, C).
+
+        Returns:
+            ``error``: mean absolute error as a share of half the range between the bounds. With the paper's inputs also
+            those of `errors`; with others ``gripper``, the share of the gripper openings on the wrong side of 0.5, if
+            the action has one.
+        """
         space, mode = said.space, said.mode
         found = {"error": (space.to_unit(mode) - space.to_unit(action)).abs().mean()}
         if not self.deployment.inputs:
             unit = torch.from_numpy(self.deployment.unit).to(action)
             return found | errors(mode * unit, action * unit)
         at = space.opening
-        wrong = action.new_zeros(()) if at is None else ((mode[:, at] > 0.5) != (action[:, at] > 0.5)).float().mean()
-        return found | {"gripper": wrong}
+        if at is None:
+            return found
+        return found | {"gripper": ((mode[:, at] > 0.5) != (action[:, at] > 0.5)).float().mean()}
 
 
 def errors(said: Tensor, action: Tensor) -> dict[str, Tensor]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.metrics import CloningProgress, MetricsFile
 from svfl_models.cloning.module import CloningModule
 from svfl_models.cloning.recorded_inputs import of_plain
+from svfl_models.cloning.report import Result, write_report
 from svfl_models.networks.input_types import plain_inputs
 from svfl_models.training import run_folder
 from svfl_models.training.hardware import Hardware, needs_of
@@ -32,39 +33,6 @@ from svfl_models.training.trainer import parameter_count, run, storage_errors
 from svfl_models.training.writing import write_json
 
 PROGRAM = "bc"
-
-
-@dataclass(frozen=True)
-class Result:
-    """Outcome of a training; errors are those of the last epoch on the held-out episodes (`module.errors`).
-
-    Attributes:
-        train_loss: Mean loss of the last epoch on the training episodes.
-        valid_loss: Mean loss of the last epoch on the held-out episodes.
-        valid_gripper: Share of the gripper openings that were wrong, 0..1; 0 for an action without a gripper.
-        valid_error: Mean absolute error of the action, as a share of half the range between its bounds.
-        valid_xy_mm: Mean distance between predicted and demonstrated (dx, dy), [mm].
-        valid_z_mm: Mean distance between predicted and demonstrated dz, [mm].
-        valid_turn_deg: Mean absolute difference between predicted and demonstrated dtheta, [deg].
-        episodes: Number of training episodes, then of held-out episodes.
-        steps: Number of steps in the training episodes, then in the held-out episodes.
-        epochs: Number of epochs trained.
-        seconds: Duration of the training without imports and loading, [s].
-        parameters: Number of trained parameters of the network.
-    """
-
-    train_loss: float
-    valid_loss: float
-    valid_gripper: float
-    valid_error: float
-    valid_xy_mm: float | None
-    valid_z_mm: float | None
-    valid_turn_deg: float | None
-    episodes: list[int]
-    steps: list[int]
-    epochs: int
-    seconds: float
-    parameters: int
 
 
 def train_cloning(
@@ -82,8 +50,8 @@ def train_cloning(
 
     Args:
         config: Configuration of the policy, the demonstrations and the training.
-        out: Folder for the checkpoint, metrics and result. If it holds an interrupted training of the same
-            configuration, that training is resumed after its last complete epoch.
+        out: Folder for the checkpoint, metrics, result, learning curves and report. If it holds an interrupted training
+            of the same configuration, that training is resumed after its last complete epoch.
         console: Console that progress is shown on; standard error by default.
         hardware: Devices, number format and threads. Several processes give the result of one, apart from rounding.
         loggers: Names of experiment trackers to log to, beside the metrics file (`training.trackers`).
@@ -121,7 +89,7 @@ def train_cloning(
                 rebuild=partial(built, config, hardware.loader_workers), max_epochs=epochs,
             )  # fmt: skip
         last = metrics.rows[-1]
-        absent: dict[str, Any] = dict.fromkeys(("valid_xy_mm", "valid_z_mm", "valid_turn_deg"))
+        absent: dict[str, Any] = dict.fromkeys(("valid_gripper", "valid_xy_mm", "valid_z_mm", "valid_turn_deg"))
         found = {name: last[name] for name in Result.__annotations__ if name in last and name != "seconds"}
         result = Result(
             **absent | found,
@@ -132,6 +100,7 @@ def train_cloning(
             parameters=parameter_count(module),
         )
         content = {"config": config.plain(), "deployment": data.deployment.plain(), "result": asdict(result)}
+        write_report(out, config, data.deployment.task, result, metrics.rows, provenance.sessions)
         write_json(out / run_folder.RESULT, content | {"hardware": placement.plain()})
     return result
 

@@ -55,15 +55,17 @@ def run(values: dict[str, Any], arguments: argparse.Namespace) -> None:
     result = train.train_cloning(config, out, hardware=given.hardware, loggers=given.logger)
     (learned, held_out), (steps, _) = result.episodes, result.steps
     say(f"learned {steps} steps of {learned} episodes of {config.data}; on {held_out} held-out ones:")
+    gripper = "" if result.valid_gripper is None else f"gripper wrong in {result.valid_gripper:.1%}, "
     if result.valid_xy_mm is None:
-        say(f"gripper wrong in {result.valid_gripper:.1%}, action {result.valid_error:.1%} of its bounds off")
+        say(f"{gripper}action {result.valid_error:.1%} of its bounds off")
     else:
         say(
-            f"gripper wrong in {result.valid_gripper:.1%}, (dx, dy) {result.valid_xy_mm:.1f} mm off, "
-            f"dz {result.valid_z_mm:.1f} mm, dtheta {result.valid_turn_deg:.1f} deg"
+            f"{gripper}(dx, dy) {result.valid_xy_mm:.1f} mm off, dz {result.valid_z_mm:.1f} mm, "
+            f"dtheta {result.valid_turn_deg:.1f} deg"
         )
     say(f"{result.parameters:,} parameters, {result.epochs} epochs, {result.seconds:.0f} s of training")
     say(f"checkpoint  {out / run_folder.CHECKPOINT}")
+    say(f"report      {out / run_folder.REPORT}")
     way = "export" if config.inputs else "evaluate"
     say(f"try it      svfl-train {way} {out / run_folder.CHECKPOINT}{' --out policy.pt2' if config.inputs else ''}")
 

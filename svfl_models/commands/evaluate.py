@@ -1,12 +1,17 @@
-"""The command ``svfl-train evaluate``, which measures how often a trained policy succeeds in simulation."""
+"""The command ``svfl-train evaluate``, which measures a policy: its success in an environment, or its errors."""
 
 import argparse
 from pathlib import Path
 
+from svfl_data.errors import UsageError
 from svfl_data.system.command_line import Commands, add_json, natural, positive, report
-from svfl_models.training.run_folder import EVALUATION
+from svfl_models.training.run_folder import ACTION_ERRORS, EVALUATION
 
-EXAMPLE = "svfl-train evaluate out/bc_picking/checkpoint.ckpt --episodes 100 --workers 2"
+EXAMPLE = """\
+svfl-train evaluate out/bc_picking/checkpoint.ckpt --episodes 100 --workers 2
+svfl-train evaluate out/bc_picking/checkpoint.ckpt --data data/block_picking
+svfl-train evaluate out/mine/checkpoint.ckpt --env my_package:my/Wiping-v0 --episodes 50"""
+EPISODES = 100
 
 
 def add(commands: Commands) -> None:
@@ -16,21 +21,32 @@ def add(commands: Commands) -> None:
         commands: Commands of ``svfl-train``, to which this one is added.
     """
     parser = commands.add_parser(
-        "evaluate", help="measure how often a trained policy succeeds in simulation", example=EXAMPLE,
-        description="Run a policy in the simulation of its task and measure its success rate. The scenes are in no "
-        "demonstration; svfl-collect policy with the same seed has the same scenes, and records the episodes.",
+        "evaluate", help="measure how often a trained policy succeeds, or how far its actions are from recorded ones",
+        example=EXAMPLE,
+        description="Run a policy in the simulation of its task, or in another gymnasium environment, and measure its "
+        "success rate. The scenes are in no demonstration; svfl-collect policy with the same seed has the same scenes, "
+        "and records the episodes. With --data, without any simulation: compare the policy's actions with those of "
+        "demonstrations that it has not learned from.",
     )  # fmt: skip
     add = parser.add_argument
     add("checkpoint", type=Path, metavar="CHECKPOINT", help="checkpoint.ckpt of svfl-train bc")
-    add("--episodes", type=positive, default=100, metavar="N",
-        help="number of episodes to run (default: %(default)s)")  # fmt: skip
-    add("--seed", type=natural, default=0, metavar="S", help="seed of the scenes, at least 0 (default: %(default)s)")
+    add("--data", type=Path, metavar="FOLDER",
+        help="dataset folder with whose successful demonstrations the actions are compared; of the dataset that the "
+        "policy has learned from, those that it has not (default: run the policy)")  # fmt: skip
+    add("--episodes", type=positive, metavar="N",
+        help=f"number of episodes to run, or largest number to compare with (default: {EPISODES}, or all of "
+        "--data)")  # fmt: skip
+    add("--seed", type=natural, metavar="S", help="seed of the scenes, at least 0 (default: 0)")
     add("--robot", metavar="NAME",
         help="robot that acts, a simulated one such as ur5e_sim (default: that of the demonstrations)")  # fmt: skip
-    add("--workers", type=positive, default=1, metavar="N",
-        help="number of episodes that run at the same time (default: %(default)s)")  # fmt: skip
+    add("--env", metavar="ID",
+        help="gymnasium id of the environment, such as my_package:my/Wiping-v0, whose observations have the policy's "
+        "inputs by their keys; an episode succeeds by info['success'], or without it by terminating (default: the "
+        "simulation of the task)")  # fmt: skip
+    add("--workers", type=positive, metavar="N", help="number of episodes that run at the same time (default: 1)")
     add("--out", type=Path, metavar="FILE",
-        help=f"file to write, the result as JSON (default: {EVALUATION} beside the checkpoint)")  # fmt: skip
+        help=f"JSON file to write; with --data a report is written beside it (default: {EVALUATION}, or "
+        f"{ACTION_ERRORS} with --data, beside the checkpoint)")  # fmt: skip
     add_json(parser)
     parser.set_defaults(command=run)
 
@@ -42,10 +58,28 @@ def run(arguments: argparse.Namespace) -> None:
         arguments: Options of the command.
 
     Raises:
+        UsageError: If options for an environment are given together with a dataset.
         SvflError: If the checkpoint cannot be used, the environment cannot be run, or the file cannot be written.
     """
+    if arguments.data is not None:
+        _compare(arguments)
+        return
     from svfl_models.cloning.evaluate import evaluate  # torch, lightning and escnn take seconds to import
 
-    found = evaluate(arguments.checkpoint, arguments.episodes, arguments.seed, arguments.workers, robot=arguments.robot)
+    found = evaluate(
+        arguments.checkpoint, arguments.episodes or EPISODES, arguments.seed or 0, arguments.workers or 1,
+        robot=arguments.robot, environment=arguments.env,
+    )  # fmt: skip
     found.save(arguments.out or arguments.checkpoint.with_name(EVALUATION))
     report(arguments.json, found.plain(), found)
+
+
+def _compare(arguments: argparse.Namespace) -> None:
+    given = [name for name in ("seed", "robot", "env", "workers") if getattr(arguments, name) is not None]
+    if given:
+        raise UsageError(f"--{given[0]} is for running a policy; --data compares with recorded actions")
+    from svfl_models.cloning.evaluation.action_errors import action_errors  # torch takes seconds to import
+
+    found = action_errors(arguments.checkpoint, arguments.data, arguments.episodes)
+    page = found.save(arguments.out or arguments.checkpoint.with_name(ACTION_ERRORS))
+    report(arguments.json, found.plain(), found, f"report  {page}")

@@ -140,8 +140,9 @@ def runs(
         for folder in data:
             for count in episodes:
                 for network in networks:
-                    length = {"episodes": count, "epochs": base.epochs * max(episodes) // count}
-                    config = replace(base, data=folder, seed=seed, **length, **NETWORKS[network])
+                    epochs = base.epochs * max(episodes) // count
+                    one = replace(base, data=folder, seed=seed, episodes=count, epochs=epochs)
+                    config = replace(one, **NETWORKS[network])
                     name = f"{Path(folder).name}_{base.encoder}_{network}_{count}_seed{seed}"
                     found.append(Run(config, out / RUNS / name, trials))
     return found

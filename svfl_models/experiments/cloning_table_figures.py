@@ -32,11 +32,11 @@ def draw_success(table: Table, names: Mapping[str, str], file: Path) -> Path:
     width = GROUP_WIDTH / len(table.networks)
     for panel, task in zip(axes, table.tasks, strict=True):
         for place, network in enumerate(table.networks):
-            style = {"color": MODEL_COLOURS[network]}
             for position, count in enumerate(table.counts):
                 trials = table.success(task, count, network)
+                middle = position + width * (place - (len(table.networks) - 1) / 2)
                 if trials is not None:
-                    _bar(panel, position + width * (place - (len(table.networks) - 1) / 2), width, trials, style)
+                    _bar(panel, middle, width, trials, MODEL_COLOURS[network])
         panel.set(title=task.replace("_", " "), xlabel="demonstrations", ylim=(0, 100))
         panel.set_xticks(range(len(table.counts)), [str(count) for count in table.counts])
         panel.set_xlim(-0.7, len(table.counts) - 0.3)
@@ -48,9 +48,9 @@ def draw_success(table: Table, names: Mapping[str, str], file: Path) -> Path:
     return save(figure, file)
 
 
-def _bar(panel: Axes, place: float, width: float, trials: np.ndarray, style: Mapping[str, str]) -> None:
+def _bar(panel: Axes, place: float, width: float, trials: np.ndarray, colour: str) -> None:
     found, seeds = success_rate(trials), trials.mean(axis=1)
-    panel.bar(place, 100 * found.value, 0.9 * width, **style)
+    panel.bar(place, 100 * found.value, 0.9 * width, color=colour)
     spread = [[100 * (found.value - found.low)], [100 * (found.high - found.value)]]
     panel.errorbar(place, 100 * found.value, spread, color="black", capsize=3)
     spots = place + np.linspace(-width / 5, width / 5, len(seeds))

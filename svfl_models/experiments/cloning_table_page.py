@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,9 @@ NAMES = {"svfl": "SVFL", "cnn": "CNN", "cnn-rotated": "CNN, turned and mirrored 
 ERRORS = {"valid_gripper": "gripper wrong, %", "valid_xy_mm": "(dx, dy), mm", "valid_z_mm": "dz, mm"}
 Place = tuple[str, int, str]
 """Task, number of demonstrations and network, see `cloning_table.Table.success`."""
-Compared = tuple[list[object], Interval]
+Pair = tuple[list[Any], tuple[Place, Place]]
+"""Label of a difference, and what is compared."""
+Compared = tuple[list[Any], Interval]
 """Label and value of a difference."""
 FEWER = "\n- These are the epochs with {most} demonstrations; with fewer there are more, for equally many steps."
 
@@ -94,14 +97,14 @@ def _cells(table: Table) -> list[Place]:
 
 def _differences(table: Table) -> str:
     """Return the section on differences between networks, and between numbers of demonstrations."""
-    networks = [
+    networks: list[Pair] = [
         ([escaped(task), count, f"SVFL minus {NAMES[other]}"], ((task, count, "svfl"), (task, count, other)))
         for task in table.tasks
         for count in table.counts
         for other in table.networks
         if other != "svfl"
     ]
-    demonstrations = [
+    demonstrations: list[Pair] = [
         ([escaped(task), f"{more} minus {fewer}", NAMES[name]], ((task, more, name), (task, fewer, name)))
         for task in table.tasks
         for name in table.networks
@@ -115,7 +118,7 @@ def _differences(table: Table) -> str:
     return f"## Differences\n\n{markdown(header, rows)}{_falls(more)}"
 
 
-def _compared(table: Table, pairs: Sequence[tuple[list[object], tuple[Place, Place]]]) -> list[Compared]:
+def _compared(table: Table, pairs: Sequence[Pair]) -> list[Compared]:
     """Return the differences of those pairs of which both have a finished seed, each with its label."""
     found = []
     for label, (one, other) in pairs:

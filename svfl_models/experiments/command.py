@@ -102,7 +102,7 @@ def run(name: str, values: Mapping[str, Any], command: str, arguments: argparse.
                 results.write_runs(out / "runs.csv")
                 results.write_summary(out / SUMMARY)
         with storage_errors(out):
-            words = f"# {experiment.TITLE}\n\n{experiment.body(results)}\n## How\n\n"
+            words = f"# {experiment.TITLE}\n\n{experiment.body(results)}\n{page.seeds(results)}## How\n\n"
             words += page.how(command, results, about, seeds)
             words += f"\n{runs_section(started, (run.folder for run in results.runs if run.result))}"
             write_text(out / f"{name}.md", words)

@@ -1,6 +1,6 @@
 """Analysis of errors: by angle to the border of two classes, by length of the offset, and by class."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import ndtr
 
+from svfl_data.reports.success_rate import wilson
 from svfl_data.symmetry import DIRECTIONS
 from svfl_models.centering.report import NAMES
 from svfl_models.experiments.figures import ENCODER_COLOURS
@@ -24,6 +25,12 @@ LENGTH_MM = np.arange(0, 105, 5)
 MOST_DEG = 180.0
 FEW = 20
 """Least number of predictions in a bin for which an accuracy is given."""
+CHANCE = 1 / len(DIRECTIONS)
+"""Accuracy of guessing."""
+FAR_DEG = 20.0
+"""Least angle from the border of two classes at which an error is none of a few degrees."""
+SWAPS_BY_CHANCE = 1 / 6
+"""Share of up for down and down for up among errors that take every wrong direction equally often."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +96,12 @@ class Predictions:
         return bins
 
     @property
+    def above_chance(self) -> bool:
+        """Whether the accuracy is above that of guessing, by its 95 % interval."""
+        right, count = int((self.predicted == self.direction).sum()), len(self.direction)
+        return count > 0 and wilson(right, count)[0] > CHANCE
+
+    @property
     def confusion(self) -> np.ndarray:
         """Numbers of samples by true (row) and predicted (column) direction, shape (4, 4)."""
         counts = np.zeros((4, 4), dtype=int)
@@ -118,13 +131,14 @@ def section(cells: Sequence[Cell], picture: str) -> str:
         cells: Cells to compare, with the same number of training samples.
         picture: Name of the file of the section's figure, see `draw`.
     """
-    rows, edges, readings = [], list(pairwise(BORDER_DEG)), []
-    for cell in cells:
-        one = Predictions.of(cell)
-        found = {low: f"{accuracy:.1f}" for low, _, _, accuracy in one.accuracy_by(one.border_deg, BORDER_DEG)}
-        reading = f"{one.reading_error_deg:.1f}" if len(one.direction) else "-"
-        readings.append(f"{reading} ({NAMES[cell.config.encoder]})")
-        rows.append([NAMES[cell.config.encoder], *(found.get(float(low), "-") for low, _ in edges)])
+    rows, edges, found = (
+        [],
+        list(pairwise(BORDER_DEG)),
+        {NAMES[cell.config.encoder]: Predictions.of(cell) for cell in cells},
+    )
+    for name, one in found.items():
+        bins = {low: f"{accuracy:.1f}" for low, _, _, accuracy in one.accuracy_by(one.border_deg, BORDER_DEG)}
+        rows.append([name, *(bins.get(float(low), "-") for low, _ in edges)])
     count = cells[0].config.train_samples
     return f"""\
 ## Where the errors are
@@ -135,13 +149,45 @@ border, [deg]; all seeds together:
 
 {markdown(["input", *(f"{low} to {high}" for low, high in edges)], rows)}
 
-As many errors would come from reading the direction with a normal error of {", ".join(readings)} degrees (standard
-deviation). What force can tell is limited: the wrist feels where the finger touches, not where the block's centre is,
-which turns the lever arm at the end of a window by 5 degrees (docs/decisions.md). Errors of V far from a border are
-those of blocks that the gripper hides from the camera: up for down, and down for up.
+{" ".join(filter(None, (_chance(found), _readings(found), *map(_opposite, found, found.values()))))}
 
 ![errors]({picture})
 """
+
+
+def _chance(found: Mapping[str, Predictions]) -> str:
+    """Return a sentence about networks that are not above chance; empty if all are."""
+    names = [name for name, one in found.items() if len(one.direction) and not one.above_chance]
+    return f"At chance ({CHANCE:.0%} of the directions, within the 95 % interval): {', '.join(names)}." if names else ""
+
+
+def _readings(found: Mapping[str, Predictions]) -> str:
+    """Return a sentence about the accuracy of the angle of networks above chance; empty if there are none."""
+    words = [f"{one.reading_error_deg:.1f} ({name})" for name, one in found.items() if one.above_chance]
+    if not words:
+        return ""
+    return (
+        f"As many errors would come from reading the direction with a normal error of {', '.join(words)} degrees "
+        "(standard deviation)."
+    )
+
+
+def _opposite(name: str, one: Predictions) -> str:
+    """Return a sentence about large errors between up and down; empty if there are none, or the network guesses."""
+    far = (one.predicted != one.direction) & (one.border_deg >= FAR_DEG)
+    swapped = far & (one.direction % 2 == 1) & (one.predicted == (one.direction + 2) % 4)
+    errors, swaps = int(far.sum()), int(swapped.sum())
+    if not one.above_chance or not swaps:
+        return ""
+    words = f"Of the {errors} errors of {name} at {FAR_DEG:.0f} degrees or more from a border, {swaps} take up for down"
+    if wilson(swaps, errors)[0] > SWAPS_BY_CHANCE:
+        words += (
+            f" or down for up, more than the {SWAPS_BY_CHANCE:.0%} of arbitrary errors; a gripper between camera and "
+            "block can do that"
+        )
+    else:
+        words += " or down for up, no more than arbitrary errors would"
+    return f"{words}."
 
 
 def draw(cells: Sequence[Cell], path: Path) -> Path:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from svfl_data.system.printable import markdown as escaped
 from svfl_models.centering.config import USES, Latent, TrainingConfig
 from svfl_models.centering.data import VIEWS
 from svfl_models.centering.pretrained import settings
@@ -86,14 +87,13 @@ def body(results: Results) -> str:
     header = ["network", "test", *(f"{count} samples" for count in counts), "learned", f"time, s ({counts[-1]})"]
     first = results.cells[0].config
     rate = max(latent.learning_rate for latent in _latents(results))
-    epochs = {latent.use: results.find(latent=latent)[0].config.epochs for latent in _latents(results)}
     return f"""\
 Accuracy, %, by number of training samples. SVFL is symmetric under D4, CNN is its parameter-matched CNN baseline;
 both see image and wrench window and learn from nothing but the training samples. The latent encoders see image,
 wrench window and proprioception (the gripper's pose and opening) and make one vector of them, from which a linear layer
 scores the four directions. It reads each number in units of its deviation over the training samples.
 
-{_uses(epochs, rate, first.learning_rate)}
+{_uses(dict.fromkeys(latent.use for latent in _latents(results)), rate, first.learning_rate)}
 
 {markdown(header, lines)}
 
@@ -106,16 +106,50 @@ the machine and on what else it does.
 
 {markdown(["encoder", "pretrained on", "checkpoint", "SHA-256"], _sources(results))}
 
-Pretraining on another task is pretraining in another world, and nothing here hides it. Experts that pick a block up
-reach for it with an open gripper and close it: they feel a few newtons. Centering presses a finger of the open gripper
-onto a block that is out of place, feels several times as much, and asks where the block's centre is, which no term of
-the pretraining did. The latents' inputs keep the scales of the pretraining; SVFL and CNN take theirs from the very
+{_other_data(results)}The latents' inputs keep the scales of the pretraining; SVFL and CNN take theirs from the very
 samples that they learn from.
 
-SVFL and CNN were trained for {first.epochs} epochs, the latents for
-{", ".join(f"{count} ({NAMES[use]})" for use, count in epochs.items())}: fewer where every step goes through a whole
-encoder, which costs up to fifty times as much as a step of its head.
+{_epochs(results)}
 """
+
+
+def _other_data(results: Results) -> str:
+    """Return a sentence on encoders that were pretrained on other data than the samples; empty if there are none."""
+    data = results.cells[0].config.data
+    other = sorted({latent.data for latent in _latents(results)} - {data})
+    if not other:
+        return ""
+    return f"The samples are of {escaped(data)}, the pretraining saw others: {', '.join(map(escaped, other))}. "
+
+
+def _epochs(results: Results) -> str:
+    """Return what was trained for how long, and the measured cost of training a whole encoder."""
+    usual = results.cells[0].config.epochs
+    epochs = {latent.use: results.find(latent=latent)[0].config.epochs for latent in _latents(results)}
+    words = (
+        f"SVFL and CNN were trained for {usual} epochs, the latents for "
+        f"{', '.join(f'{count} ({NAMES[use]})' for use, count in epochs.items())}."
+    )
+    costs = _costs(results)
+    if not costs:
+        return words
+    most = ", ".join(f"{NAMES[model]} {cost:.0f}" for model, cost in costs.items())
+    return f"{words} An epoch that trains the whole encoder took as long as this many epochs of its head: {most}."
+
+
+def _costs(results: Results) -> dict[str, float]:
+    """Return how much longer an epoch lasts if the encoder is trained, for the largest training set, by model."""
+    most, costs = max(results.values("train_samples")), {}
+    seconds: dict[tuple[str, str], float] = {}
+    for latent in _latents(results):
+        (cell,) = results.find(latent=latent, train_samples=most)
+        if cell.seconds and (epochs := cell.mean("epochs")):
+            seconds[latent.model, latent.use] = cell.seconds.mean / epochs.mean
+    for (model, use), duration in seconds.items():
+        frozen = seconds.get((model, "frozen"))
+        if use == "fine-tuned" and frozen:
+            costs[model] = duration / frozen
+    return costs
 
 
 def _uses(uses: Iterable[str], encoder_rate: float, head_rate: float) -> str:

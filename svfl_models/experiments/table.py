@@ -46,7 +46,7 @@ def body(results: Results) -> str:
             rows.append(["", "", "paper", *(_paper(cell) for cell in found)])
     return f"""\
 V is the image, F the last {results.cells[0].config.window} wrench readings. SVFL is symmetric under D4, CNN is its
-parameter-matched CNN baseline with as many parameters. The paper is Kohler et al., CoRL 2023, block centering in
+parameter-matched CNN baseline{_parameters(results)}. The paper is Kohler et al., CoRL 2023, block centering in
 simulation, 3 seeds, 100 test samples; its data are not published, so its figures are of the same task, not of the
 same samples.
 
@@ -57,6 +57,16 @@ same samples.
 ![accuracy against training samples](table.png)
 
 {error_analysis.section(hardest(results), "table_errors.png")}"""
+
+
+def _parameters(results: Results) -> str:
+    """Return the measured numbers of parameters in words, as far as they are known."""
+    words = []
+    for encoder in ENCODERS:
+        counts = [results.find(encoder=encoder, group=group)[0].mean("parameters") for group in MODELS.values()]
+        if all(counts):
+            words.append(f"{NAMES[encoder]} " + " and ".join(f"{count.mean:,.0f}" for count in counts if count))
+    return f" (parameters of SVFL and CNN: {'; '.join(words)})" if words else ""
 
 
 def draw(results: Results, folder: Path) -> list[Path]:

@@ -27,9 +27,10 @@ EVALUATION = "evaluation.json"
 PROVENANCE = "provenance.json"
 RECONSTRUCTIONS = "reconstructions.png"
 ROLLOUT = "rollout.gif"
+ACTION_ERRORS, ACTION_ERRORS_PAGE = "action_errors.json", "action_errors.md"
 OWN = (
     CHECKPOINT, METRICS, PREDICTIONS, LEARNING_CURVE, CONFUSION, REPORT, RESULT, EVALUATION, PROVENANCE,
-    RECONSTRUCTIONS, ROLLOUT,
+    RECONSTRUCTIONS, ROLLOUT, ACTION_ERRORS, ACTION_ERRORS_PAGE,
 )  # fmt: skip
 WORTH = (CHECKPOINT, RESULT)
 """Files that make a run worth keeping. A folder with neither may be taken for a run with another configuration."""

@@ -11,11 +11,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from matplotlib import pyplot as plt
 from rich.console import Console
 
 from svfl_data.errors import FormatError, TrainingError
 from svfl_models import cli
-from svfl_models.cloning import train
+from svfl_models.cloning import report, train
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import LOSSES, CloningConfig
 from svfl_models.cloning.data import CloningData
@@ -109,6 +110,33 @@ def test_a_run_leaves_what_it_found(run, config):
     assert found["deployment"]["task"] == "block_picking"
     assert (result.episodes, result.steps, result.epochs) == ([4, 2], [24, 12], 3)
     assert result.valid_loss == pytest.approx(float(rows[-1]["valid_loss"]), rel=1e-5)
+
+
+def test_a_run_has_a_report_and_learning_curves(run, config):
+    result, out = run
+    said = (out / run_folder.REPORT).read_text()
+    assert "# Behaviour cloning: block_picking, V+F+P SVFL, 6 demonstrations" in said
+    assert "2 held-out demonstrations (12 steps)" in said
+    assert f"| (dx, dy) off | {result.valid_xy_mm:.1f} mm |" in said
+    assert f"| epochs | {config.epochs} |" in said
+    assert plt.imread(out / run_folder.LEARNING_CURVE)[..., :3].std() > 0.05
+
+
+@pytest.mark.parametrize(("losses", "risen"), [([3, 2, 1], False), ([3, 1, 1.05], False), ([3, 1, 2], True)])
+def test_a_report_says_whether_the_held_out_loss_has_risen(run, config, losses, risen):
+    result, _ = run
+    history = [{"epoch": epoch, "valid_loss": loss} for epoch, loss in enumerate(losses)]
+    said = report.page(config, "picking", result, history)
+    assert ("was lowest after 2 epochs (1) and has risen to 2 since" in said) == risen
+
+
+def test_a_report_names_only_the_errors_that_an_action_has(run, config):
+    result, _ = run
+    own = replace(result, valid_gripper=None, valid_xy_mm=None, valid_z_mm=None, valid_turn_deg=None)
+    said = report.page(replace(config, inputs=["cameras/front"], rotate=True, group="none"), "wiping", own, [])
+    assert "own inputs CNN, rotated samples" in said
+    assert "gripper" not in said.split("| setting")[0]
+    assert "action off, mean over its components" in said
 
 
 def test_scales_come_from_the_training_episodes_alone(run, config):

@@ -61,6 +61,47 @@ class Countdown(gymnasium.Env):
         return {name: np.zeros(shape, np.float32) for name, shape in zeros.items()}
 
 
+class Elsewhere(gymnasium.Env):
+    """Of another package: its scenes come from seeds, and it takes no options and gives numbers of its own kind."""
+
+    observation_space = spaces.Dict({"proprio": spaces.Box(-1, 1, (5,), np.float64)})
+    action_space = spaces.Box(-1, 1, (5,), np.float32)
+
+    def __init__(self, tells=True, limit=4, length=2):
+        self.tells, self.limit, self.length, self.seeds = tells, limit, length, []
+
+    def reset(self, *, seed=None, options=None):
+        assert options is None
+        super().reset(seed=seed)
+        self.seeds.append(seed)
+        self.good, self.step_number = bool(self.np_random.integers(2)), 0
+        return self.observation_space.sample(), {}
+
+    def step(self, action):
+        self.step_number += 1
+        done = self.step_number == self.length
+        info = {"success": done and self.good} if self.tells else {}
+        return self.observation_space.sample(), 0.0, done, self.step_number == self.limit, info
+
+
+class Unnamed(Elsewhere):
+    """Its observation is no dictionary."""
+
+    observation_space = spaces.Box(-1, 1, (5,), np.float32)
+
+
+class Blind(Elsewhere):
+    """It has other inputs."""
+
+    observation_space = spaces.Dict({"joints": spaces.Box(-1, 1, (7,), np.float32)})
+
+
+class Jointed(Elsewhere):
+    """It takes other actions."""
+
+    action_space = spaces.Box(-1, 1, (7,), np.float32)
+
+
 class Deadly(Countdown):
     """Kills its process at the first step."""
 
@@ -72,6 +113,13 @@ if "test/Countdown-v0" not in gymnasium.registry:  # this module is imported onc
     gymnasium.register("test/Countdown-v0", f"{HERE}:Countdown")
     gymnasium.register("test/Deadly-v0", f"{HERE}:Deadly")
     gymnasium.register("test/Turned-v0", f"{HERE}:Countdown", kwargs={"axes": np.eye(2)})
+    gymnasium.register("test/Elsewhere-v0", f"{HERE}:Elsewhere")
+    gymnasium.register("test/Silent-v0", f"{HERE}:Elsewhere", kwargs={"tells": False})
+    gymnasium.register("test/Late-v0", f"{HERE}:Elsewhere", kwargs={"tells": False, "length": 9})
+    gymnasium.register("test/Endless-v0", f"{HERE}:Elsewhere", kwargs={"limit": None, "length": None})
+    gymnasium.register("test/Unnamed-v0", f"{HERE}:Unnamed")
+    gymnasium.register("test/Blind-v0", f"{HERE}:Blind")
+    gymnasium.register("test/Jointed-v0", f"{HERE}:Jointed")
 COUNTDOWN = f"{HERE}:test/Countdown-v0"
 
 
@@ -155,6 +203,48 @@ def test_a_worker_that_dies_is_one_clear_line(checkpoint, monkeypatch):
     monkeypatch.setattr(module, "environment_of", lambda task: f"{HERE}:test/Deadly-v0")
     with pytest.raises(TrainingError, match="died"):
         evaluate(checkpoint, 4, workers=2, console=QUIET)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_policy_acts_in_an_environment_of_another_package(workers, checkpoint):
+    """Its successes are those that it tells, its scenes are the same every time."""
+    name = f"{HERE}:test/Elsewhere-v0"
+    found = evaluate(checkpoint, 12, seed=3, workers=workers, console=QUIET, environment=name)
+    assert found.environment == name
+    assert 0 < sum(found.success) < 12
+    assert found.steps == [2] * 12
+    assert evaluate(checkpoint, 12, seed=3, console=QUIET, environment=name) == found
+    assert evaluate(checkpoint, 12, seed=4, console=QUIET, environment=name).success != found.success
+
+
+@pytest.mark.parametrize(("name", "success"), [("Silent", [True] * 2), ("Late", [False] * 2), ("Endless", [False] * 2)])
+def test_without_a_told_success_an_episode_succeeds_by_terminating(name, success, checkpoint, monkeypatch):
+    monkeypatch.setattr(module, "LONGEST", 30)
+    found = evaluate(checkpoint, 2, console=QUIET, environment=f"{HERE}:test/{name}-v0")
+    assert found.success == success
+    assert name != "Endless" or found.steps == [30] * 2
+
+
+@pytest.mark.parametrize(
+    ("name", "facts"),
+    [
+        ("Unnamed", "takes inputs by name.* no dictionary"),
+        ("Blind", "takes proprio, .* has joints"),
+        ("Jointed", r"gives 5 numbers, .*\(7,\)"),
+        ("Nowhere", r"cannot be evaluated in .*test/Nowhere-v0"),
+    ],
+)
+def test_environments_that_do_not_fit_are_one_clear_line(name, facts, checkpoint, capsys):
+    assert cli.main(["evaluate", str(checkpoint), "--env", f"{HERE}:test/{name}-v0"]) == 1
+    said = capsys.readouterr().err
+    assert re.search(facts, said)
+    assert said.count("\n") == 1
+
+
+def test_the_robot_of_another_environment_is_its_own(checkpoint, capsys):
+    words = ["evaluate", str(checkpoint), "--env", f"{HERE}:test/Elsewhere-v0", "--robot", "ur5e_sim"]
+    assert cli.main(words) == 2
+    assert "has its own robot" in capsys.readouterr().err
 
 
 def test_a_file_that_is_no_policy(tmp_path, capsys):
