@@ -29,7 +29,7 @@ class Formatter(argparse.HelpFormatter):
         return EXAMPLE + "\n".join(line for command in commands for line in example_lines(command, width))
 
     def _format_usage(self, *args: object) -> str:
-        """Break also the groups of options that exclude each other, of which argparse makes one long word."""
+        """Break also what argparse takes for one long word: options that exclude each other, and lists of choices."""
         usage = super()._format_usage(*args)  # type: ignore[arg-type]  # passed on as argparse gives it
         return "\n".join(piece for line in usage.split("\n") for piece in _broken(line, self._width))
 
@@ -59,8 +59,8 @@ def example_lines(command: str, width: int) -> list[str]:
 
 def _broken(line: str, width: int) -> list[str]:
     pieces = []
-    while len(line) > width and (cut := line.rfind(" | ", 0, width - 1)) > 0:
-        pieces.append(line[: cut + 2])
-        begin = len(line) - len(line.lstrip()) + 1
-        line = " " * begin + line[cut + 3 :]
+    begin = " " * (len(line) - len(line.lstrip()) + 1)
+    while len(line) > width and (cut := max(line.rfind(mark, len(begin), width) for mark in (" ", ","))) > 0:
+        pieces.append(line[: cut + 1].rstrip())
+        line = begin + line[cut + 1 :].lstrip()
     return [*pieces, line]

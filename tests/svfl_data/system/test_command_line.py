@@ -182,3 +182,13 @@ def test_an_example_is_broken_between_words_with_an_option_beside_its_value(widt
 
 def test_a_short_example_keeps_its_comment():
     assert example_lines("svfl-data repair x   # again", 60) == ["  svfl-data repair x   # again"]
+
+
+def test_a_long_list_of_choices_in_the_usage_is_broken(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    parser = Parser(prog="toy")
+    names = [f"choice_{number}" for number in range(9)]
+    parser.add_argument("--uses", choices=names, nargs="+")
+    usage = parser.format_usage()
+    assert max(map(len, usage.splitlines())) <= 60
+    assert "".join(usage.split()).count(",".join(names)) == 2
