@@ -1,4 +1,4 @@
-"""An installed wheel is used from another folder: the base installation in a clean environment, all of it for a demo."""
+"""An installed wheel is used from another folder: alone in a clean environment, and with all libraries for the demo."""
 
 import os
 import re
