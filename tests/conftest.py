@@ -6,6 +6,7 @@ import signal
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.helpers.partial_installation import ask_for_partial, skip_for_want_of_a_library
 from tests.helpers.refusals import refused  # noqa: F401 - a fixture
 from tests.helpers.small_disk import disk  # noqa: F401 - a fixture
 
@@ -17,6 +18,24 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+def pytest_addoption(parser):
+    ask_for_partial(parser)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector):
+    report = yield
+    skip_for_want_of_a_library(collector, report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item):
+    report = yield
+    skip_for_want_of_a_library(item, report)
+    return report
 
 
 @pytest.fixture(scope="session", autouse=True)

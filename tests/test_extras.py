@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from svfl_data.system.extras import EXTRAS
+from svfl_data.system.extras import EXTRAS, LAST_PYTHON, needs
 from tests.helpers.base_only import OURS, PROJECT, base, distribution
 from tests.helpers.command_lines import COMMANDS, commands_of, make_data
 
@@ -103,6 +103,29 @@ def test_the_extras_are_those_of_the_project():
         (owner,) = {distribution(name) for name in owners[module]}
         owner = {"pybullet-data": "pybullet"}.get(owner, owner)
         assert {extra for extra, asked in extras.items() if owner in asked} - groups == set(named), module
+
+
+@pytest.mark.parametrize("library", ["pybullet", "pybullet_data", "gymnasium", "numba"])
+def test_where_pybullet_has_no_wheels_the_python_that_has_them_is_named(library, monkeypatch):
+    monkeypatch.setattr(sys, "version_info", (3, 13, 1, "final", 0))
+    assert needs(library) == (
+        f"needs {library}, which is not installed; its extra needs pybullet, which has no wheels for Python 3.13: "
+        "with Python 3.11 run: pip install 'svfl[sim]'"
+    )
+    assert needs("cv2") == "needs cv2, which is not installed; run: pip install 'svfl[real]'"
+
+
+def test_the_last_pythons_of_extras_are_the_markers_of_the_project():
+    markers = {
+        (extra, distribution(asked), asked.partition(";")[2].strip())
+        for extra, all_asked in PROJECT["optional-dependencies"].items()
+        for asked in all_asked
+        if ";" in asked
+    }
+    assert markers == {
+        (extra, library, f"python_version < '{major}.{minor + 1}'")
+        for extra, (library, (major, minor)) in LAST_PYTHON.items()
+    }
 
 
 def test_every_library_that_is_imported_has_its_extra():

@@ -38,6 +38,8 @@ EXTRAS = {
     "wandb": ("wandb",),
 }
 """Extras of pyproject.toml that install each module, by the name of the module; a test compares both."""
+LAST_PYTHON = {"sim": ("pybullet", (3, 11))}
+"""Extras that end with a Python: the library that has no wheels for later ones, and the last version that it has."""
 OURS = ("svfl_data", "svfl_models", "collectors")
 
 
@@ -52,11 +54,21 @@ def needs(module: str) -> str:
         module: Name of the module as it is imported. A submodule stands for its library.
 
     Returns:
-        The words, such as ``needs torch, which is not installed; run: pip install 'svfl[models]'``.
+        The words, such as ``needs torch, which is not installed; run: pip install 'svfl[models]'``. Where none of the
+        library's extras can be had for this Python they say which one can be used instead.
     """
-    library = module.partition(".")[0]
-    ways = " or ".join(f"pip install 'svfl[{extra}]'" for extra in EXTRAS.get(library, ()))
-    return f"needs {library}, which is not installed" + (f"; run: {ways}" if ways else "")
+    library, python = module.partition(".")[0], sys.version_info[:2]
+    words = f"needs {library}, which is not installed"
+    extras = EXTRAS.get(library, ())
+    ended = {extra: LAST_PYTHON[extra] for extra in extras if extra in LAST_PYTHON and python > LAST_PYTHON[extra][1]}
+    if ways := [f"pip install 'svfl[{extra}]'" for extra in extras if extra not in ended]:
+        return f"{words}; run: {' or '.join(ways)}"
+    for extra, (ending, last) in ended.items():
+        return (
+            f"{words}; its extra needs {ending}, which has no wheels for Python {_dotted(python)}: with Python "
+            f"{_dotted(last)} run: pip install 'svfl[{extra}]'"
+        )
+    return words
 
 
 class Explaining(MetaPathFinder):
@@ -77,6 +89,10 @@ def explain_missing() -> None:
     """Add the finder `Explaining` after all other import finders, unless it is there already."""
     if not any(isinstance(finder, Explaining) for finder in sys.meta_path):
         sys.meta_path.append(Explaining())
+
+
+def _dotted(version: tuple[int, ...]) -> str:
+    return ".".join(map(str, version))
 
 
 def _asking() -> str:
