@@ -1,6 +1,6 @@
 """Samples for the block-centering task: the observation right after the collision, and where the gripper must move."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Literal
@@ -11,9 +11,12 @@ from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.recording.consistency import check_agreement
+from svfl_data.sampling.cut import cut_steps
 from svfl_data.sampling.named_camera import camera_of_dataset, camera_with_depth, named_camera
 from svfl_data.sampling.windows import WINDOW, latest, wrench_window
 from svfl_data.schema.episode import Camera, Episode
+from svfl_data.schema.input_spec import InputSpec
+from svfl_data.signals.pictures import camera_picture, picture
 from svfl_data.signals.topdown import topdown
 from svfl_data.symmetry import OFFSET_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act, nearest_direction, points_towards
 from svfl_data.system.progress import progress
@@ -126,11 +129,13 @@ def sample_of(
     if not (episode.has("label_offset") and episode.has("label_direction")):
         raise DatasetError(f"{episode.name}: has no labels (labels/offset and labels/direction) to learn from")
     seen = camera_with_depth(episode, camera) if view else camera_of_axes(episode, camera)
+    if view == "camera" and latest(seen.t_ns, episode.t_ns[-1]) < 0:
+        raise DatasetError(f"{episode.name}: camera {seen.name} has no frame at or before the final observation")
     wrench, _ = wrench_window(episode, length=window)
     proprio = episode.proprio[-1].copy()
     proprio[1:3] -= episode.centre
     return {
-        "image": _image(episode, seen, view) if view else np.empty((4, 0, 0), np.float32),
+        "image": pictures(episode, seen, view, [-1])[0] if view else np.empty((4, 0, 0), np.float32),
         "wrench": act(seen.image_axes, wrench, WRENCH_PARTS),
         "proprio": act(seen.image_axes, proprio, PROPRIO_PARTS),
         "offset": act(seen.image_axes, episode.label_offset, OFFSET_PARTS).astype(np.float32),
@@ -139,22 +144,21 @@ def sample_of(
     }
 
 
-def _image(episode: Episode, camera: Camera, view: View) -> np.ndarray:
-    color, depth_m = _pictures(episode, camera, view)
-    image = np.concatenate([color.astype(np.float32) / 255, depth_m[..., None]], axis=-1)  # (H, W, 4)
-    return image.transpose(2, 0, 1)  # (H, W, 4) -> (4, H, W)
+def pictures(episode: Episode, camera: Camera, view: View, steps: Sequence[int] | None = None) -> np.ndarray:
+    """Return the pictures of observations, shape (S, 4, H, W), float32: RGB 0..1, then depth in [m].
 
-
-def _pictures(episode: Episode, camera: Camera, view: View) -> tuple[np.ndarray, np.ndarray]:
-    """Return the colour (H, W, 3) uint8 and the depth (H, W) float32, [m], of the final observation."""
-    if view == "top":
-        last = len(episode.t_ns) - 1
-        above = topdown(episode, steps=last, cameras=[camera.name], size=camera.arrays["color"].shape[1])
-        return above.color, above.depth * np.float32(above.view.depth_scale)
-    frame = latest(camera.t_ns, episode.t_ns[-1])
-    if frame < 0:
-        raise DatasetError(f"{episode.name}: camera {camera.name} has no frame at or before the final observation")
-    return camera.arrays["color"][frame], camera.arrays["depth"][frame] * np.float32(camera.depth_scale)
+    Args:
+        episode: The episode.
+        camera: Camera of the episode.
+        view: View of the pictures, as in `load_centering`.
+        steps: Rows of the observations, S of them; -1 is the final one. All by default.
+    """
+    if view == "camera":
+        seen = cut_steps(episode, InputSpec(cameras=(camera.name,)), steps)
+        return camera_picture(seen, camera.name, float(camera.depth_scale))
+    rows = np.arange(len(episode.t_ns))[slice(None) if steps is None else list(steps)]
+    above = topdown(episode, rows.tolist(), [camera.name], size=camera.arrays["color"].shape[1])
+    return picture({"color": above.color, "depth": above.depth}, above.view.depth_scale)
 
 
 def camera_of_axes(episode: Episode, name: str | None) -> Camera:

@@ -17,6 +17,7 @@ from svfl_data.sampling.samples import ACTION, PROPRIO, WRENCH, Samples, apart
 from svfl_data.sampling.split import split_episodes
 from svfl_data.sampling.torch_samples import EpochSampler, whole_batches
 from svfl_data.sampling.windows import WINDOW
+from svfl_data.signals.pictures import camera_picture
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.deployment_spec import DeploymentSpec, deployment_of, deployment_of_own
@@ -97,10 +98,10 @@ class Demonstrations(TorchDataset[Batch]):
         if self.feels:
             batch["wrench"] = torch.from_numpy(act(self.axes, recorded[WRENCH], WRENCH_PARTS))
         if self.sees:
-            color, depth = (recorded[f"cameras/{self.deployment.camera}/{name}"][:, 0] for name in ("color", "depth"))
+            image = torch.from_numpy(camera_picture(recorded, self.deployment.camera, self.deployment.depth_scale))
             with torch.random.fork_rng(devices=[]):
                 torch.manual_seed(int(np.random.SeedSequence([self.config.seed, keys[0]]).generate_state(1)[0]))
-                batch["image"] = self._image(_picture(color, depth, self.deployment.depth_scale), known)
+                batch["image"] = self._image(image, known)
         return batch
 
     def loader(self, batch_size: int) -> DataLoader[Batch]:
@@ -131,14 +132,6 @@ class Demonstrations(TorchDataset[Batch]):
         if not self.config.augment:
             return scaled(random_crop(image, self.side), size)
         return recoloured(scaled(random_crop(image, self.side, beyond=round(MARGIN * image.shape[-1])), size))
-
-
-def _picture(color: np.ndarray, depth: np.ndarray, depth_scale: float) -> Tensor:
-    """Convert recorded images (B, H, W, 3) and (B, H, W) to network input (B, 4, H, W): colour 0..1, depth [m]."""
-    image = np.empty((len(color), 4, *color.shape[1:3]), np.float32)
-    image[:, :3] = color.transpose(0, 3, 1, 2) / np.float32(255)
-    image[:, 3] = depth * np.float32(depth_scale)
-    return torch.from_numpy(image)
 
 
 class CloningData(pl.LightningDataModule):

@@ -11,13 +11,13 @@ from torch.utils.data import Dataset as TorchDataset
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.sampling.samples import Samples, apart
 from svfl_data.sampling.torch_samples import EpochSampler, whole_batches
+from svfl_data.signals import pictures
 from svfl_data.symmetry import act
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.recorded_inputs import RecordedInput, of_plain, windows
 from svfl_models.networks.action_space import ActionSpace
 from svfl_models.networks.image_crops import centre_crop, crop_side, random_crop, scaled, turned
-from svfl_models.programs.own_policy import BRIGHTEST
 from svfl_models.symmetry.actions import Batch
 from svfl_models.training.augmentation import MARGIN, recoloured
 
@@ -113,15 +113,8 @@ def picture(one: RecordedInput, recorded: dict[str, np.ndarray]) -> Tensor:
         one: The input.
         recorded: Batch of samples, with images (B, 1, H, W, ...).
     """
-    channels: list[np.ndarray] = []
-    for leaf in one.images:
-        values = recorded[f"{one.path}/{leaf}"][:, 0]
-        if leaf == "depth":
-            channels.append((values * np.float32(one.depth_scale))[:, None])
-        else:
-            bright = (values / np.float32(BRIGHTEST[leaf])).astype(np.float32)
-            channels.append(bright.transpose(0, 3, 1, 2) if leaf == "color" else bright[:, None])
-    return torch.from_numpy(np.concatenate(channels, axis=1).astype(np.float32))
+    images = {leaf: recorded[f"{one.path}/{leaf}"][:, 0] for leaf in one.images}
+    return torch.from_numpy(pictures.picture(images, one.depth_scale))
 
 
 def placed(one: RecordedInput, image: Tensor, recorded: dict[str, np.ndarray], axes: np.ndarray) -> Tensor:

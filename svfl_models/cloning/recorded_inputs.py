@@ -13,6 +13,7 @@ from svfl_data.schema.declarations import Declarations
 from svfl_data.schema.field import Field
 from svfl_data.schema.input_spec import Window
 from svfl_data.signals.camera_poses import moves
+from svfl_data.signals.pictures import BRIGHTEST
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.symmetry import Part, act
 from svfl_models.networks.action_space import parts_of
@@ -25,7 +26,6 @@ from svfl_models.networks.input_types import (
     parts_of_plain,
     plain_parts,
 )
-from svfl_models.programs.own_policy import BRIGHTEST
 
 WORDS = re.compile(r"(?P<path>[^=@:]+)(=(?P<length>[1-9]\d{0,4}))?(@(?P<rate>\d+(\.\d+)?))?(?P<invariant>:invariant)?")
 EXAMPLE = "cameras/front, streams/wrench/wrench=64@500, observations/proprio"

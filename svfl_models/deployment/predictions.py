@@ -2,18 +2,14 @@
 
 from pathlib import Path
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
-from svfl_data.sampling.centering_samples import camera_of_axes
+from svfl_data.sampling.centering_samples import View, camera_of_axes, pictures
 from svfl_data.sampling.cut import cut_steps
 from svfl_data.sampling.named_camera import camera_with_depth
-from svfl_data.sampling.windows import latest
 from svfl_data.schema.episode import Camera, Episode
 from svfl_data.schema.input_spec import WRENCH, InputSpec, Window
-from svfl_data.signals.topdown import topdown
 from svfl_data.symmetry import PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.viewer.predictions import Network, Prediction
 from svfl_models.centering.checkpoint import configuration, load_classifier
@@ -99,21 +95,8 @@ def _vectors(episode: Episode, camera: Camera, window: int) -> Batch:
     }
 
 
-def _images(episode: Episode, camera: Camera, view: str, size: int) -> Tensor:
+def _images(episode: Episode, camera: Camera, view: View, size: int) -> Tensor:
     """Return the images of all observations, shape (N+1, 4, size, size), cropped as for testing."""
-    steps = range(len(episode.t_ns))
-    images = torch.from_numpy(np.stack([_image(episode, camera, view, step) for step in steps]))
+    images = torch.from_numpy(pictures(episode, camera, view))
     cropped: Tensor = scaled(centre_crop(images, crop_side(images.shape[-1], size)), size)
     return cropped
-
-
-def _image(episode: Episode, camera: Camera, view: str, step: int) -> NDArray[np.float32]:
-    """Return the image of an observation, shape (4, H, W): colour 0..1, then depth in [m]."""
-    if view == "top":
-        above = topdown(episode, steps=step, cameras=[camera.name], size=camera.color.shape[1])
-        color, depth = above.color, above.depth * np.float32(above.view.depth_scale)
-    else:
-        frame = max(0, latest(camera.t_ns, episode.t_ns[step]))
-        color, depth = camera.color[frame], camera.depth[frame] * np.float32(camera.depth_scale)
-    picture = np.concatenate([color.astype(np.float32) / 255, depth[..., None]], axis=-1)
-    return np.ascontiguousarray(picture.transpose(2, 0, 1))  # (H, W, 4) -> (4, H, W)

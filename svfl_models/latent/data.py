@@ -11,6 +11,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.sampling.frames import corners, draws
 from svfl_data.sampling.split import Split, load_split, split_episodes
+from svfl_data.signals.pictures import picture
 from svfl_models.latent.config import PRESETS, LatentConfig
 from svfl_models.latent.inputs import IMAGE_SIZE, Inputs
 from svfl_models.latent.recordings import Recording, load_recordings
@@ -77,9 +78,9 @@ class Sequences(TorchDataset[Batch]):
             self._sequence(self.starts[key % len(self)], int(top), int(left))
             for key, (top, left) in zip(chosen.tolist(), places, strict=True)
         ]
-        batch = {name: torch.from_numpy(np.stack([one[name] for one in cut])) for name in cut[0]}
-        color = batch.pop("color").movedim(-1, 2).float() / 255
-        return batch | {"image": torch.cat([color, batch.pop("depth")[:, :, None]], dim=2)}
+        batch = {name: np.stack([one[name] for one in cut]) for name in cut[0]}
+        batch["image"] = picture({name: batch.pop(name) for name in ("color", "depth")})
+        return {name: torch.from_numpy(values) for name, values in batch.items()}
 
     def _sequence(self, where: tuple[int, int], top: int, left: int) -> dict[str, np.ndarray]:
         one, start = self.recordings[where[0]], where[1]
@@ -90,7 +91,7 @@ class Sequences(TorchDataset[Batch]):
         return {
             "color": one.color[crop],
             "depth": one.depth[crop],
-            "wrench": one.readings[one.windows[frames]],
+            "wrench": one.wrench[frames],
             "proprio": one.proprio[frames],
             "action": one.action[steps],
             "reward": one.reward[steps],
@@ -163,7 +164,7 @@ def _drawn(dataset: Dataset, indices: list[int]) -> Split:
 def _check_labels(train: Sequences, config: LatentConfig) -> None:
     """Refuse training episodes in which a label that is to be learned never changes."""
     wanted = PRESETS[config.preset].weights
-    force = [np.linalg.norm(one.readings[one.windows[:, -1], :3], axis=1) for one in train.recordings]
+    force = [np.linalg.norm(one.wrench[:, -1, :3], axis=1) for one in train.recordings]
     values = {
         "reward": ([one.reward for one in train.recordings], "none of them succeeded"),
         "contact": (
@@ -193,8 +194,9 @@ def fit(inputs: Inputs, recordings: Sequence[Recording]) -> None:
         recordings: The training episodes.
     """
     stride = max(1, sum(map(len, recordings)) // IMAGES)
-    color, depth = (np.concatenate([getattr(one, name) for one in recordings])[::stride] for name in ("color", "depth"))
-    depth = np.where(depth > 0, depth, depth[depth > 0].mean() if depth.any() else 0)  # 0: not measured
-    image = np.concatenate([color.astype(np.float32) / 255, depth[..., None]], axis=-1)  # (N, H, W, 4)
-    wrench = np.concatenate([one.readings[one.windows] for one in recordings])
-    inputs.fit(image.transpose(0, 3, 1, 2), wrench, np.concatenate([one.proprio for one in recordings]))
+    joined = {name: np.concatenate([getattr(one, name) for one in recordings])
+              for name in ("color", "depth", "wrench", "proprio")}  # fmt: skip
+    image = picture({name: joined[name][::stride] for name in ("color", "depth")})
+    depth = image[:, 3]
+    depth[depth == 0] = depth[depth > 0].mean() if depth.any() else 0  # 0: not measured
+    inputs.fit(image, joined["wrench"], joined["proprio"])

@@ -9,14 +9,13 @@ from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError
 from svfl_data.recording.consistency import check_agreement
+from svfl_data.sampling.batch import age_key
+from svfl_data.sampling.cut import cut_steps
 from svfl_data.sampling.named_camera import camera_of_dataset, camera_with_depth
-from svfl_data.sampling.ragged import rows_of
-from svfl_data.sampling.windows import WINDOW
 from svfl_data.schema.action_bounds import planar_limits
 from svfl_data.schema.action_fields import ACTION
-from svfl_data.schema.clocks import Clock
 from svfl_data.schema.episode import Camera, Episode
-from svfl_data.schema.input_spec import Window
+from svfl_data.schema.input_spec import PROPRIO, WRENCH, paper_inputs
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.system.progress import progress
 from svfl_models.latent.inputs import IMAGE_SIZE
@@ -31,8 +30,7 @@ class Recording:
         index: Index of the episode in its dataset.
         color: Latest colour image at each observation, shape (N+1, H, W, 3), uint8.
         depth: Latest depth image at each observation, shape (N+1, H, W), float32, [m]; 0 where there is no measurement.
-        readings: A row of zeros, then all M wrench readings, tared, shape (1 + M, 6), float32, [N] and [N m].
-        windows: Rows of `readings` in the wrench window of each observation, shape (N+1, 64), int64.
+        wrench: Tared wrench window of each observation, shape (N+1, 64, 6), float32, [N] and [N m].
         proprio: Proprioception at each observation, (x, y) relative to the workspace centre, shape (N+1, 5).
         action: Commanded actions, shape (N, 5).
         reward: Reward of each action, 0 or 1, shape (N,), float32.
@@ -44,8 +42,7 @@ class Recording:
     index: int
     color: np.ndarray
     depth: np.ndarray
-    readings: np.ndarray
-    windows: np.ndarray
+    wrench: np.ndarray
     proprio: np.ndarray
     action: np.ndarray
     reward: np.ndarray
@@ -106,18 +103,16 @@ def _check_alike(episodes: Sequence[Episode], dataset: Dataset) -> None:
 
 
 def _recording(index: int, episode: Episode, camera: Camera, contact_n: float, annotated: bool) -> Recording:
-    frames = _rows(episode, f"cameras/{camera.name}", camera.t_ns, 1)[:, 0] - 1
-    if min(frames) < 0:
+    group, seen = f"cameras/{camera.name}", cut_steps(episode, paper_inputs(camera.name))
+    if np.isinf(seen[age_key(group)]).any():
         raise DatasetError(f"{episode.name}: camera {camera.name} has no frame before the first observation")
-    proprio = episode.proprio.copy()
+    proprio = seen[PROPRIO]
     proprio[:, 1:3] -= episode.centre
-    readings = np.concatenate([np.zeros((1, 6), dtype=np.float32), episode.tared_wrench])
     return Recording(
         index=index,
-        color=camera.color[frames],
-        depth=camera.depth_m[frames],
-        readings=act(camera.image_axes, readings, WRENCH_PARTS),
-        windows=_rows(episode, "streams/wrench", episode.wrench_t_ns, WINDOW),
+        color=seen[f"{group}/color"][:, 0],
+        depth=seen[f"{group}/depth"][:, 0] * np.float32(camera.depth_scale),
+        wrench=act(camera.image_axes, seen[WRENCH], WRENCH_PARTS),
         proprio=act(camera.image_axes, proprio, PROPRIO_PARTS),
         action=act(camera.image_axes, episode.action, ACTION_PARTS),
         reward=rewards(episode),
@@ -125,9 +120,3 @@ def _recording(index: int, episode: Episode, camera: Camera, contact_n: float, a
         touched=touched(episode, annotated),
         terminated=episode.meta.success,
     )
-
-
-def _rows(episode: Episode, group: str, t_ns: np.ndarray, length: int) -> np.ndarray:
-    """Return the rows of a window at each observation, (N+1, length), numbered from 1; 0 where there is none yet."""
-    found = rows_of([t_ns], [episode.t_ns], [Clock.of(episode.meta, group)], Window(length), group, [episode.name])
-    return found.last(np.arange(len(episode.t_ns)), length)[0]

@@ -19,14 +19,13 @@ from torch import Tensor, nn
 
 from svfl_data.errors import FormatError, TrainingError
 from svfl_data.schema.action_fields import ACTION
+from svfl_data.signals.pictures import BRIGHTEST, DEPTH, picture
 from svfl_data.system.printable import printable
 from svfl_data.system.stored_zip import stored
 from svfl_models.programs.program import Program, from_bytes, read
 from svfl_models.programs.program_file import EXTRA
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-BRIGHTEST = {"color": 255, "grey": 255, "grey16": 65535}
-"""Number of the brightest pixel of each kind of image that a policy takes, by the last part of its path."""
 FACTS = "svfl_own_policy.json"
 """Name of the text inside the file that holds the facts, see `Facts`."""
 
@@ -166,7 +165,7 @@ class OwnPolicy:
         if program.inputs != shapes or program.outputs != [(1, count)] or not _bounds(self.facts):
             raise FormatError(f"{name}: takes {program.inputs} and gives {program.outputs}, but says {shapes}, {count}")
         for one in self.facts.inputs:
-            if len(one.shape) != _axes(one) or 0 in one.shape:
+            if len(one.shape) != _axes(one) or 0 in one.shape or (one.images and one.shape[0] != _channels(one)):
                 raise FormatError(f"{name}: {printable(one.path, 60)} cannot have the shape {one.shape} that it says")
         self.program, self._name = program.to(DEVICE), name
 
@@ -196,28 +195,26 @@ class OwnPolicy:
                 have = ", ".join(map(printable, values)) or "nothing"
                 raise TrainingError(f"{self._name}: takes {printable(path)}; this robot gives {have}")
         if one.images:
-            channels = [_channel(leaf, _latest(leaf, values[f"{one.path}/{leaf}"]), one.depth_scale)
-                        for leaf in one.images]  # fmt: skip
-            sizes = {channel.shape[1:] for channel in channels}
-            found = np.concatenate(channels) if len(sizes) == 1 else channels[0]
-        else:
-            found = np.asarray(values[one.path], np.float32)
-            found = found.reshape(one.shape) if found.size == int(np.prod(one.shape)) else found
-        if found.shape != one.shape:
-            raise TrainingError(f"{self._name}: {printable(one.path)} has shape {found.shape}, expected {one.shape}")
-        return np.ascontiguousarray(found, np.float32)
+            images = {leaf: _latest(leaf, np.asarray(values[f"{one.path}/{leaf}"])) for leaf in one.images}
+            for leaf, image in images.items():
+                self._expect(f"{one.path}/{leaf}", image, (*one.shape[1:], 3)[: _image_axes(leaf)])
+            return picture(images, one.depth_scale)
+        found = np.asarray(values[one.path], np.float32)
+        found = found.reshape(one.shape) if found.size == int(np.prod(one.shape)) else found
+        self._expect(one.path, found, one.shape)
+        return np.ascontiguousarray(found)
+
+    def _expect(self, path: str, found: NDArray[np.generic], shape: tuple[int, ...]) -> None:
+        if found.shape != shape:
+            raise TrainingError(f"{self._name}: {printable(path)} has shape {found.shape}, expected {shape}")
 
 
 def _latest(leaf: str, images: NDArray[np.generic]) -> NDArray[np.generic]:
-    return images[-1] if np.ndim(images) > (3 if leaf == "color" else 2) and len(images) else images
+    return images[-1] if images.ndim > _image_axes(leaf) and len(images) else images
 
 
-def _channel(leaf: str, image: NDArray[np.generic], depth_scale: float) -> NDArray[np.float32]:
-    values = np.asarray(image, np.float32)
-    if leaf == "depth":
-        return values[None] * np.float32(depth_scale)
-    channels = values.transpose(2, 0, 1) if values.ndim == 3 else values[None]
-    return channels / np.float32(BRIGHTEST.get(leaf, 255))
+def _image_axes(leaf: str) -> int:
+    return 3 if leaf == "color" else 2
 
 
 def _axes(one: InputFacts) -> int:
@@ -225,6 +222,12 @@ def _axes(one: InputFacts) -> int:
     if one.images:
         return 3
     return 2 if one.path.startswith(("streams/", "cameras/")) else 1
+
+
+def _channels(one: InputFacts) -> int:
+    """Return the number of channels of an image; 0 if one of its kinds is unknown, or named twice."""
+    known = set(one.images) <= {*BRIGHTEST, DEPTH} and len(set(one.images)) == len(one.images)
+    return sum(3 if leaf == "color" else 1 for leaf in one.images) if known else 0
 
 
 def _bounds(facts: Facts) -> bool:

@@ -184,7 +184,7 @@ def test_samples_are_observations_as_the_pretraining_saw_them(tmp_path):
     for index, seen in enumerate(load_recordings(Dataset.open(folder), contact_n=0.5)):
         color, depth = seen.color[-1].transpose(2, 0, 1).astype(np.float32) / 255, seen.depth[-1]
         np.testing.assert_array_equal(samples.image[index], np.concatenate([color, depth[None]]))
-        np.testing.assert_array_equal(samples.wrench[index], seen.readings[seen.windows[-1]])
+        np.testing.assert_array_equal(samples.wrench[index], seen.wrench[-1])
         np.testing.assert_array_equal(samples.proprio[index], seen.proprio[-1])
 
 

@@ -128,7 +128,7 @@ def test_a_checkpoint_is_a_program_for_the_robot(trained, folder, tmp_path):
     del values["streams/tactile/pressure"]
     with pytest.raises(TrainingError, match=r"policy\.pt2.*streams/tactile/pressure.*observations/tcp_velocity"):
         policy(values)
-    with pytest.raises(TrainingError, match=r"cameras/wrist.*\(3, 9, 10\).*\(3, 10, 10\)"):
+    with pytest.raises(TrainingError, match=r"cameras/wrist/color.*\(9, 10, 3\).*\(10, 10, 3\)"):
         policy(values | {"cameras/wrist/color": np.zeros((9, 10, 3), np.uint8),
                          "streams/tactile/pressure": np.zeros((3, 32))})  # fmt: skip
     with pytest.raises(TrainingError, match=r"cannot be evaluated in .*svfl/wiping-v0"):

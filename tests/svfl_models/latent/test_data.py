@@ -68,7 +68,7 @@ def test_a_window_at_the_start_has_what_was_felt_so_far(tmp_path, late_ms):
     axes = episode.cameras["front"].image_axes
     for step in range(3):
         window, padding = wrench_window(late, step)
-        np.testing.assert_array_equal(one.readings[one.windows[step]], act(axes, window, WRENCH_PARTS))
+        np.testing.assert_array_equal(one.wrench[step], act(axes, window, WRENCH_PARTS))
         assert padding.any() == (clock[0] + 63 * 2_000_000 > late.t_ns[step])
 
 

@@ -28,6 +28,8 @@ def written(path, one: InputFacts):
         InputFacts("streams/wrench/wrench", (6,)), InputFacts("streams/wrench/wrench", (4, 6, 1)),
         InputFacts("cameras/front", (4, 4), ("grey",)), InputFacts("observations/proprio", (1, 5)),
         InputFacts("observations/\x1b[31m", (5, 1)), InputFacts("cameras/front/image_axes", (2, 2, 1)),
+        InputFacts("cameras/front", (2, 4, 4), ("grey",)), InputFacts("cameras/front", (1, 4, 4), ("thermal",)),
+        InputFacts("cameras/front", (2, 4, 4), ("grey", "grey")),
     ],
 )  # fmt: skip
 def test_an_input_of_another_form_is_one_line(one, tmp_path):
