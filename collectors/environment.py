@@ -11,13 +11,14 @@
 """
 
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from collectors.observations import InputObservations, PaperObservations, View
 from collectors.robots import make as make_robot
 from collectors.simulation.camera import CAMERAS, cameras_named
 from collectors.simulation.config import WorldConfig
@@ -26,15 +27,10 @@ from collectors.tasks import TASKS, task_class
 from collectors.tasks.gripper import Gripper, Moves
 from collectors.tasks.task import MAX_STEPS, POLICY_ATTEMPT, Task, attempt_seed
 from svfl_data.errors import UsageError
-from svfl_data.sampling.live_cut import LiveCut
-from svfl_data.sampling.windows import WINDOW
 from svfl_data.schema.input_spec import InputSpec
 from svfl_data.schema.robot import Calibration, Observation
 from svfl_data.signals.top_view import EYE_M
-from svfl_data.signals.topdown import topdown_frame
 from svfl_data.system.own_process import OwnProcess
-
-View = Literal["camera", "top"]
 
 
 class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
@@ -120,8 +116,12 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         self.task: Task | None = None
         self._steps = 0
         self._seen: Observation | None = None
-        self._cut = LiveCut(inputs) if inputs else None
-        self.observation_space = self._paper_space() if inputs is None else self._space_of_inputs()
+        self._observations = (
+            PaperObservations(self.world, self.camera, view, eye)
+            if inputs is None
+            else InputObservations(self.world, inputs)
+        )
+        self.observation_space = self._observations.space
         bound = self.world.action_bound.astype(np.float32)
         self.action_space = spaces.Box(
             np.concatenate([[0], -bound]).astype(np.float32), np.concatenate([[1], bound]).astype(np.float32)
@@ -160,8 +160,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         if "scene" in chosen:
             policy_seed, index = chosen["scene"]
             drawn = attempt_seed(policy_seed, index, POLICY_ATTEMPT)
-        if self._cut:
-            self._cut.forget()
+        self._observations.forget()
         self.task = self._task_class.begin(self.world, chosen.get("seed_sequence", drawn))
         self._steps = 0
         return self._observe(), {"success": self.task.success()}
@@ -221,52 +220,9 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         """Release the world. Closing it twice does no harm."""
         self.world.close()
 
-    def _paper_space(self) -> spaces.Dict:
-        seen = self.world.config.cameras[self.camera]
-        high = np.ones((4, seen.height, seen.width), np.float32)
-        high[3] = 2**16 * seen.depth_scale
-        reach = np.array([1.1, 2.0, 2.0, 2.0, np.pi], np.float32)  # farther than the arm can be
-        return spaces.Dict(
-            {
-                "image": spaces.Box(np.zeros_like(high), high, dtype=np.float32),
-                "wrench": spaces.Box(-np.inf, np.inf, (WINDOW, 6), np.float32),
-                "proprio": spaces.Box(-reach, reach, dtype=np.float32),
-            }
-        )
-
-    def _space_of_inputs(self) -> spaces.Dict:
-        """Return the space of the inputs, whose shapes an observation of the empty table has."""
-        self.world.reset(seed=0)
-        found = self._observe()
-        self._seen = None
-        limits = {path: _limits(values.dtype) for path, values in found.items()}
-        return spaces.Dict(
-            {path: spaces.Box(*limits[path], values.shape, values.dtype.type) for path, values in found.items()}
-        )
-
     def _observe(self) -> dict[str, NDArray[Any]]:
-        seen = self._seen = self.world.observe()
-        if self._cut:
-            values = self._cut(seen)
-            return {path: rows[0] for path, rows in values.items() if not path.endswith(("/padding", "/age"))}
-        wrench, proprio = seen.wrench, seen.at("observations/proprio")
-        assert wrench is not None
-        return {"image": self._image(seen), "wrench": wrench, "proprio": proprio}
-
-    def _image(self, seen: Observation) -> NDArray[np.float32]:
-        frame, calibration = seen.frames[self.camera], self.world.cameras[self.camera]
-        color, depth = frame.color, frame.depth
-        assert depth is not None  # a simulated camera measures depth
-        if self.view == "top":
-            color, depth = topdown_frame(frame, calibration, self.world.workspace, size=len(color), eye=self.eye)
-        image = np.empty((4, *depth.shape), np.float32)
-        image[:3] = color.transpose(2, 0, 1) / np.float32(255)
-        image[3] = depth * np.float32(calibration.depth_scale)
-        return image
-
-
-def _limits(dtype: np.dtype) -> tuple[float, float]:
-    return (0, np.iinfo(dtype).max) if dtype.kind == "u" else (-np.inf, np.inf)
+        self._seen = self.world.observe()
+        return self._observations(self._seen)
 
 
 def _chosen(camera: str | None, world: WorldConfig, inputs: InputSpec | None) -> str:

@@ -27,7 +27,8 @@ FLOORS = {
         "cli",
     ),
     "collectors": (
-        "apriltags recording simulation", "robots tasks", "environment sources", "teleop", "commands", "cli",
+        "apriltags recording simulation", "observations robots tasks", "environment sources", "teleop", "commands",
+        "cli",
     ),
 }  # fmt: skip
 """Rooms from the lowest floor to the highest; rooms of one floor do not know each other."""
