@@ -133,6 +133,11 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         return self.world.cameras[self.camera].image_axes
 
     @property
+    def wrench_hz(self) -> float:
+        """Rate of the wrench readings, [Hz]."""
+        return 1e9 / self.world.config.physics_dt_ns
+
+    @property
     def cameras(self) -> dict[str, Calibration]:
         """Calibration of each camera of the world by name."""
         return self.world.cameras

@@ -7,10 +7,12 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from collectors.simulation.world import World
+from svfl_data.sampling.batch import Batch
 from svfl_data.sampling.live_cut import LiveCut
 from svfl_data.sampling.windows import WINDOW
-from svfl_data.schema.input_spec import InputSpec
-from svfl_data.schema.robot import Observation
+from svfl_data.schema.input_spec import PROPRIO, WRENCH, InputSpec, paper_inputs
+from svfl_data.schema.robot import Frame, Observation
+from svfl_data.signals.pictures import camera_picture, picture
 from svfl_data.signals.topdown import topdown_frame
 
 View = Literal["camera", "top"]
@@ -33,6 +35,7 @@ class PaperObservations:
             eye: Height from which the view "top" looks down, base z, [m].
         """
         self._world, self._camera, self._view, self._eye = world, camera, view, eye
+        self._cut = LiveCut(paper_inputs(camera))
         seen = world.config.cameras[camera]
         high = np.ones((4, seen.height, seen.width), np.float32)
         high[3] = 2**16 * seen.depth_scale
@@ -47,27 +50,24 @@ class PaperObservations:
 
     def forget(self) -> None:
         """Forget the past, because another episode begins."""
+        self._cut.forget()
 
     def __call__(self, seen: Observation) -> dict[str, NDArray[Any]]:
         """Return ``image``, ``wrench`` and ``proprio``.
 
         Args:
-            seen: What the world observes now.
+            seen: What the world observes now, later than before, or at the beginning of an episode.
         """
-        wrench, proprio = seen.wrench, seen.at("observations/proprio")
-        assert wrench is not None
-        return {"image": self._image(seen), "wrench": wrench, "proprio": proprio}
+        rows = self._cut(seen)
+        return {"image": self._image(rows), "wrench": rows[WRENCH][0], "proprio": rows[PROPRIO][0]}
 
-    def _image(self, seen: Observation) -> NDArray[np.float32]:
-        frame, calibration = seen.frames[self._camera], self._world.cameras[self._camera]
-        color, depth = frame.color, frame.depth
-        assert depth is not None  # a simulated camera measures depth
-        if self._view == "top":
-            color, depth = topdown_frame(frame, calibration, self._world.workspace, size=len(color), eye=self._eye)
-        image = np.empty((4, *depth.shape), np.float32)
-        image[:3] = color.transpose(2, 0, 1) / np.float32(255)
-        image[3] = depth * np.float32(calibration.depth_scale)
-        return image
+    def _image(self, rows: Batch) -> NDArray[np.float32]:
+        calibration = self._world.cameras[self._camera]
+        if self._view == "camera":
+            return camera_picture(rows, self._camera, calibration.depth_scale)[0]
+        frame = Frame(*(rows[f"cameras/{self._camera}/{leaf}"][0, -1] for leaf in ("color", "depth")))
+        color, depth = topdown_frame(frame, calibration, self._world.workspace, size=len(frame.color), eye=self._eye)
+        return picture({"color": color, "depth": depth}, calibration.depth_scale)
 
 
 class InputObservations:

@@ -40,6 +40,7 @@ def test_spaces_are_the_papers(env):
     assert env.observation_space["image"].shape == (4, 24, 24)
     assert env.observation_space["wrench"].shape == (64, 6)
     assert env.observation_space["proprio"].shape == (5,)
+    assert env.wrench_hz == 500
     np.testing.assert_allclose(env.action_space.low, [0, -0.025, -0.025, -0.025, -np.pi / 16], rtol=1e-6)
     np.testing.assert_allclose(env.action_space.high, [1, 0.025, 0.025, 0.025, np.pi / 16], rtol=1e-6)
 
