@@ -33,7 +33,8 @@ def record(
 
     Args:
         robot: Robot to run the policy on.
-        policy: Policy that returns an action for each observation, or None to end the episode.
+        policy: Policy that returns an action for each observation, or None to end the episode. It first forgets the
+            past (`forget_past`).
         max_steps: Number of actions after which the episode ends, if neither the policy nor `done` has ended it.
         done: Function that returns whether the task is achieved, and is called after each action. Never by default.
         state: Function that returns the current true values. The value named `OBJECT` becomes ``streams/object/pose``,
@@ -75,7 +76,7 @@ def record_into(
     Args:
         sink: Object that takes the rows.
         robot: Robot to run the policy on.
-        policy: Policy that returns an action for each observation, or None to end the episode.
+        policy: Policy that returns an action for each observation, as for `record`.
         max_steps: Number of actions after which the episode ends.
         done: Function that returns whether the task is achieved, as for `record`.
         state: Function that returns the current true values, as for `record`.
@@ -105,6 +106,7 @@ def record_into(
         return seen
 
     try:
+        forget_past(policy)
         seen = observe(None)
         for step in range(max_steps):
             if (chosen := policy(seen)) is None:
@@ -118,6 +120,17 @@ def record_into(
         return max_steps
     finally:
         robot.stop()
+
+
+def forget_past(policy: Policy) -> None:
+    """Tell a policy that another episode begins, if it keeps a past (`svfl_data.schema.robot.Policy`).
+
+    Args:
+        policy: Any policy.
+    """
+    forget = getattr(policy, "forget", None)
+    if callable(forget):
+        forget()
 
 
 def _checked(action: NDArray[np.float32], robot: Robot) -> NDArray[np.float32]:

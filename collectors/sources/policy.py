@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from collectors.recording.collection import software_versions
-from collectors.recording.loop import record, unwatched
+from collectors.recording.loop import forget_past, record, unwatched
 from collectors.recording.worker import forget
 from collectors.simulation.config import WorldConfig
 from collectors.sources.simulated import VERSIONS, Simulated
@@ -88,7 +88,7 @@ class PolicyCollector(Simulated):
             watch: Function that is called with every observation and action.
         """
         task = task_class(self.task).begin(self.opened, attempt_seed(self.seed, index, POLICY_ATTEMPT))
-        arrays = record(self.opened, bounded(self.policy, self.opened), MAX_STEPS, task.success, task.state, watch)
+        arrays = record(self.opened, Bounded(self.policy, self.opened), MAX_STEPS, task.success, task.state, watch)
         facts = {"drawn": task.drawn(), "index": index, "attempt": POLICY_ATTEMPT, "rejected": []}
         software = software_versions(*VERSIONS)
         meta = Meta(
@@ -104,23 +104,34 @@ def described(checkpoint: Path) -> dict[str, str]:
         return {"name": checkpoint.name, "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
 
 
-def bounded(policy: Policy, robot: Robot) -> Policy:
-    """Return a policy whose actions are clipped to a robot's bounds, so that what is recorded is what is carried out.
+class Bounded:
+    """A policy whose actions are clipped to a robot's bounds, so that what is recorded is what is carried out."""
 
-    Args:
-        policy: Any policy.
-        robot: Robot whose declared bounds are taken. The actions of a robot without bounds stay as they are.
-    """
-    bounds = robot.action.bounds
+    def __init__(self, policy: Policy, robot: Robot) -> None:
+        """Take the bounds of a robot.
 
-    def act(observation: Observation) -> NDArray[np.float32] | None:
-        action = policy(observation)
+        Args:
+            policy: Any policy.
+            robot: Robot whose declared bounds are taken. The actions of a robot without bounds stay as they are.
+        """
+        self._policy, self._bounds = policy, robot.action.bounds
+
+    def forget(self) -> None:
+        """Forget the past, because another episode begins."""
+        forget_past(self._policy)
+
+    def __call__(self, observation: Observation) -> NDArray[np.float32] | None:
+        """Return the action for an observation, shape (A,), within the bounds; None to end the episode.
+
+        Args:
+            observation: Observation of the current step.
+        """
+        action = self._policy(observation)
+        bounds = self._bounds
         if action is None or not bounds or len(action) != len(bounds):  # the recording loop refuses another length
             return action
         low, high = np.transpose(bounds)
         return np.clip(action, low, high).astype(np.float32)
-
-    return act
 
 
 def summary(dataset: Dataset) -> str:

@@ -10,7 +10,7 @@ from collectors.recording.collection import software_versions
 from collectors.recording.loop import record, unwatched
 from collectors.recording.worker import forget
 from collectors.sources.connected import VERSIONS, Connected
-from collectors.sources.policy import bounded, described, loader
+from collectors.sources.policy import Bounded, described, loader
 from collectors.tasks.task import MAX_STEPS
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.schema.episode import Episode, Meta
@@ -55,7 +55,7 @@ class RobotPolicyCollector(Connected):
         robot = self.opened
         robot.home()
         robot.tare()
-        arrays = record(robot, bounded(self.policy, robot), self.steps, watch=watch)
+        arrays = record(robot, Bounded(self.policy, robot), self.steps, watch=watch)
         config = self.config() | {"index": index, "rejected": []}
         software = software_versions(*VERSIONS)
         meta = Meta(self.task, index, self.seed, "policy", False, config, software, robot=robot.name)

@@ -106,7 +106,11 @@ class Robot(Protocol):
 
 
 Policy = Callable[[Observation], NDArray[np.float32] | None]
-"""Function that returns the next action for an observation, shape (A,), or None to end the episode."""
+"""Function that returns the next action for an observation, shape (A,), or None to end the episode.
+
+A policy that keeps the past of an episode has a method ``forget()`` as well, which the recording loop calls before the
+first observation of each episode.
+"""
 Watcher = Callable[[Robot, Observation, NDArray[np.float32] | None, Readings], None]
 """Function that is called at each step with the robot, the observation, the action that led to it (None at the first
 observation), and the readings since the observation before. What the function does is not recorded."""

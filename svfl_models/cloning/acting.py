@@ -123,10 +123,9 @@ def load(file: Path | str) -> Callable[[Observation], NDArray[np.float32]]:
 
 
 def _exported(module: CloningModule) -> bytes:
-    side = module.deployment.image_side
-    return exported_policy.exported(
-        acting(module), (side, side), module.deployment.depth_scale, module.deployment.camera
-    )
+    known = module.deployment
+    size = known.image_side, known.image_side
+    return exported_policy.exported(acting(module), size, known.depth_scale, known.camera, known.wrench_hz or None)
 
 
 def export(module: CloningModule, file: Path) -> float:

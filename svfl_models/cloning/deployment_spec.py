@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from svfl_data.errors import DatasetError, TrainingError, UsageError
 from svfl_data.sampling.named_camera import named_camera
 from svfl_data.schema.action_bounds import planar_limits
 from svfl_data.schema.action_fields import ACTION, MAX_MOVE_M, MAX_TURN_RAD, planar_action
+from svfl_data.schema.clocks import Clock, without_gaps
+from svfl_data.schema.rates import FEW, RATE_FACTOR
 from svfl_data.storage.reader import EpisodeReader
 from svfl_data.system.printable import printable
 from svfl_models.cloning.gripper_view import projection
@@ -50,6 +53,8 @@ class DeploymentSpec:
         action: Action of such a policy, as plain values of `networks.action_space.ActionSpace`; None for the planar
             action.
         robot: Name of the robot; empty if it was not recorded, or if there are several.
+        wrench_hz: Rate of the wrench readings, [Hz]; 0 if the policy does not take the paper's wrench window, or the
+            rate is unknown.
     """
 
     task: str
@@ -67,6 +72,7 @@ class DeploymentSpec:
     inputs: list[dict[str, Any]] = field(default_factory=list)
     action: dict[str, Any] | None = None
     robot: str = ""
+    wrench_hz: float = 0.0
 
     def __post_init__(self) -> None:
         shapes = {"image_axes": (2, 2), "projection": (3, 4), "centre": (2,)}
@@ -80,6 +86,7 @@ class DeploymentSpec:
             "step_ms",
             "max_move",
             "max_turn",
+            "wrench_hz",
         ):
             values = np.asarray(getattr(self, name), dtype=np.float64)
             if values.shape != shapes.get(name, ()) or not np.isfinite(values).all():
@@ -129,7 +136,7 @@ def deployment_of(
 
     Raises:
         DatasetError: If the demonstrations differ in what a policy cannot observe: task, camera, workspace, control
-            rate or action bounds.
+            rate, rate of the wrench readings or action bounds.
         FieldError: If an episode lacks a field.
     """
     found = [(index, _of_episode(dataset.episode(index), camera, encoder)) for index in episodes]
@@ -139,14 +146,15 @@ def deployment_of(
     for index, other in others:
         for name, here in other.plain().items():
             there = common.plain()[name]
-            if name not in ("switch", "step_ms", "robot") and here != there:
+            if name not in ("switch", "step_ms", "robot", "wrench_hz") and here != there:
                 raise DatasetError(
                     f"{dataset.path}: episode {index} has {name} {here}, episode {first} has {there}; "
                     "one policy learns from demonstrations of one task, camera, workspace and kind of action"
                 )
     step_ms = _period({index: one.step_ms for index, one in found if one.step_ms}, dataset)
-    robot = _robot(one.robot for _, one in found)
-    return replace(common, step_ms=step_ms, robot=robot, switch=all(one.switch for _, one in found))
+    wrench_hz = _wrench_hz({index: one.wrench_hz for index, one in found if one.wrench_hz}, dataset)
+    robot, switch = _robot(one.robot for _, one in found), all(one.switch for _, one in found)
+    return replace(common, step_ms=step_ms, wrench_hz=wrench_hz, robot=robot, switch=switch)
 
 
 def deployment_of_own(
@@ -213,7 +221,14 @@ def _of_episode(reader: EpisodeReader, camera: str | None, encoder: str) -> Depl
         centre=np.round(reader["workspace"][:2].mean(axis=1), 9).tolist() if "p" in encoder else [0.0, 0.0],
         step_ms=float(np.median(np.diff(reader["observations/t_ns"][:])) / 1e6) if len(reader) else 0.0,
         switch=bool(np.isin(reader["actions/action"][:][:, 0], (0, 1)).all()),
+        wrench_hz=_found_hz(reader, "streams/wrench") if "f" in encoder else 0.0,
     )
+
+
+def _found_hz(reader: EpisodeReader, group: str) -> float:
+    """Return the rate of a stream, [Hz], as declared or else as recorded; 0 for fewer than `FEW` readings."""
+    clock, t_ns = Clock.of(reader.meta, group), reader[f"{group}/t_ns"][:]
+    return clock.rate_hz or (without_gaps(t_ns, clock.gaps).rate_hz if len(t_ns) >= FEW else 0.0)
 
 
 def _robot(names: Iterable[str]) -> str:
@@ -246,7 +261,7 @@ def _period(step_ms: Mapping[int, float], dataset: Dataset) -> float:
     """Return the median of the episodes' median step durations, [ms]; 0 if no episode has a step."""
     if not step_ms:
         return 0.0
-    (slow, longest), (quick, shortest) = (pick(step_ms.items(), key=lambda item: item[1]) for pick in (max, min))
+    (slow, longest), (quick, shortest) = _extremes(step_ms)
     usual = float(np.median(list(step_ms.values())))
     if longest > OTHER_RATE * shortest:
         raise DatasetError(
@@ -260,3 +275,21 @@ def _period(step_ms: Mapping[int, float], dataset: Dataset) -> float:
             file=sys.stderr,
         )
     return usual
+
+
+def _wrench_hz(rates_hz: Mapping[int, float], dataset: Dataset) -> float:
+    """Return the median of the rates of the wrench readings, [Hz]; 0 if no episode has one."""
+    if not rates_hz:
+        return 0.0
+    (quick, highest), (slow, lowest) = _extremes(rates_hz)
+    if highest > RATE_FACTOR * lowest:
+        raise DatasetError(
+            f"{dataset.path}: episode {quick} has wrench readings at {highest:.4g} Hz, episode {slow} at {lowest:.4g} "
+            "Hz; one policy learns from wrench windows of one rate"
+        )
+    return float(np.median(list(rates_hz.values())))
+
+
+def _extremes(values: Mapping[int, float]) -> tuple[tuple[int, float], tuple[int, float]]:
+    """Return episode and value of the largest and of the smallest value."""
+    return max(values.items(), key=itemgetter(1)), min(values.items(), key=itemgetter(1))

@@ -15,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from svfl_data.errors import TrainingError, UsageError
 from svfl_data.reports.success_rate import wilson
+from svfl_data.schema.rates import RATE_FACTOR
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
 from svfl_data.system.worker_processes import Died, run_jobs
@@ -107,7 +108,7 @@ def evaluate(
 
     Raises:
         SvflError: If the file is not a checkpoint of a policy, the task has no environment, the environment differs
-            from that of the demonstrations (control rate or camera), or a worker process dies.
+            from that of the demonstrations (control rate, rate of the wrench or camera), or a worker process dies.
     """
     module = load_policy(checkpoint)
     environment = environment_of(module.deployment.task)
@@ -196,6 +197,12 @@ def _expect_same(environment: Any, deployment: DeploymentSpec, name: str) -> Non
     if deployment.inputs:
         _expect_same_form(environment, deployment, name)
         return
+    wrench_hz = getattr(environment.unwrapped, "wrench_hz", None)
+    if wrench_hz and deployment.wrench_hz and not 1 / RATE_FACTOR <= wrench_hz / deployment.wrench_hz <= RATE_FACTOR:
+        raise TrainingError(
+            f"{name}: learned from wrench readings at {deployment.wrench_hz:.4g} Hz, those of the environment come at "
+            f"{wrench_hz:.4g} Hz"
+        )
     if not deployment.camera:
         return  # the policy has no image input
     side = environment.observation_space["image"].shape[-1]

@@ -7,11 +7,11 @@ import torch
 from torch import Tensor
 
 from svfl_data.errors import DatasetError
+from svfl_data.sampling.batch import Batch
 from svfl_data.sampling.cut import cut_steps
-from svfl_data.sampling.windows import latest, wrench_window
 from svfl_data.schema.episode import Camera, Episode
-from svfl_data.schema.input_spec import WINDOW, WRENCH, InputSpec, Window
-from svfl_data.schema.robot import Frame, Observation
+from svfl_data.schema.input_spec import PROPRIO, WRENCH, paper_inputs
+from svfl_data.signals.pictures import camera_picture
 from svfl_data.viewer.predictions import Network, Prediction
 from svfl_models.cloning.acting import ActingPolicy
 from svfl_models.cloning.gripper_view import corners
@@ -21,7 +21,6 @@ from svfl_models.programs.exported_policy import ExportedPolicy, only_camera
 
 AT_ONCE = 256
 """Number of observations whose images are converted to float and held in memory at a time."""
-WRENCH_WINDOW = InputSpec(windows={WRENCH: Window(WINDOW)})
 
 
 def of_module(module: CloningModule, name: str, at_once: int = AT_ONCE) -> Network:
@@ -41,19 +40,22 @@ def of_module(module: CloningModule, name: str, at_once: int = AT_ONCE) -> Netwo
     @torch.inference_mode()
     def network(episode: Episode) -> Prediction:
         camera = _camera_of(module, episode)
-        parts = [
-            (policy(image, wrench, proprio), *_looked_at(module, image, proprio))
-            for image, wrench, proprio in _observations(episode, camera, at_once)
-        ]
+        parts = []
+        for cut in _cuts(episode, module.deployment.camera, at_once):
+            wrench, proprio = (torch.from_numpy(cut[path]) for path in (WRENCH, PROPRIO))
+            image = torch.zeros(len(proprio), 4, module.deployment.image_side, module.deployment.image_side)
+            if camera:
+                image = torch.from_numpy(camera_picture(cut, camera.name, float(camera.depth_scale)))
+            parts.append((policy(image, wrench, proprio), *_looked_at(module, image, proprio)))
         actions, seen, crop = (torch.cat(part).numpy() for part in zip(*parts, strict=True))
-        if "v" not in module.hparams["network"]["encoder"]:
+        if camera is None or "v" not in module.hparams["network"]["encoder"]:
             return Prediction(name, "", actions=actions)
         return Prediction(name, camera.name, seen, actions=actions, crop=crop)
 
     return network
 
 
-def of_program(policy: ExportedPolicy, name: str) -> Network:
+def of_program(policy: ExportedPolicy, name: str, at_once: int = AT_ONCE) -> Network:
     """Return the function that predicts the actions of an exported policy.
 
     Its predictions do not say which part of the image the policy sees, because the file does not state it.
@@ -61,41 +63,40 @@ def of_program(policy: ExportedPolicy, name: str) -> Network:
     Args:
         policy: The exported policy.
         name: Name of the policy in predictions.
+        at_once: Largest number of observations that are held in memory at a time.
 
     Returns:
-        A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode has no
-        camera with depth.
+        A function that takes an episode and returns a `Prediction`. It raises `DatasetError` if the episode lacks the
+        policy's camera, or its depth.
     """
 
     def network(episode: Episode) -> Prediction:
-        found = {name: camera for name, camera in episode.cameras.items() if camera.has("depth")}
-        blind = policy.camera == ""  # any camera then, since only the times of its frames matter
-        wanted = next(iter(found), None) if blind else policy.camera or only_camera(found)
-        if wanted not in found:
+        found = [camera.name for camera in episode.cameras.values() if camera.has("depth")]
+        wanted = only_camera(found) if policy.camera is None else policy.camera
+        if wanted is None or wanted not in ["", *found]:
             have = ", ".join(found) or "none"
             asked = f"camera {wanted}" if wanted else "exactly one camera"
             raise DatasetError(f"{episode.name}: the policy needs {asked} with depth; recorded with depth: {have}")
-        camera = found[wanted]
-        actions = []
-        for step, row in enumerate(_rows(episode, camera)):
-            frames = {camera.name: Frame(camera.color[row], camera.depth[row])}
-            wrench, proprio = wrench_window(episode, step)[0], episode.proprio[step]
-            actions.append(policy(Observation(int(episode.t_ns[step]), frames, wrench, proprio)))
-        return Prediction(name, camera.name, actions=np.stack(actions))
+        actions = [
+            policy.act({path: values[row : row + 1] for path, values in cut.items()}, wanted)
+            for cut in _cuts(episode, wanted, at_once)
+            for row in range(len(cut[PROPRIO]))
+        ]
+        return Prediction(name, wanted, actions=np.stack(actions))
 
     return network
 
 
-def _camera_of(module: CloningModule, episode: Episode) -> Camera:
-    """Return the camera of an episode whose images a policy takes.
+def _camera_of(module: CloningModule, episode: Episode) -> Camera | None:
+    """Return the camera of an episode whose images a policy takes; None if it takes none.
 
     Raises:
         DatasetError: If this camera is not recorded with depth, or its images have another size than in training.
     """
     wanted, side = module.deployment.camera, module.deployment.image_side
+    if not wanted:
+        return None
     found = {name: camera for name, camera in episode.cameras.items() if camera.has("depth")}
-    if found and not wanted:  # the policy uses no images
-        return next(iter(found.values()))
     if wanted not in found:
         have = ", ".join(found) or "none"
         raise DatasetError(f"{episode.name}: the policy needs camera {wanted} with depth; recorded with depth: {have}")
@@ -107,22 +108,11 @@ def _camera_of(module: CloningModule, episode: Episode) -> Camera:
     return found[wanted]
 
 
-def _rows(episode: Episode, camera: Camera) -> list[int]:
-    """Return the index of the camera's latest frame at every observation."""
-    return [max(0, latest(camera.t_ns, t_ns)) for t_ns in episode.t_ns]
-
-
-def _observations(episode: Episode, camera: Camera, at_once: int) -> Iterator[tuple[Tensor, Tensor, Tensor]]:
-    """Yield image, wrench and proprio as `ActingPolicy` takes them, for up to `at_once` observations at a time."""
-    rows = np.array(_rows(episode, camera))
-    for first in range(0, len(rows), at_once):
-        some = slice(first, first + at_once)
-        color, depth = camera.color[rows[some]], camera.depth[rows[some]]
-        image = np.empty((len(depth), 4, *depth.shape[1:]), np.float32)
-        image[:, :3] = color.transpose(0, 3, 1, 2) / np.float32(255)
-        image[:, 3] = depth * np.float32(camera.depth_scale)
-        wrench = cut_steps(episode, WRENCH_WINDOW, range(len(rows))[some])[WRENCH]
-        yield torch.from_numpy(image), torch.from_numpy(wrench), torch.tensor(episode.proprio[some])
+def _cuts(episode: Episode, camera: str, at_once: int) -> Iterator[Batch]:
+    """Yield the paper's inputs of up to `at_once` observations at a time, without images if `camera` is empty."""
+    steps = range(len(episode.t_ns))
+    for first in steps[::at_once]:
+        yield cut_steps(episode, paper_inputs(camera), steps[first : first + at_once])
 
 
 def _looked_at(module: CloningModule, image: Tensor, proprio: Tensor) -> tuple[Tensor, Tensor]:

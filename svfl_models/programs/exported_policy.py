@@ -15,9 +15,9 @@ Cropping, normalisation and the change to image-aligned axes are part of the pro
 
 import io
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -26,8 +26,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from svfl_data.errors import FormatError, TrainingError
-from svfl_data.sampling.windows import WINDOW
-from svfl_data.schema.robot import Observation
+from svfl_data.sampling.live_cut import LiveCut
+from svfl_data.schema.input_spec import PROPRIO, WINDOW, WRENCH, paper_inputs
+from svfl_data.schema.observation import Frame, Observation
+from svfl_data.signals.pictures import camera_picture
 from svfl_data.system.atomic_io import write_atomically
 from svfl_data.system.printable import printable
 from svfl_models.programs.program import Program, from_bytes, read
@@ -45,10 +47,12 @@ class Facts(msgspec.Struct):
         depth_scale: Metres per unit of the camera's depth images, above 0.
         camera: Name of the camera whose images the policy takes; empty if it uses no images. None if the name does not
             matter, because the robot has one camera.
+        wrench_hz: Rate of the wrench readings that the policy learned from, [Hz], above 0. None if it does not matter.
     """
 
     depth_scale: Annotated[float, msgspec.Meta(gt=0)]
     camera: str | None = None
+    wrench_hz: Annotated[float, msgspec.Meta(gt=0)] | None = None
 
 
 def save(
@@ -57,6 +61,7 @@ def save(
     image_size: tuple[int, int],
     depth_scale: float = 1e-4,
     camera: str | None = None,
+    wrench_hz: float | None = None,
 ) -> None:
     """Export a network, in eval mode, as the file of a policy.
 
@@ -67,20 +72,25 @@ def save(
         image_size: Height and width of the images, [px].
         depth_scale: Metres per unit of the camera's depth images.
         camera: Name of the camera whose images the network takes, see `Facts`.
+        wrench_hz: Rate of the wrench readings, [Hz], see `Facts`.
 
     Raises:
         TrainingError: If the network does not take or return these shapes, uses operators that an exported policy may
             not use (see `operators`), or has weights that are not finite.
-        FormatError: If `depth_scale` is not above 0.
+        FormatError: If `depth_scale` or `wrench_hz` is not above 0.
         StorageError: If the file cannot be written; an earlier file then stays as it was.
     """
-    content = exported(network, image_size, depth_scale, camera)
+    content = exported(network, image_size, depth_scale, camera, wrench_hz)
     opened(content, str(file))
     write_atomically(Path(file), content)
 
 
 def exported(
-    network: nn.Module, image_size: tuple[int, int], depth_scale: float = 1e-4, camera: str | None = None
+    network: nn.Module,
+    image_size: tuple[int, int],
+    depth_scale: float = 1e-4,
+    camera: str | None = None,
+    wrench_hz: float | None = None,
 ) -> bytes:
     """Export a network, in eval mode, and return the content of the file that `save` writes.
 
@@ -90,6 +100,7 @@ def exported(
         image_size: Height and width of the images, [px].
         depth_scale: Metres per unit of the camera's depth images.
         camera: Name of the camera whose images the network takes, see `Facts`.
+        wrench_hz: Rate of the wrench readings, [Hz], see `Facts`.
 
     Raises:
         TrainingError: If the network does not take image, wrench and proprio, or does not return an action. Forbidden
@@ -106,6 +117,8 @@ def exported(
     with torch.no_grad():
         program = torch.export.export(network, inputs)
     buffer, facts = io.BytesIO(), {"depth_scale": depth_scale, "camera": camera}
+    if wrench_hz is not None:
+        facts["wrench_hz"] = wrench_hz
     torch.export.save(program, buffer, extra_files={FACTS: json.dumps(facts)})
     return buffer.getvalue()
 
@@ -139,6 +152,9 @@ def load(file: Path) -> "ExportedPolicy":
 class ExportedPolicy:
     """A policy that, when called with an observation, returns an action, shape (5,), float32.
 
+    Its inputs are cut from the observations as those of its training were cut from episodes, so it must be given all
+    observations of an episode in their order (`svfl_data.sampling.live_cut.LiveCut`), or `act` values that are cut.
+
     Attributes:
         size: Height and width of the images that the policy takes, [px].
         camera: Name of the camera whose images the policy takes, see `Facts`.
@@ -169,9 +185,13 @@ class ExportedPolicy:
         except ValueError as error:
             raise FormatError(f"{name}: {FACTS} in it is not what a policy's says: {error}") from error
         self.program = program.to(DEVICE)
-        self.camera, self._depth_scale, self._name = known.camera, np.float32(known.depth_scale), name
+        self.camera, self._known, self._name = known.camera, known, name
+        self._cut: LiveCut | None = None
 
-    @torch.inference_mode()
+    def forget(self) -> None:
+        """Forget the past, because another episode begins."""
+        self._cut = None
+
     def __call__(self, seen: Observation) -> NDArray[np.float32]:
         """Return the action for an observation.
 
@@ -185,36 +205,57 @@ class ExportedPolicy:
             TrainingError: If the observation has no image of the policy's camera, the image has no depth or has another
                 size than in training, or the action is not finite.
             FieldError: If the robot observes no wrench or no proprioception.
+            DatasetError: If the wrench readings come at another rate than in training.
         """
-        image = self._image(seen)
-        wrench, proprio = seen.at("streams/wrench/wrench")[-WINDOW:], seen.at("observations/proprio")
-        inputs = (torch.from_numpy(np.array(part)[None]).to(DEVICE) for part in (image, wrench, proprio))
+        camera = self._camera_of(seen.frames)
+        inputs = paper_inputs(camera, self._known.wrench_hz)
+        if self._cut is None or self._cut.inputs != inputs:
+            self._cut = LiveCut(inputs)
+        return self.act(self._cut(seen), camera)
+
+    @torch.inference_mode()
+    def act(self, cut: Mapping[str, NDArray[Any]], camera: str) -> NDArray[np.float32]:
+        """Return the action for values that are cut, shape (5,), float32, as for an observation.
+
+        Args:
+            cut: Values of `svfl_data.schema.input_spec.paper_inputs` at one observation, each of shape (1, ...).
+            camera: Name of the camera, which must have depth; empty if the policy uses no images.
+
+        Raises:
+            TrainingError: If the image has another size than in training, or the action is not finite.
+        """
+        image = np.zeros((1, 4, *self.size), np.float32)
+        if camera:
+            image = camera_picture(cut, camera, self._known.depth_scale)
+            self._expect_size(camera, image.shape[-2:])
+        parts = (image, cut[WRENCH], cut[PROPRIO])
+        inputs = (torch.from_numpy(np.asarray(part, np.float32)).to(DEVICE) for part in parts)
         action: NDArray[np.float32] = self.program(*inputs)[0][0].float().cpu().numpy()
         if not np.isfinite(action).all():
             raise TrainingError(f"{self._name}: the policy's action is not finite: {action.tolist()}")
         return action
 
-    def _image(self, seen: Observation) -> NDArray[np.float32]:
-        """Return the image that the program takes, (4, H, W); zeros if the policy uses no images."""
-        image = np.zeros((4, *self.size), np.float32)
+    def _camera_of(self, frames: Mapping[str, Frame]) -> str:
+        """Return the name of the camera whose images the program takes; empty if it takes none."""
         if self.camera == "":
-            return image
-        name = only_camera(seen.frames) if self.camera is None else self.camera
-        if name is None or name not in seen.frames:
-            have = ", ".join(map(printable, seen.frames)) or "none"
+            return ""
+        name = only_camera(frames) if self.camera is None else self.camera
+        if name is None or name not in frames:
+            have = ", ".join(map(printable, frames)) or "none"
             wanted = printable(name, 40) if name else "one camera"
             raise TrainingError(f"{self._name}: takes images of {wanted}; the cameras of this robot are: {have}")
-        frame = seen.frames[name]
-        if frame.depth is None:
+        depth = frames[name].depth
+        if depth is None:
             raise TrainingError(f"{self._name}: takes images with depth; camera {name} of this robot gives none")
-        if frame.depth.shape != self.size:
-            (height, width), (rows, columns) = self.size, frame.depth.shape
+        self._expect_size(name, depth.shape)
+        return name
+
+    def _expect_size(self, camera: str, found: tuple[int, ...]) -> None:
+        if found != self.size:
+            (height, width), (rows, columns) = self.size, found
             raise TrainingError(
-                f"{self._name}: was made for images of {height} x {width} px, camera {name} gives {rows} x {columns}"
+                f"{self._name}: was made for images of {height} x {width} px, camera {camera} gives {rows} x {columns}"
             )
-        image[:3] = frame.color.transpose(2, 0, 1) / np.float32(255)
-        image[3] = frame.depth * self._depth_scale
-        return image
 
 
 def only_camera(cameras: Iterable[str]) -> str | None:

@@ -44,6 +44,10 @@ class RobotPolicy:
         self.policy = policy
         self._cut = LiveCut(inputs_of(policy.facts.inputs))
 
+    def forget(self) -> None:
+        """Forget the past, because another episode begins."""
+        self._cut.forget()
+
     def __call__(self, seen: Observation) -> NDArray[np.float32]:
         """Return the action for an observation, shape (C,), float32, within its bounds.
 

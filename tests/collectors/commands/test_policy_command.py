@@ -45,8 +45,9 @@ def lift(tmp_path_factory):
 
 def seen(size: int = 16, depth: int = 5000) -> Observation:
     frame = Frame(np.zeros((size, size, 3), np.uint8), np.full((size, size), depth, np.uint16))
-    window = np.zeros((64, 6), np.float32)
-    return Observation(0, {"front": frame}, window, np.array([1, 0.5, 0, 0.2, 0], np.float32), np.zeros(9, np.float32))
+    window, proprio = np.zeros((64, 6), np.float32), np.array([1, 0.5, 0, 0.2, 0], np.float32)
+    times = {"streams/wrench/t_ns": np.arange(-63, 1) * 2_000_000}
+    return Observation(0, {"front": frame}, window, proprio, np.zeros(9, np.float32), values=times)
 
 
 def test_a_saved_policy_sees_in_si_units(lift):

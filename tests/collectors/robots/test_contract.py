@@ -11,6 +11,7 @@ from collectors.recording.loop import record, record_into
 from collectors.robots.playback import Playback
 from collectors.simulation.camera import CAMERAS
 from collectors.simulation.world import World
+from collectors.sources.policy import Bounded
 from svfl_data.checks import check_episode
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import CollectError, FieldError
@@ -141,6 +142,30 @@ def test_the_loop_records_it_whole(case):
     assert len(episode.t_ns) == STEPS + 1
     for path in case.inputs.windows:
         assert episode[f"{path.rpartition('/')[0]}/t_ns"][-1] > episode.t_ns[-2], path
+
+
+class Remembering:
+    """A policy with a past, of which only its calls are kept."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.act, self.calls = commands(robot), []
+
+    def forget(self) -> None:
+        self.calls.append("forget")
+
+    def __call__(self, seen):
+        self.calls.append("act")
+        return self.act(seen)
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_a_policy_forgets_before_each_episode(case, wrapped):
+    robot = case.begin()
+    policy = Remembering(robot)
+    for _ in range(2):
+        robot = case.begin()
+        record(robot, Bounded(policy, robot) if wrapped else policy, 2)
+    assert policy.calls == ["forget", "act", "act"] * 2
 
 
 def test_a_file_holds_what_memory_holds(case, tmp_path):

@@ -101,7 +101,7 @@ def test_a_loaded_policy_says_what_its_network_says(checkpoint, file):
 
 def seen_and_said(network):
     """Random observations of collectors, and the actions that a network gives for them."""
-    rng = np.random.default_rng(0)
+    rng, times = np.random.default_rng(0), {"streams/wrench/t_ns": np.arange(-63, 1) * 2_000_000}
     for _ in range(4):
         frame = Frame(
             rng.integers(0, 256, (76, 76, 3), dtype=np.uint8), rng.integers(5000, 9000, (76, 76)).astype(np.uint16)
@@ -111,7 +111,7 @@ def seen_and_said(network):
         inputs = (torch.from_numpy(part[None].astype(np.float32)) for part in (image, wrench, proprio))
         with torch.no_grad():
             yield (
-                Observation(0, {"front": frame}, wrench, proprio, np.zeros(9, np.float32)),
+                Observation(0, {"front": frame}, wrench, proprio, np.zeros(9, np.float32), values=times),
                 network(*inputs)[0].numpy(),
             )
 

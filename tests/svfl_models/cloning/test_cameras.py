@@ -52,7 +52,8 @@ def policies(folder, tmp_path_factory):
 
 
 def observation(frames):
-    return Observation(0, frames, np.zeros((64, 6), np.float32), np.zeros(5, np.float32), np.zeros(9, np.float32))
+    wrench, times = np.zeros((64, 6), np.float32), {"streams/wrench/t_ns": np.arange(-63, 1) * 2_000_000}
+    return Observation(0, frames, wrench, np.zeros(5, np.float32), np.zeros(9, np.float32), values=times)
 
 
 def frames(rng):

@@ -176,6 +176,12 @@ def slow(episode):
     return Episode(episode.meta, found)
 
 
+def sparse(episode):
+    """The same with every fifth reading of the wrench."""
+    rows = {path: episode.arrays[path][::5] for path in ("streams/wrench/t_ns", "streams/wrench/wrench")}
+    return Episode(episode.meta, episode.arrays | rows)
+
+
 @pytest.mark.parametrize(
     ("odd", "facts"),
     [
@@ -186,6 +192,7 @@ def slow(episode):
         (lambda one: changed(one, image_axes=np.eye(2)), r"episode 3 .*image_axes \[\[1\.0, 0\.0\], \[0\.0, 1\.0\]\]"),
         (lambda one: changed(one, workspace=one.workspace + 0.1), r"episode 3 .*centre \[0\.65, 0\.1\]"),
         (slow, r"episode 3 .*step_ms 100\.0.* episode 0 .*50\.0"),
+        (sparse, r"episode 0 has wrench readings at 500 Hz, episode 3 at 100 Hz"),
         (
             far,
             r"1 of 6 episodes.* actions/action\[2\]: dz .*0\.05 m.* -0\.025 to 0\.025 m",
@@ -205,6 +212,18 @@ def at_rate(episode, factor):
     found = dict(episode.arrays)
     found |= {path: (factor * values).astype(np.int64) for path, values in found.items() if path.endswith("t_ns")}
     return Episode(episode.meta, found)
+
+
+def test_a_policy_knows_the_rate_of_the_wrench_that_it_takes(folder, tmp_path):
+    """The declared one, or else the one that was recorded."""
+    for encoder, expected in (("vfp", 500.0), ("f", 500.0), ("vp", 0.0)):
+        assert data_of(folder, encoder=encoder).deployment.wrench_hz == pytest.approx(expected)
+    rare = write(tmp_path / "rare", [sparse(demonstration(index)) for index in range(6)])
+    assert data_of(rare).deployment.wrench_hz == pytest.approx(100)
+    declared = [demonstration(index) for index in range(6)]
+    for one in declared:
+        one.meta.config["rates_hz"] = {"streams/wrench": 505.0}
+    assert data_of(write(tmp_path / "declared", declared)).deployment.wrench_hz == 505
 
 
 def test_uneven_control_periods_are_said_and_change_nothing(tmp_path, capsys):

@@ -129,6 +129,15 @@ def test_other_environments_are_one_clear_line(checkpoint):
         module._expect_same(gymnasium.make("test/Turned-v0"), seen, "policy")
 
 
+def test_an_environment_of_another_wrench_rate_is_one_clear_line():
+    env = gymnasium.make("test/Countdown-v0")
+    env.unwrapped.wrench_hz = 500.0
+    for learned_hz in (0.0, 260.0, 500.0, 990.0):
+        module._expect_same(env, DeploymentSpec("picking", wrench_hz=learned_hz), "policy")
+    with pytest.raises(TrainingError, match=r"policy: learned from wrench readings at 100 Hz, .* come at 500 Hz"):
+        module._expect_same(env, DeploymentSpec("picking", wrench_hz=100.0), "policy")
+
+
 def test_a_worker_that_dies_is_one_clear_line(checkpoint, monkeypatch):
     monkeypatch.setattr(module, "environment_of", lambda task: f"{HERE}:test/Deadly-v0")
     with pytest.raises(TrainingError, match="died"):

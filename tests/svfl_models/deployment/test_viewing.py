@@ -1,5 +1,6 @@
 """What networks think of episodes, for the viewer: the same as where they act, and of the picture that is shown."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,8 @@ from svfl_models.cloning.module import CloningModule
 from svfl_models.deployment import predictions
 from svfl_models.deployment.policy_predictions import of_module
 from svfl_models.networks.action_space import PLANAR
+from svfl_models.programs import exported_policy
+from svfl_models.programs.program import read
 from tests.helpers.builders import make_episode
 from tests.helpers.demonstrations import demonstration, write
 from tests.helpers.synthetic import centering_samples
@@ -95,6 +98,12 @@ def test_checkpoint_and_exported_file_think_alike(deployment, episode, tmp_path)
     assert np.ptp(one.actions[:, 1:], axis=0).min() > 0
     np.testing.assert_allclose(one.actions / SCALE, other.actions / SCALE, atol=1e-4)
     assert other.crop is None  # the file does not tell
+
+
+def test_the_file_of_a_policy_says_what_it_was_made_for(deployment, tmp_path):
+    acting.export(policy(deployment), tmp_path / "policy.pt2")
+    _, facts = read(tmp_path / "policy.pt2", exported_policy.FACTS)
+    assert json.loads(facts) == {"depth_scale": 1e-4, "camera": "front", "wrench_hz": pytest.approx(500)}
 
 
 def test_a_long_episode_is_thought_of_in_pieces(deployment, episode):
