@@ -143,9 +143,16 @@ def rows_from_1(array: Readable, rows: np.ndarray) -> np.ndarray:
         array: Array, shape (M, ...).
         rows: Numbers of rows, any shape.
     """
-    out = np.zeros((*rows.shape, *array.shape[1:]), array.dtype)
     there = rows > 0
+    if there.all() and rows.size:
+        return _taken(array, rows)
+    out = np.zeros((*rows.shape, *array.shape[1:]), array.dtype)
     if there.any():
-        first, last = int(rows[there].min()), int(rows.max())
-        out[there] = np.asarray(array[first - 1 : last])[rows[there] - first]
+        out[there] = _taken(array, rows[there])
     return out
+
+
+def _taken(array: Readable, rows: np.ndarray) -> np.ndarray:
+    first, last = int(rows.min()), int(rows.max())
+    taken: np.ndarray = np.asarray(array[first - 1 : last])[rows - first]
+    return taken

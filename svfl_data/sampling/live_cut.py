@@ -103,13 +103,15 @@ class LiveCut:
             t_ns: Times of the rows of this observation, shape (M,), [ns].
             past_ns: Times of the rows that were kept of earlier ones, shape (K,), [ns].
         """
+        if window.resample or window.rate_hz is None:
+            return
         new = t_ns[t_ns > past_ns[-1]] if len(past_ns) else t_ns
         if not len(new):
             return
         first, count = self._counted.get(group, (int(new[0]), 0))
         self._counted[group] = first, count + len(new)
         elapsed = (int(new[-1]) - first) / 1e9
-        if elapsed < JUDGED_S or window.resample or window.rate_hz is None:
+        if elapsed < JUDGED_S:
             return
         rate = (count + len(new) - 1) / elapsed
         if not 1 / RATE_FACTOR <= rate / window.rate_hz <= RATE_FACTOR:

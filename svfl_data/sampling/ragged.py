@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 
@@ -136,7 +137,7 @@ def starts(lengths: Sequence[int]) -> np.ndarray:
     Args:
         lengths: Number of rows of each episode.
     """
-    return 1 + np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int64)
+    return np.array(list(accumulate(lengths[:-1], initial=1)), np.int64)
 
 
 def rows_until(t_ns: Sequence[np.ndarray], now_ns: Sequence[np.ndarray], known: Sequence[Clock]) -> Rows:

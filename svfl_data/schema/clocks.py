@@ -108,6 +108,8 @@ class Clock:
         for start, end in self.gaps:
             broken |= (t_ns[:-1] <= start) & (start < t_ns[1:]) & (start < end)
             stale |= (t_ns[latest] <= start) & (start < now_ns) & (start < end)
+        if not broken.any():
+            return np.where(stale, ends, 0).astype(np.int64)
         run = np.maximum.accumulate(np.where(np.concatenate([[False], broken]), np.arange(len(t_ns)), 0))
         return np.where(stale, ends, run[latest]).astype(np.int64)
 

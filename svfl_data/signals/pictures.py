@@ -20,8 +20,8 @@ def picture(images: Mapping[str, np.ndarray], depth_scale: float = 1.0) -> np.nd
     Returns:
         The picture, shape (..., C, H, W), float32.
     """
-    planes = {leaf: np.moveaxis(image, -1, -3) if leaf == "color" else image[..., None, :, :]
-              for leaf, image in images.items()}  # fmt: skip
+    planes = {leaf: image.swapaxes(-1, -2).swapaxes(-2, -3) if leaf == "color" else image[..., None, :, :]
+              for leaf, image in images.items()}  # colour (..., H, W, 3) -> (..., 3, H, W)  # fmt: skip
     *lead, _, height, width = next(iter(planes.values())).shape
     out = np.empty((*lead, sum(plane.shape[-3] for plane in planes.values()), height, width), np.float32)
     first = 0
