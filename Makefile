@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 
-.PHONY: demo test quick test-cpus bench sizes env lint clean help
+.PHONY: demo test docs quick test-cpus bench sizes notebooks env lint clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -16,6 +16,9 @@ demo: env  ## collect 200 samples, train the classifier, write report and viewer
 
 test: env lint  ## ruff, mypy and the whole test suite
 	$(BIN)/python -m pytest -n 2
+
+docs: $(VENV)/installed-docs  ## the documentation as a site, out/site; a broken link or docstring is an error
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 quick: env  ## the tests without the slow ones: about two minutes on two idle cores
 	$(BIN)/python -m pytest -n 2 -m "not slow"
@@ -47,6 +50,9 @@ data/centering_test: | env
 data/block_picking: | env
 	$(BIN)/svfl-collect expert --task block_picking --episodes 50 --seed 0 --workers 2 --out $@
 
+notebooks: env  ## run the notebooks and store what they show
+	$(BIN)/python notebooks/refresh.py
+
 lint: env  ## ruff and mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -61,6 +67,10 @@ $(VENV)/installed: pyproject.toml constraints.txt
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(PIP) install --quiet --constraint constraints.txt --editable '.[all,dev]'
 	$(PIP) install --quiet --constraint constraints.txt --no-deps escnn
+	@touch $@
+
+$(VENV)/installed-docs: $(VENV)/installed
+	$(PIP) install --quiet --constraint constraints.txt --editable '.[docs]'
 	@touch $@
 
 clean:  ## remove the environment and everything the demo wrote

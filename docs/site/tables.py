@@ -1,0 +1,46 @@
+"""Tables that small screens can show: rows of text become blocks whose cells carry the names of their columns.
+
+A table of figures scrolls sideways. In a table of texts nobody would find the end of a row, so `docs/site/site.css` lays
+out the cells of a row below each other, on small screens or, if the columns are many, always.
+"""
+
+from xml.etree.ElementTree import Element
+
+from markdown import Markdown
+from markdown.extensions import Extension
+from markdown.treeprocessors import Treeprocessor
+
+MANY_COLUMNS = 7
+LONG_ROW = 60  # characters, on average
+
+
+class StackedTables(Extension):
+    """Extension of Markdown that marks the tables of texts."""
+
+    def extendMarkdown(self, md: Markdown) -> None:  # noqa: N802 - the name that Markdown calls
+        """Run after the texts of cells are parsed."""
+        md.treeprocessors.register(Marks(md), "stacked_tables", 5)
+
+
+class Marks(Treeprocessor):
+    """Sets the attribute ``data-stack`` of tables of texts, and ``data-label`` of their cells."""
+
+    def run(self, root: Element) -> None:
+        """Mark all tables below an element."""
+        for table in root.iter("table"):
+            names = [words(cell) for cell in table.iter("th")]
+            rows = [list(row) for row in table.iter("tr")][1:]
+            characters = sum(len(words(cell)) for row in rows for cell in row)
+            if len(names) < 3 or characters < LONG_ROW * len(rows):
+                continue
+            table.set("data-stack", "always" if len(names) >= MANY_COLUMNS else "narrow")
+            for row in rows:
+                for name, cell in zip(names, row, strict=True):
+                    cell.set("data-label", name)
+                    if words(cell) == "-":
+                        cell.set("data-empty", "")
+
+
+def words(cell: Element) -> str:
+    """Return the text of a cell."""
+    return "".join(cell.itertext()).strip()
