@@ -2,7 +2,7 @@
 
 import re
 import shlex
-from pathlib import Path
+from itertools import pairwise
 
 import h5py
 import numpy as np
@@ -22,13 +22,12 @@ from svfl_models.cli import build_parser as training_commands
 from svfl_models.cloning.recorded_inputs import recorded_input
 from svfl_models.networks.image_crops import crop_side
 from tests.helpers.builders import make_episode
+from tests.helpers.pages import PAGES, ROOT, name, python_of
 
-ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "Makefile", *sorted((ROOT / "docs").rglob("*.md"))]
 COMMANDS = sorted(
     {
         command
-        for page in PAGES
+        for page in [*PAGES, ROOT / "Makefile"]
         for command in re.findall(r"^\s*(?:\$\(BIN\)/)?(svfl-\w+ .*)$", page.read_text().replace("\\\n", " "), re.M)
     }
 )
@@ -65,7 +64,7 @@ def test_documented_commands_parse(command):
 
 def test_the_python_of_the_page_on_symmetry_runs(capsys):
     names: dict = {}
-    for block in re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "symmetry.md").read_text(), re.M | re.S):
+    for block in python_of("docs/symmetry.md"):
         exec(block, names)
     printed = [float(line) for line in capsys.readouterr().out.splitlines()]
     assert len(printed) == 2
@@ -75,7 +74,7 @@ def test_the_python_of_the_page_on_symmetry_runs(capsys):
 def test_the_page_on_recording_can_be_followed_to_the_letter(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names: dict = {}
-    for block in re.findall(r"^```python\n(.*?)^```", (ROOT / "docs" / "recording.md").read_text(), re.M | re.S):
+    for block in python_of("docs/recording.md"):
         exec(block, names)
     said = capsys.readouterr().out
     assert said.count("episode_000000.hdf5") == 2
@@ -127,7 +126,18 @@ def test_the_page_on_recording_can_be_followed_to_the_letter(tmp_path, monkeypat
     assert not Dataset.open("data/mine").read(0).meta.success
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page.suffix == ".md"], ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=name)
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text()):
         assert (page.parent / target).exists(), target
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_lists_and_tables_begin_after_an_empty_line(page):
+    """Forges show them otherwise too, the site does not."""
+    lines = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.M | re.S).splitlines()
+    for before, line in pairwise(lines):
+        if line.startswith("|"):
+            assert not before or before.startswith(("|", "#", "<!--")), line
+        elif re.match(r"([-*]|\d+\.) ", line) and before and not before.startswith(("#", " ")):
+            assert re.match(r"([-*]|\d+\.) ", before), line

@@ -6,6 +6,7 @@ Drawn is what `docs/architecture.py` writes: nodes with or without a label, and 
 import html
 import re
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 LINE, CHARACTER, PADDING = 18.0, 7.6, 12.0  # height of a line, width of a character, space around a label, [px]
 GAP, LANE, LAYER_GAP = 24.0, 16.0, 34.0  # between nodes of a layer, for an arrow that passes a layer, between layers
@@ -77,7 +78,7 @@ def parsed(source: str) -> tuple[bool, dict[str, list[str]], list[tuple[str, str
             labels[node[1]] = re.sub(r"</?i>", "", node[2]).split("<br/>")
         elif re.fullmatch(r"\w+( --> \w+)+", line):
             names = line.split(" --> ")
-            arrows += zip(names, names[1:], strict=False)
+            arrows += pairwise(names)
         else:
             raise ValueError(f"{line!r} is neither a node nor an arrow that is drawn here")
     for name in (name for arrow in arrows for name in arrow):
@@ -86,7 +87,10 @@ def parsed(source: str) -> tuple[bool, dict[str, list[str]], list[tuple[str, str
 
 
 def layered(labels: dict[str, list[str]], arrows: list[tuple[str, str]]) -> list[list[Box]]:
-    """Return the boxes in layers: each behind all that have an arrow to it; long arrows pass through boxes of their own."""
+    """Return the boxes in layers, each behind all that have an arrow to it.
+
+    An arrow that passes a layer has a box without a label there.
+    """
     boxes = {name: Box(lines) for name, lines in labels.items()}
     for _ in labels:  # the longest way has at most as many arrows as there are nodes
         for start, end in arrows:
@@ -149,10 +153,12 @@ def curve(start: Box, end: Box, middles: list[float], heights: list[float]) -> s
 
 def label(box: Box, top: float, height: float) -> str:
     """Return the frame and the text of a node; lines after the first are smaller."""
-    frame = f'<rect x="{box.x - box.width / 2:.1f}" y="{top:.1f}" width="{box.width:.1f}" height="{height:.1f}" rx="4"/>'
+    frame = (
+        f'<rect x="{box.x - box.width / 2:.1f}" y="{top:.1f}" width="{box.width:.1f}" height="{height:.1f}" rx="4"/>'
+    )
     first = top + height / 2 - (len(box.lines) - 1) * LINE / 2
-    texts = [
-        f'<text{" class=below" if number else ""} x="{box.x:.1f}" y="{first + number * LINE:.1f}">{html.escape(line)}</text>'
-        for number, line in enumerate(box.lines)
-    ]
-    return frame + "".join(texts)
+    texts = ""
+    for number, line in enumerate(box.lines):
+        kind = ' class="below"' if number else ""
+        texts += f'<text{kind} x="{box.x:.1f}" y="{first + number * LINE:.1f}">{html.escape(line)}</text>'
+    return frame + texts

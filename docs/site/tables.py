@@ -1,7 +1,7 @@
 """Tables that small screens can show: rows of text become blocks whose cells carry the names of their columns.
 
-A table of figures scrolls sideways. In a table of texts nobody would find the end of a row, so `docs/site/site.css` lays
-out the cells of a row below each other, on small screens or, if the columns are many, always.
+A table of figures scrolls sideways. In a table of texts nobody would find the end of a row, so `docs/site/site.css`
+lays out the cells of a row below each other, on small screens or, if the columns are many, always.
 """
 
 from xml.etree.ElementTree import Element
@@ -17,7 +17,7 @@ LONG_ROW = 60  # characters, on average
 class StackedTables(Extension):
     """Extension of Markdown that marks the tables of texts."""
 
-    def extendMarkdown(self, md: Markdown) -> None:  # noqa: N802 - the name that Markdown calls
+    def extendMarkdown(self, md: Markdown) -> None:
         """Run after the texts of cells are parsed."""
         md.treeprocessors.register(Marks(md), "stacked_tables", 5)
 
