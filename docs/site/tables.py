@@ -31,7 +31,8 @@ class Marks(Treeprocessor):
             names = [words(cell) for cell in table.iter("th")]
             rows = [list(row) for row in table.iter("tr")][1:]
             characters = sum(len(words(cell)) for row in rows for cell in row)
-            if len(names) < 3 or characters < LONG_ROW * len(rows):
+            linked = any(True for head in table.iter("th") for _ in head.iter("a"))  # links that a label cannot be
+            if len(names) < 3 or characters < LONG_ROW * len(rows) or linked:
                 continue
             table.set("data-stack", "always" if len(names) >= MANY_COLUMNS else "narrow")
             for row in rows:
