@@ -14,8 +14,12 @@ USAGE_WIDTH = 80  # columns of the usage lines
 
 def command_pages() -> dict[str, str]:
     """Return the page of each program in Markdown, by the page's path in the site."""
-    roots = [module.build_parser() for module in (svfl_data.cli, svfl_models.cli, collectors.cli)]
-    return {f"reference/{root.prog}.md": program_page(root) for root in roots}
+    return {f"reference/{root.prog}.md": program_page(root) for root in roots()}
+
+
+def roots() -> list[argparse.ArgumentParser]:
+    """Return the parsers of the three programs."""
+    return [module.build_parser() for module in (svfl_data.cli, svfl_models.cli, collectors.cli)]
 
 
 def program_page(root: argparse.ArgumentParser) -> str:
