@@ -88,6 +88,7 @@ SENTENCE = "a sentence that is long enough for a row that is read and not compar
     [
         (TABLE.format(text=SENTENCE), "narrow"),
         (TABLE.format(text="12"), None),
+        (f"|{' a |' * 8}\n|{' --- |' * 8}\n|{' 12.3 +- 4.5 |' * 8}\n", None),
         (TABLE.format(text=SENTENCE).replace("why", "[why](x.md)"), None),
         (f"|{' a |' * 8}\n|{' --- |' * 8}\n| {SENTENCE} |{' b |' * 7}\n", "always"),
     ],

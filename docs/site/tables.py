@@ -11,7 +11,7 @@ from markdown.extensions import Extension
 from markdown.treeprocessors import Treeprocessor
 
 MANY_COLUMNS = 7
-LONG_ROW = 60  # characters, on average
+LONG_CELLS = 30  # characters, on average, of the cells of a column that is read and not compared
 
 
 class StackedTables(Extension):
@@ -30,9 +30,9 @@ class Marks(Treeprocessor):
         for table in root.iter("table"):
             names = [words(cell) for cell in table.iter("th")]
             rows = [list(row) for row in table.iter("tr")][1:]
-            characters = sum(len(words(cell)) for row in rows for cell in row)
+            longest = max((sum(len(words(cell)) for cell in column) for column in zip(*rows, strict=True)), default=0)
             linked = any(True for head in table.iter("th") for _ in head.iter("a"))  # links that a label cannot be
-            if len(names) < 3 or characters < LONG_ROW * len(rows) or linked:
+            if len(names) < 3 or longest < LONG_CELLS * len(rows) or linked:
                 continue
             table.set("data-stack", "always" if len(names) >= MANY_COLUMNS else "narrow")
             for row in rows:
