@@ -29,7 +29,7 @@ SMALLER = {
     "svfl-collect expert --task block_picking": "--episodes 10",
     "svfl-collect expert --task block_picking --tags": "--episodes 1",
     "svfl-collect policy": "--episodes 1",
-    "svfl-train centering": "--train-samples 4 --test-samples 4 --preset tiny --epochs 1",
+    "svfl-train centering": "--train-samples 4 --test-samples 4 --epochs 1",
     "svfl-train bc": "--episodes 10 --preset tiny --epochs 1",
     "svfl-train latent": "--steps 1 --batch-size 2",
     "svfl-train latent-eval": "--episodes 2",
