@@ -50,7 +50,8 @@ class Hardware:
         ),
     ] = "32"
     threads: Annotated[
-        int | None, Meta(ge=1, description="threads of each process (None: 1, up to 8 for the preset paper)")
+        Annotated[int, Meta(ge=1)] | None,
+        Meta(description="threads of each process (default: 1, up to 8 for the preset paper)"),
     ] = None
     loader_workers: Annotated[
         int, Meta(ge=0, description="processes that prepare batches, beside each training process")
