@@ -3,12 +3,14 @@
 import json
 import os
 import re
+import shutil
 import signal
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
+from PIL import Image
 from rich.console import Console
 
 import collectors.environment  # noqa: F401 - declares the environments
@@ -16,13 +18,14 @@ from collectors.tasks import TASKS
 from svfl_data.errors import TrainingError
 from svfl_models import cli
 from svfl_models.cloning import evaluate as module
-from svfl_models.cloning import train
+from svfl_models.cloning import rollout, train
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.evaluate import Evaluation, environment_of, evaluate
 from svfl_models.training import run_folder
 from tests.helpers.builders import IMAGE_AXES
 from tests.helpers.demonstrations import demonstrations
+from tests.helpers.tracker_files import tensorboard_numbers
 
 pytestmark = pytest.mark.slow
 
@@ -33,11 +36,12 @@ HERE = "tests.svfl_models.cloning.test_evaluate"
 class Countdown(gymnasium.Env):
     """Succeeds after as many steps as the number of the episode says, if it is even; else ends at five."""
 
+    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - as gymnasium wants it
     observation_space = spaces.Dict({"image": spaces.Box(0, 2, (4, 10, 10), np.float32)})
     action_space = spaces.Box(-1, 1, (5,), np.float32)
 
-    def __init__(self, axes=IMAGE_AXES, camera=None):
-        self.image_axes, self.seen = axes, []
+    def __init__(self, axes=IMAGE_AXES, camera=None, render_mode=None):
+        self.image_axes, self.seen, self.render_mode = axes, [], render_mode
 
     def reset(self, *, seed=None, options=None):
         self.drawn, self.step_number = options["scene"], 0
@@ -53,9 +57,19 @@ class Countdown(gymnasium.Env):
         success = index % 2 == 0 and self.step_number > index
         return self._see(), float(success), success, self.step_number == 5 and not success, {"success": success}
 
+    def render(self):
+        return None if self.render_mode is None else np.full((10, 10, 3), 20 * self.step_number, np.uint8)
+
     def _see(self):
         zeros = {"image": (4, 10, 10), "wrench": (64, 6), "proprio": (5,)}
         return {name: np.zeros(shape, np.float32) for name, shape in zeros.items()}
+
+
+class Blind(Countdown):
+    """Has no images."""
+
+    def render(self):
+        return None
 
 
 class Deadly(Countdown):
@@ -67,6 +81,7 @@ class Deadly(Countdown):
 
 if "test/Countdown-v0" not in gymnasium.registry:  # this module is imported once more, by its own name
     gymnasium.register("test/Countdown-v0", f"{HERE}:Countdown")
+    gymnasium.register("test/Blind-v0", f"{HERE}:Blind")
     gymnasium.register("test/Deadly-v0", f"{HERE}:Deadly")
     gymnasium.register("test/Turned-v0", f"{HERE}:Countdown", kwargs={"axes": np.eye(2)})
 COUNTDOWN = f"{HERE}:test/Countdown-v0"
@@ -118,6 +133,33 @@ def test_the_command_writes_and_prints(checkpoint, countdown, capsys):
     found = json.loads((checkpoint.parent / "evaluation.json").read_text())
     assert found["success"] == [True, False, True, False]
     assert (found["environment"], found["seed"], found["rate"]) == (COUNTDOWN, 0, 0.5)
+
+
+def test_a_film_shows_every_step(checkpoint, monkeypatch, tmp_path):
+    monkeypatch.setattr(rollout, "environment_of", lambda task: COUNTDOWN)
+    file = rollout.film(checkpoint, tmp_path / "film.gif", seed=3, index=2)
+    film = Image.open(file)
+    assert film.size == (220, 220)
+    shown = []
+    for number in range(film.n_frames):
+        film.seek(number)
+        shown.append(np.asarray(film.convert("RGB"))[0, 0, 0])
+    assert shown == [0, 20, 40, 60]  # the start, and three steps until it succeeds
+    monkeypatch.setattr(rollout, "environment_of", lambda task: f"{HERE}:test/Blind-v0")
+    with pytest.raises(TrainingError, match="cannot be filmed"):
+        rollout.film(checkpoint, tmp_path / "film.gif")
+
+
+def test_an_evaluation_is_logged_where_the_training_was(checkpoint, countdown, monkeypatch, tmp_path):
+    pytest.importorskip("tensorboard")
+    monkeypatch.setattr(rollout, "environment_of", lambda task: COUNTDOWN)
+    out = tmp_path / "run"
+    shutil.copytree(checkpoint.parent, out)
+    found = evaluate(out / run_folder.CHECKPOINT, 4, console=QUIET)
+    rollout.log_evaluation(found, ["tensorboard"])
+    numbers, pictures = tensorboard_numbers(out)
+    assert numbers["success_rate"] == [(1, 0.5)]  # after the only step of the training
+    assert pictures["rollout"] == [(out / run_folder.ROLLOUT).read_bytes()]
 
 
 def test_other_environments_are_one_clear_line(checkpoint):
