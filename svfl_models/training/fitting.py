@@ -2,6 +2,7 @@
 
 import logging
 import signal
+import threading
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,7 +12,6 @@ from typing import Any
 import lightning.pytorch as pl
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.strategies import Strategy
-from lightning.pytorch.trainer.states import TrainerStatus
 
 from svfl_models.training import run_folder
 from svfl_models.training.checkpoint_plugin import WholeCheckpoints
@@ -67,7 +67,7 @@ class Fit:
         trainer = pl.Trainer(
             strategy=strategy or "auto",
             use_distributed_sampler=False,
-            callbacks=[*callbacks, *self.deciding, keep],
+            callbacks=[*callbacks, *self.deciding, keep, *([_OwnTermination()] if strategy else [])],
             logger=False,
             enable_progress_bar=False,
             enable_model_summary=False,
@@ -82,8 +82,23 @@ class Fit:
             with warnings.catch_warnings():
                 warnings.filterwarnings("ignore", module="lightning")
                 trainer.fit(module, data, ckpt_path=self.resumed, weights_only=True if self.resumed else None)
-        except SystemExit:
-            if trainer.state.status == TrainerStatus.INTERRUPTED:
+        except SystemExit as end:
+            if isinstance(end.__context__, KeyboardInterrupt):  # to which Lightning has answered with this exit
                 signal.signal(signal.SIGINT, interrupt)  # Lightning has switched Ctrl-C off
-                raise KeyboardInterrupt from None
+                raise end.__context__ from None
             raise
+
+
+class _OwnTermination(pl.Callback):
+    """Handles SIGTERM during a training of several processes as it was handled before it.
+
+    Lightning's handler would wait for an answer of the other processes while they wait for this one.
+    """
+
+    def __init__(self) -> None:
+        self._before = signal.getsignal(signal.SIGTERM)
+
+    def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Restore the handler; Lightning has set its own by now."""
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, self._before)

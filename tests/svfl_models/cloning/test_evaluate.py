@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 from dataclasses import asdict
 
@@ -10,6 +11,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
+from PIL import Image
 from rich.console import Console
 
 import collectors.environment  # noqa: F401 - declares the environments
@@ -17,7 +19,7 @@ from collectors.tasks import TASKS
 from svfl_data.errors import TrainingError
 from svfl_models import cli
 from svfl_models.cloning import evaluate as module
-from svfl_models.cloning import train
+from svfl_models.cloning import rollout, train
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.evaluate import Evaluation, environment_of, evaluate
@@ -26,6 +28,7 @@ from svfl_models.training.provenance.session import file
 from tests.helpers.builders import IMAGE_AXES
 from tests.helpers.command_page import json_keys
 from tests.helpers.demonstrations import demonstrations
+from tests.helpers.tracker_files import tensorboard_numbers
 
 pytestmark = pytest.mark.slow
 
@@ -36,11 +39,12 @@ HERE = "tests.svfl_models.cloning.test_evaluate"
 class Countdown(gymnasium.Env):
     """Succeeds after as many steps as the number of the episode says, if it is even; else ends at five."""
 
+    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - as gymnasium wants it
     observation_space = spaces.Dict({"image": spaces.Box(0, 2, (4, 10, 10), np.float32)})
     action_space = spaces.Box(-1, 1, (5,), np.float32)
 
-    def __init__(self, axes=IMAGE_AXES, camera=None):
-        self.image_axes, self.seen = axes, []
+    def __init__(self, axes=IMAGE_AXES, camera=None, render_mode=None):
+        self.image_axes, self.seen, self.render_mode = axes, [], render_mode
 
     def reset(self, *, seed=None, options=None):
         self.drawn, self.step_number = options["scene"], 0
@@ -55,6 +59,9 @@ class Countdown(gymnasium.Env):
         index = self.drawn[1]
         success = index % 2 == 0 and self.step_number > index
         return self._see(), float(success), success, self.step_number == 5 and not success, {"success": success}
+
+    def render(self):
+        return None if self.render_mode is None else np.full((10, 10, 3), 20 * self.step_number, np.uint8)
 
     def _see(self):
         zeros = {"image": (4, 10, 10), "wrench": (64, 6), "proprio": (5,)}
@@ -102,6 +109,13 @@ class Jointed(Elsewhere):
     action_space = spaces.Box(-1, 1, (7,), np.float32)
 
 
+class Unseen(Countdown):
+    """Has no images."""
+
+    def render(self):
+        return None
+
+
 class Deadly(Countdown):
     """Kills its process at the first step."""
 
@@ -111,6 +125,7 @@ class Deadly(Countdown):
 
 if "test/Countdown-v0" not in gymnasium.registry:  # this module is imported once more, by its own name
     gymnasium.register("test/Countdown-v0", f"{HERE}:Countdown")
+    gymnasium.register("test/Blind-v0", f"{HERE}:Blind")
     gymnasium.register("test/Deadly-v0", f"{HERE}:Deadly")
     gymnasium.register("test/Turned-v0", f"{HERE}:Countdown", kwargs={"axes": np.eye(2)})
     gymnasium.register("test/Elsewhere-v0", f"{HERE}:Elsewhere")
@@ -118,7 +133,7 @@ if "test/Countdown-v0" not in gymnasium.registry:  # this module is imported onc
     gymnasium.register("test/Late-v0", f"{HERE}:Elsewhere", kwargs={"tells": False, "length": 9})
     gymnasium.register("test/Endless-v0", f"{HERE}:Elsewhere", kwargs={"limit": None, "length": None})
     gymnasium.register("test/Unnamed-v0", f"{HERE}:Unnamed")
-    gymnasium.register("test/Blind-v0", f"{HERE}:Blind")
+    gymnasium.register("test/Unseen-v0", f"{HERE}:Unseen")
     gymnasium.register("test/Jointed-v0", f"{HERE}:Jointed")
 COUNTDOWN = f"{HERE}:test/Countdown-v0"
 
@@ -179,6 +194,33 @@ def test_the_command_writes_and_prints(checkpoint, countdown, capsys):
         name: value for name, value in found.items() if name != "provenance"
     }
     assert found.keys() == json_keys("svfl-train evaluate")
+
+
+def test_a_film_shows_every_step(checkpoint, monkeypatch, tmp_path):
+    monkeypatch.setattr(rollout, "environment_of", lambda task: COUNTDOWN)
+    file = rollout.film(checkpoint, tmp_path / "film.gif", seed=3, index=2)
+    film = Image.open(file)
+    assert film.size == (220, 220)
+    shown = []
+    for number in range(film.n_frames):
+        film.seek(number)
+        shown.append(np.asarray(film.convert("RGB"))[0, 0, 0])
+    assert shown == [0, 20, 40, 60]  # the start, and three steps until it succeeds
+    monkeypatch.setattr(rollout, "environment_of", lambda task: f"{HERE}:test/Unseen-v0")
+    with pytest.raises(TrainingError, match="cannot be filmed"):
+        rollout.film(checkpoint, tmp_path / "film.gif")
+
+
+def test_an_evaluation_is_logged_where_the_training_was(checkpoint, countdown, monkeypatch, tmp_path):
+    pytest.importorskip("tensorboard")
+    monkeypatch.setattr(rollout, "environment_of", lambda task: COUNTDOWN)
+    out = tmp_path / "run"
+    shutil.copytree(checkpoint.parent, out)
+    found = evaluate(out / run_folder.CHECKPOINT, 4, console=QUIET)
+    rollout.log_evaluation(found, ["tensorboard"])
+    numbers, pictures = tensorboard_numbers(out)
+    assert numbers["success_rate"] == [(1, 0.5)]  # after the only step of the training
+    assert pictures["rollout"] == [(out / run_folder.ROLLOUT).read_bytes()]
 
 
 def test_other_environments_are_one_clear_line(checkpoint):

@@ -146,6 +146,15 @@ sys.exit(run(lambda: train_cloning(config, Path(sys.argv[2]), hardware=Hardware(
 """
 
 
+def is_there(group):
+    """Whether any process of a group is alive."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_both(number, cloning, tmp_path):
     """Ctrl-C is sent to all processes of a terminal's job, SIGTERM to the first process alone."""
@@ -161,8 +170,9 @@ def test_a_signal_ends_both(number, cloning, tmp_path):
         _, errors = first.communicate(timeout=PATIENCE)
         assert first.returncode == 128 + number, errors
         assert errors == "svfl-train: interrupted; everything finished so far is on disk\n"
-        with pytest.raises(ProcessLookupError):
-            os.killpg(first.pid, 0)
+        while is_there(first.pid):  # multiprocessing's own helper ends a little after the process that it helped
+            assert time.monotonic() < end
+            time.sleep(0.1)
     finally:
         if first.poll() is None:
             os.killpg(first.pid, signal.SIGKILL)
