@@ -27,7 +27,7 @@ from svfl_models.networks.presets import THREADS
 from svfl_models.training import run_folder
 from svfl_models.training.progress import MetricsFile, ProgressLine
 from svfl_models.training.provenance.callback import ProvenanceRecord
-from svfl_models.training.provenance.session import Material, dataset, file
+from svfl_models.training.provenance.session import DataRecord, dataset, file
 from svfl_models.training.trainer import parameter_count, run, storage_errors
 
 TEST_EVERY = 10
@@ -85,7 +85,7 @@ def train_centering(
         start = time.monotonic()
         if module.frozen:
             data.encode(module.classifier.trunk)
-        provenance = ProvenanceRecord(out, materials(config, separate_test), [config.seed])
+        provenance = ProvenanceRecord(out, data_records(config, separate_test), [config.seed])
         with storage_errors(out):
             fit(module, data, config, out, [metrics, ProgressLine(config.epochs, console or Console()), provenance])
         seconds = time.monotonic() - start
@@ -108,7 +108,7 @@ def train_centering(
     return result
 
 
-def materials(config: TrainingConfig, separate_test: Path | str | None = None) -> dict[str, Material]:
+def data_records(config: TrainingConfig, separate_test: Path | str | None = None) -> dict[str, DataRecord]:
     """Return the identities of the datasets and files that a training reads, by the option that names them.
 
     Args:
