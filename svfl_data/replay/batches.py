@@ -32,6 +32,10 @@ class Cuts:
             SymmetryAugmentation(order, np.array(one.axes)) if one.axes else SymmetryAugmentation(1)
             for one in layout.pictures
         ]
+        images = {plane.name for picture in layout.pictures for plane in picture.planes}
+        self._windows = [
+            (stream, [one.name for one in stream.arrays if one.name not in images]) for stream in layout.streams
+        ]
 
     def transitions(
         self,
@@ -69,17 +73,17 @@ class Cuts:
             steps: Number of each observation in its episode, B in all.
 
         Returns:
-            Windows (B, T, ...) and vectors (B, ...) by the names of their arrays; for streams that keep them also the
-            padding (B, T) bool and the age (B,) float32.
+            Windows (B, T, ...), which of cameras that move are their image axes, and vectors (B, ...) by the names of
+            their arrays; for streams that keep them also the padding (B, T) bool and the age (B,) float32.
         """
         out: Batch = {}
         places = list(zip(episodes, steps, strict=True))
-        for stream in self._layout.streams:
-            if not stream.shown:
+        for stream, names in self._windows:
+            if names:
                 ends = [int(episode.arrays[stream.end][step]) for episode, step in places]
-                for one in stream.arrays:
-                    windows = zip(episodes, ends, strict=True)
-                    out[one.name] = np.stack([episode.window(one.name, end, stream.length) for episode, end in windows])
+            for name in names:
+                windows = zip(episodes, ends, strict=True)
+                out[name] = np.stack([episode.window(name, end, stream.length) for episode, end in windows])
             if stream.padded:
                 padded = np.array([episode.arrays[stream.padded][step] for episode, step in places])
                 out[padding_key(stream.group)] = np.arange(stream.length) < padded[:, None]

@@ -92,7 +92,8 @@ class ReplayBuffer:
                 one RGB-D camera, the last readings of the wrench, and proprioception.
             action: Path of the action, if `inputs` are given.
             invariant: Paths of inputs, or ``cameras/NAME``, that stay as they are when a transition is rotated: sensors
-                and cameras on the gripper, and what has no direction.
+                on the gripper, cameras without a pose, and what has no direction. The images of a camera that moves
+                stay without being named; its image axes turn.
 
         Raises:
             UsageError: If the demonstrations do not fit into the capacity, the crops do not fit into the images, an
@@ -149,7 +150,8 @@ class ReplayBuffer:
             observation: Observation after the reset, in base axes. Of the paper's inputs as the environments of
                 `collectors.environment` give it: ``image`` (4, H, W), RGB 0..1 and depth in [m]; ``wrench`` (T, 6), the
                 last readings, tared; ``proprio`` (5,). Of any other inputs one row of what `cut_steps` gives, by
-                dataset path; the padding and the age of streams may be missing.
+                dataset path, also the image axes of cameras that move; the padding and the age of streams may be
+                missing.
             expert: Whether the episode is a demonstration.
             spec: Spec of the observations, such as `ReplaySpec.of_environment`, which must equal the spec of the
                 buffer. None skips this check.

@@ -19,6 +19,7 @@ from svfl_data.sampling.named_camera import camera_with_depth, named_camera
 from svfl_data.schema.action_fields import ACTION
 from svfl_data.schema.episode import Episode
 from svfl_data.schema.input_spec import InputSpec
+from svfl_data.signals.camera_poses import moves, pose_paths
 from svfl_data.system.progress import progress
 
 
@@ -70,7 +71,7 @@ class Source:
 
     Attributes:
         cameras: Names of the cameras whose images are read.
-        streams: Groups of the streams that are read.
+        streams: Groups of the streams that are read, also for the poses of cameras.
         opened: Function that returns the spec of an episode, and a function that converts it for a layout.
     """
 
@@ -106,7 +107,7 @@ def source(
         return _paper(dataset, first, camera)
     if camera is not None:
         raise UsageError(f"name the camera {camera} in the inputs: InputSpec(cameras=[{camera!r}])")
-    return _recorded(inputs, action, invariant)
+    return _recorded(dataset, first, inputs, action, invariant)
 
 
 def _paper(dataset: Dataset, first: int, camera: str | None) -> Source:
@@ -127,10 +128,12 @@ def _paper(dataset: Dataset, first: int, camera: str | None) -> Source:
     return Source([named_camera(reader.cameras, camera, reader.extent)], ["streams/wrench"], opened)
 
 
-def _recorded(inputs: InputSpec, action: str, invariant: Collection[str]) -> Source:
+def _recorded(dataset: Dataset, first: int, inputs: InputSpec, action: str, invariant: Collection[str]) -> Source:
     """Return the source of demonstrations with any inputs and any action.
 
     Args:
+        dataset: Dataset to read from.
+        first: Index of the first episode, whose cameras move as those of all.
         inputs: What is taken at each observation.
         action: Path of the action.
         invariant: Inputs that stay when a transition is rotated.
@@ -140,7 +143,9 @@ def _recorded(inputs: InputSpec, action: str, invariant: Collection[str]) -> Sou
         spec = RecordedSpec.of_episode(episode, inputs, action, invariant)
         return spec, lambda layout: recorded_episode(episode, spec, layout)
 
-    return Source(inputs.cameras, list(inputs.groups), opened)
+    paths = dataset.episode(first).paths
+    poses = [path for name in inputs.cameras if moves(paths, name) for path in pose_paths(paths, name)]
+    return Source(inputs.cameras, [*inputs.groups, *(path.rpartition("/")[0] for path in poses)], opened)
 
 
 def read(

@@ -1,9 +1,10 @@
 """The form of a batch, and the names of its entries, for samples, cuts of one episode and transitions alike.
 
 The key of a recorded value is the dataset path of its field, such as ``streams/wrench/wrench`` or ``actions/action``.
-Beside the values of a group, which is a camera or a stream, stand ``GROUP/padding`` and ``GROUP/age``. The observation
-that follows in a transition has the same keys with the prefix `NEXT`. The paper's inputs (image, wrench,
-proprioception), which networks take in image-aligned axes, have the short names ``image``, ``wrench`` and ``proprio``.
+Beside the values of a group, which is a camera or a stream, stand ``GROUP/padding`` and ``GROUP/age``, and of a camera
+that moves ``GROUP/image_axes``. The observation that follows in a transition has the same keys with the prefix `NEXT`.
+The paper's inputs (image, wrench, proprioception), which networks take in image-aligned axes, have the short names
+``image``, ``wrench`` and ``proprio``.
 """
 
 import numpy as np
@@ -22,6 +23,11 @@ def padding_key(group: str) -> str:
 def age_key(group: str) -> str:
     """Return the key of the time from the newest frame or reading of a group to the observation, [s]."""
     return f"{group}/age"
+
+
+def axes_key(group: str) -> str:
+    """Return the key of the matrices from base (x, y) to image (right, up) at each frame of a camera that moves."""
+    return f"{group}/image_axes"
 
 
 def transitions(both: Batch, count: int) -> Batch:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from svfl_data.errors import FieldError
-from svfl_data.sampling.batch import Batch, age_key, padding_key
+from svfl_data.sampling.batch import Batch, age_key, axes_key, padding_key
 from svfl_data.sampling.ragged import rows_of
 from svfl_data.schema.clocks import Clock
 from svfl_data.schema.declarations import STANDARD, Declarations
@@ -88,8 +88,7 @@ def cut(
             paths = declarations.image_paths(group.removeprefix("cameras/"), arrays)
             out |= {path: rows_from_1(arrays[path], taken) for path in paths}
             if moves(arrays, camera := group.removeprefix("cameras/")):
-                axes = frame_axes(camera_poses(arrays, camera, t_ns)).astype(np.float32)
-                out[f"{group}/image_axes"] = np.concatenate([np.eye(2, dtype=np.float32)[None], axes])[taken]
+                out[axes_key(group)] = axes_from_1(arrays, camera, taken)
             continue
         for path in (path for path in inputs.windows if path.rpartition("/")[0] == group):
             if (found := _array(arrays, path, name).shape[:1]) != t_ns.shape:
@@ -116,6 +115,19 @@ def readings(arrays: Mapping[str, Readable], path: str, rows: np.ndarray, name: 
     if tare.shape == values.shape[rows.ndim :]:
         values[rows > 0] = (values[rows > 0] - tare).astype(values.dtype)
     return values
+
+
+def axes_from_1(arrays: Mapping[str, Readable], camera: str, rows: np.ndarray) -> np.ndarray:
+    """Return the matrices from base (x, y) to image (right, up) at frames of a camera, (*rows.shape, 2, 2), float32.
+
+    Args:
+        arrays: Arrays by dataset path.
+        camera: Name of a camera that moves (`svfl_data.signals.camera_poses.moves`).
+        rows: Numbers of frames from 1, any shape; 0 stands for no frame, before the first one, and has the identity.
+    """
+    t_ns = np.asarray(arrays[f"cameras/{camera}/t_ns"][0 : 2**62])
+    axes = frame_axes(camera_poses(arrays, camera, t_ns))
+    return np.asarray(np.concatenate([np.eye(2)[None], axes]).astype(np.float32)[rows])
 
 
 def _array(arrays: Mapping[str, Readable], path: str, name: str) -> Readable:

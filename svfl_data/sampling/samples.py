@@ -15,7 +15,7 @@ from svfl_data.checks import check_usable
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, UsageError
 from svfl_data.recording.consistency import check_agreement
-from svfl_data.sampling.batch import Batch, age_key, padding_key
+from svfl_data.sampling.batch import Batch, age_key, axes_key, padding_key
 from svfl_data.sampling.frames import Frames, corners, draws
 from svfl_data.sampling.named_camera import named_camera
 from svfl_data.sampling.ragged import join, rows_of, starts
@@ -188,7 +188,7 @@ class Samples:
             rows, out[padding_key(group)] = self._rows[group].last(chosen, self.inputs.frames)
             out[age_key(group)] = self._rows[group].age[chosen]
             if group in self._axes:
-                out[f"{group}/image_axes"] = self._axes[group][rows]
+                out[axes_key(group)] = self._axes[group][rows]
             for path, images in self._images.items():
                 if path.startswith(f"{group}/"):
                     height, width = self._sizes[path]
@@ -229,7 +229,8 @@ class Samples:
         require_shapes(stored, self.labels, images, self.crop)
         require_memory(stored, images, self.cache, self.budget, self.dataset.path)
         if validated:
-            check_usable(self.dataset, self.episodes, [*groups, *self.labels])
+            poses = (path.rpartition("/")[0] for paths in moving.values() for path in paths)
+            check_usable(self.dataset, self.episodes, [*groups, *self.labels, *poses])
         arrays = {path: [of_episode[path] for of_episode in stored] for path in needed}
         self._sizes = {path: stored[0][path].shape[1:3] for path in images}
         self._images = {path: Frames.of(arrays[path], self.cache) for path in images}

@@ -1,4 +1,4 @@
-"""Two specifications of a replay buffer for the same laws: the paper's inputs, and those of a robot of its own."""
+"""Specifications of a replay buffer for the same laws: the paper's inputs, a robot's own, and cameras that move."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -11,10 +11,11 @@ from svfl_data.replay import RecordedSpec, ReplayBuffer, ReplayConfig
 from svfl_data.sampling.cut import cut_steps
 from svfl_data.schema.episode import Episode
 from svfl_data.schema.input_spec import PROPRIO, WRENCH, InputSpec, Window
+from svfl_data.schema.optics import rotations
 from svfl_data.schema.robot import image_axes
 from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
-from tests.helpers.own_robot import own_episode
+from tests.helpers.own_robot import MOUNT, own_episode, tcp_poses
 from tests.helpers.replay_episodes import make_demo, spec_of
 from tests.helpers.replay_episodes import observation as paper_observation
 
@@ -52,6 +53,32 @@ def own_demo(index: int) -> Episode:
         "cameras/side/intrinsics": np.diag([20.0, 20.0, 1.0]),
         "cameras/side/T_base_camera": T_SIDE,
         "cameras/side/image_axes": image_axes(T_SIDE),
+    }
+    return Episode(episode.meta, arrays, declarations=episode.declarations)
+
+
+def flying(index: int, count: int) -> np.ndarray:
+    """Any poses of a camera, (count, 4, 4); from some it looks up, so that the axes of its image are mirrored."""
+    q = np.random.default_rng([17, index]).normal(size=(count, 4))
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3] = rotations(q / np.linalg.norm(q, axis=1, keepdims=True))
+    return poses
+
+
+def moving_demo(index: int) -> Episode:
+    """The same; one camera flies and has its first frame late, one is on the gripper, whose first pose comes late."""
+    episode = own_demo(index)
+    arrays = {
+        path: array
+        for path, array in episode.arrays.items()
+        if path not in ("cameras/side/T_base_camera", "cameras/side/image_axes")
+    }
+    t_ns = np.arange(episode.t_ns[1] - 7_000_000, episode.t_ns[-1], 10_000_000)
+    arrays |= {
+        "streams/tcp/t_ns": t_ns,
+        "streams/tcp/pose": tcp_poses(t_ns),
+        "cameras/wrist/T_tcp_camera": MOUNT,
+        "cameras/side/T_base_camera_per_frame": flying(index, len(episode.arrays["cameras/side/t_ns"])),
     }
     return Episode(episode.meta, arrays, declarations=episode.declarations)
 
@@ -123,16 +150,23 @@ PAPER = Kind(
     },
     16,
 )
-OWN = Kind(
-    "own",
-    own_demo,
-    lambda dataset, config, **more: ReplayBuffer.from_demos(
-        dataset, 3, config=config, inputs=INPUTS, invariant=INVARIANT, **more
-    ),
-    lambda episode: RecordedSpec.of_episode(episode, INPUTS, invariant=INVARIANT),
-    lambda episode, step: row_of(episode, INPUTS, step),
-    lambda episode, step: row_of(episode, INPUTS, step),
-    lambda episode, step: {"actions/action": episode.arrays["actions/action"][step]},
-    None,
-)
-KINDS = [PAPER, OWN]
+
+
+def _of_inputs(name: str, make: Callable[[int], Episode], invariant: tuple[str, ...]) -> Kind:
+    return Kind(
+        name,
+        make,
+        lambda dataset, config, **more: ReplayBuffer.from_demos(
+            dataset, 3, config=config, inputs=INPUTS, invariant=invariant, **more
+        ),
+        lambda episode: RecordedSpec.of_episode(episode, INPUTS, invariant=invariant),
+        lambda episode, step: row_of(episode, INPUTS, step),
+        lambda episode, step: row_of(episode, INPUTS, step),
+        lambda episode, step: {"actions/action": episode.arrays["actions/action"][step]},
+        None,
+    )
+
+
+OWN = _of_inputs("own", own_demo, INVARIANT)
+MOVING = _of_inputs("moving", moving_demo, INVARIANT[1:])
+KINDS = [PAPER, OWN, MOVING]

@@ -51,7 +51,6 @@ class Stream:
         padded: Name of the array (N+1,) that has the number of leading rows that are padding; empty if it is not kept.
         age: Name of the array (N+1,) that has the age of the newest row, [s]; empty if it is not kept.
         group: Group that the padding and the age belong to (`svfl_data.sampling.batch`).
-        shown: Whether the arrays are images, which a batch has as pictures.
     """
 
     arrays: tuple[Array, ...]
@@ -60,7 +59,6 @@ class Stream:
     padded: str = ""
     age: str = ""
     group: str = ""
-    shown: bool = False
 
 
 @dataclass(frozen=True)
@@ -128,7 +126,8 @@ class Layout:
     """What is kept of each episode, and what is given of each observation and action.
 
     Attributes:
-        streams: Images and windows.
+        streams: Images and windows. The arrays that are planes of a picture are images; all others are numbers, which a
+            batch has by their names.
         vectors: Arrays with a row for each observation.
         action: Array with a row for each action.
         pictures: Images of a batch.

@@ -9,7 +9,8 @@ from svfl_data.replay.episode_builder import unseen
 from svfl_data.replay.specs.layout import REWARD, Layout
 from svfl_data.replay.specs.recorded_spec import RecordedSpec
 from svfl_data.replay.stored_episode import StoredEpisode, sparse_reward
-from svfl_data.sampling.cut import readings, rows_from_1
+from svfl_data.sampling.batch import axes_key
+from svfl_data.sampling.cut import axes_from_1, readings, rows_from_1
 from svfl_data.sampling.ragged import rows_of
 from svfl_data.schema.clocks import Clock
 from svfl_data.schema.episode import Episode
@@ -41,9 +42,12 @@ def recorded_episode(episode: Episode, spec: RecordedSpec, layout: Layout) -> St
         windows, padding = seen.last(steps, stream.length)
         rows, end = _once(windows)
         for one in stream.arrays:
-            stored = group.startswith("cameras/")
-            taken = rows_from_1(episode.arrays[one.name], rows) if stored else readings(episode.arrays, one.name, rows)
-            arrays[one.name] = taken
+            if not group.startswith("cameras/"):
+                arrays[one.name] = readings(episode.arrays, one.name, rows)
+            elif one.name == axes_key(group):
+                arrays[one.name] = axes_from_1(episode.arrays, group.removeprefix("cameras/"), rows)
+            else:
+                arrays[one.name] = rows_from_1(episode.arrays[one.name], rows)
         arrays |= {stream.end: end, stream.padded: padding.sum(axis=1), stream.age: seen.age}
     for one in (*layout.vectors, layout.action):
         arrays[one.name] = np.array(episode.arrays[one.name])

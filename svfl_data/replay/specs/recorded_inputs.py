@@ -19,8 +19,10 @@ class RecordedInputs:
             recorded.
         constants: Calibration of the cameras by path, as nested tuples.
         centre: Workspace centre, base (x, y), [m], about which positions turn; None if the episodes have no workspace.
-        invariant: Paths of arrays, or ``cameras/NAME``, that stay when a transition is rotated: sensors and cameras on
-            the gripper, and what has no direction.
+        invariant: Paths of arrays, or ``cameras/NAME``, that stay when a transition is rotated: sensors on the gripper,
+            cameras without a pose, and what has no direction.
+        moving: Names of the cameras that move and whose poses are known, in the order of the inputs. Their images stay
+            when a transition is rotated; their image axes at each frame turn.
     """
 
     task: str
@@ -30,6 +32,7 @@ class RecordedInputs:
     constants: dict[str, Any]
     centre: tuple[float, float] | None = None
     invariant: tuple[str, ...] = ()
+    moving: tuple[str, ...] = ()
 
     def field(self, path: str) -> Field:
         """Return the declaration of an input or of the action.

@@ -6,12 +6,16 @@ from svfl_data.errors import UsageError
 from svfl_data.replay.config import ReplayConfig
 from svfl_data.replay.specs.layout import Array, Axes, Layout, Picture, Plane, Stream
 from svfl_data.replay.specs.recorded_inputs import RecordedInputs
+from svfl_data.sampling.batch import axes_key
 from svfl_data.schema.field import Field
+from svfl_data.symmetry import Part
 
 LONGEST = 100_000
 """Largest number of rows of a window in a saved file."""
 SMOOTH = ("color", "grey")
 """Images that are interpolated where pixels do not move onto pixels; of depth and labels the nearest pixel is taken."""
+AXES_PARTS = (Part("vector", (0, 1)),)
+"""Parts of image axes, which turn in the axes of the base only: both rows, image right and up, are vectors there."""
 
 
 def layout_of(spec: RecordedInputs, config: ReplayConfig) -> Layout:
@@ -33,12 +37,16 @@ def layout_of(spec: RecordedInputs, config: ReplayConfig) -> Layout:
     streams, pictures = [], []
     for name, axes in cameras.items():
         fields = [field for field in spec.fields if field.group == f"cameras/{name}" and field.image]
-        stream = _stream(f"cameras/{name}", fields, spec.inputs.frames, spec, rotate=False)
+        arrays = [_array(field, spec, rotate=False) for field in fields]
+        if name in spec.moving:
+            parts = AXES_PARTS if config.rotate else ()
+            arrays.append(Array(axes_key(f"cameras/{name}"), (2, 2), "float32", parts))
+        stream = _stream(f"cameras/{name}", arrays, spec.inputs.frames)
         streams.append(stream)
         pictures += [_picture(field, stream, None if axes is None else _rows(group @ axes.T)) for field in fields]
     for name, window in spec.inputs.groups.items():
         fields = [spec.field(path) for path in spec.inputs.windows if path.rpartition("/")[0] == name]
-        streams.append(_stream(name, fields, window.length, spec, config.rotate))
+        streams.append(_stream(name, [_array(field, spec, config.rotate) for field in fields], window.length))
     vectors = tuple(_array(spec.field(path), spec, config.rotate) for path in spec.inputs.vectors)
     scales = {path: value for path, value in spec.constants.items() if path.endswith("/depth_scale")}
     action = _array(spec.field(spec.action), spec, config.rotate)
@@ -46,9 +54,12 @@ def layout_of(spec: RecordedInputs, config: ReplayConfig) -> Layout:
 
 
 def _axes(spec: RecordedInputs, camera: str, rotate: bool) -> np.ndarray | None:
-    """Return the matrix from base (x, y) to the image of a camera, (2, 2); None if its images stay."""
+    """Return the matrix from base (x, y) to the image of a camera, (2, 2); None if its images stay.
+
+    A camera that moves turns with the world, so its images stay, and the matrix of each frame turns.
+    """
     name = f"cameras/{camera}"
-    if name in spec.invariant:
+    if name in spec.invariant or camera in spec.moving:
         return None
     if f"{name}/T_base_camera" in spec.constants and f"{name}/image_axes" in spec.constants:
         return np.array(spec.constants[f"{name}/image_axes"])
@@ -60,11 +71,8 @@ def _axes(spec: RecordedInputs, camera: str, rotate: bool) -> np.ndarray | None:
     return None
 
 
-def _stream(group: str, fields: list[Field], length: int, spec: RecordedInputs, rotate: bool) -> Stream:
-    arrays = tuple(_array(field, spec, rotate) for field in fields)
-    return Stream(
-        arrays, length, f"rows/{group}", f"padded/{group}", f"age/{group}", group, group.startswith("cameras/")
-    )
+def _stream(group: str, arrays: list[Array], length: int) -> Stream:
+    return Stream(tuple(arrays), length, f"rows/{group}", f"padded/{group}", f"age/{group}", group)
 
 
 def _array(field: Field, spec: RecordedInputs, rotate: bool) -> Array:

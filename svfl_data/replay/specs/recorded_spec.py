@@ -14,11 +14,12 @@ from svfl_data.replay.specs.layout import Array, Layout
 from svfl_data.replay.specs.recorded_inputs import RecordedInputs
 from svfl_data.replay.specs.recorded_layout import LONGEST, layout_of
 from svfl_data.replay.specs.spec import Observation, Spec, difference
-from svfl_data.sampling.batch import age_key, padding_key
+from svfl_data.sampling.batch import age_key, axes_key, padding_key
 from svfl_data.schema.action_bounds import ActionBounds
 from svfl_data.schema.episode import Episode
 from svfl_data.schema.field import LARGEST, Field, field_fault
 from svfl_data.schema.input_spec import ACTIONS, InputSpec
+from svfl_data.signals.camera_poses import moves
 
 CAMERA_FACTS = ("intrinsics", "T_base_camera", "T_tcp_camera", "image_axes", "depth_scale")
 COMPARED = ("dtype", "shape", "unit", "axes", "about", "components", "parts", "bounds", "delta", "image")
@@ -61,7 +62,9 @@ class RecordedSpec(RecordedInputs):
         named = {*inputs.windows, *inputs.vectors, *(f"cameras/{camera}" for camera in inputs.cameras)}
         if unknown := set(invariant) - named:
             raise UsageError(f"invariant names {min(unknown)}, but the inputs are {', '.join(sorted(named))}")
+        moving = tuple(camera for camera in inputs.cameras if moves(episode.arrays, camera))
         found = {f"cameras/{camera}/{leaf}" for camera in inputs.cameras for leaf in CAMERA_FACTS} & set(episode.arrays)
+        found -= set(_fixed_poses(moving))
         constants = {path: np.asarray(episode.arrays[path], np.float64).tolist() for path in sorted(found)}
         centre: tuple[float, float] | None = None
         if "workspace" in episode.arrays:
@@ -69,7 +72,7 @@ class RecordedSpec(RecordedInputs):
             centre = x, y
         return cls(
             episode.meta.task, _ordered(inputs), action, tuple(_declared(episode, path) for path in sorted(set(paths))),
-            constants, centre, tuple(sorted(invariant)),
+            constants, centre, tuple(sorted(invariant)), moving,
         )  # fmt: skip
 
     @classmethod
@@ -90,6 +93,10 @@ class RecordedSpec(RecordedInputs):
                 raise ValueError(f"{field.path} has the shape {field.shape_words} and dtype {field.dtype}")
         if max([spec.inputs.frames, *(one.length for one in spec.inputs.windows.values())]) > LONGEST:
             raise ValueError(f"a window of more than {LONGEST} rows")
+        if spec.moving != tuple(camera for camera in spec.inputs.cameras if camera in spec.moving):
+            raise ValueError(f"moving is {spec.moving}, the cameras are {spec.inputs.cameras}")
+        if contradiction := [path for path in _fixed_poses(spec.moving) if path in spec.constants]:
+            raise ValueError(f"{contradiction[0]} is of a camera that moves")
         for path, numbers in [*spec.constants.items(), ("centre", spec.centre or ())]:
             value = np.asarray(numbers, np.float64)
             if not (np.abs(value) <= LARGEST).all():
@@ -124,6 +131,8 @@ class RecordedSpec(RecordedInputs):
         for name in ("task", "inputs", "action", "centre", "invariant"):
             if getattr(self, name) != getattr(other, name):
                 raise difference(name, getattr(self, name), getattr(other, name), where, there)
+        if self.moving != other.moving:
+            raise difference("list of cameras that move", self.moving, other.moving, where, there)
         for path in sorted({*self.constants, *other.constants}):
             if self.constants.get(path) != other.constants.get(path):
                 raise difference(path, self.constants.get(path), other.constants.get(path), where, there)
@@ -147,7 +156,8 @@ class RecordedSpec(RecordedInputs):
 
         Args:
             observation: By dataset path the images (K, H, W, ...) and windows (T, ...), tared, and the vectors; also
-                ``GROUP/padding`` and ``GROUP/age``, if they are not there nothing is padded and the age is 0.
+                ``GROUP/padding`` and ``GROUP/age``, if they are not there nothing is padded and the age is 0. Cameras
+                that move have ``cameras/NAME/image_axes`` (K, 2, 2).
             layout: Layout of the replay buffer.
 
         Raises:
@@ -167,6 +177,9 @@ class RecordedSpec(RecordedInputs):
             if age.shape != () or age.dtype.kind not in "fiu" or not age >= 0:
                 raise FieldError(f"{age_key(stream.group)} must be one number from 0 upwards")
             rows |= {stream.padded: np.array(padded, np.int64), stream.age: age.astype(np.float32)}
+        for name in (axes_key(f"cameras/{camera}") for camera in self.moving):
+            if not np.allclose(rows[name] @ rows[name].swapaxes(-2, -1), np.eye(2), atol=1e-5):
+                raise FieldError(f"{name} holds a matrix from base (x, y) to image (right, up) that is not orthogonal")
         return rows | {one.name: _value(observation, one) for one in layout.vectors}
 
     def acted(self, action: np.ndarray) -> np.ndarray:
@@ -195,6 +208,11 @@ def _declared(episode: Episode, path: str) -> Field:
         field, shape=("rows", *array.shape[1:]), dtype=str(array.dtype), doc="", name="", assumed=(), bounds=bounds,
         possible=(-LARGEST, LARGEST),
     )  # fmt: skip
+
+
+def _fixed_poses(moving: Collection[str]) -> list[str]:
+    """Return the paths of the constants that only a camera that stands still has."""
+    return [f"cameras/{camera}/{leaf}" for camera in moving for leaf in ("T_base_camera", "image_axes")]
 
 
 def _numeric(dtype: str) -> bool:

@@ -181,7 +181,7 @@ class ReplaySpec:
             config: Settings of the replay buffer, which give the number of frames and of readings.
         """
         color, depth = Array("color", (3, *self.size), "uint8"), Array("depth", self.size, "uint16")
-        frames = Stream((color, depth), config.frames, shown=True)
+        frames = Stream((color, depth), config.frames)
         wrench = Array("wrench", (6,), "float32", PARTS["wrench"])
         planes = Plane("color", (0, 3), divisor=255.0), Plane("depth", 3, smooth=False, factor=self.depth_scale)
         return Layout(

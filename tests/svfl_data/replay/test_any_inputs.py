@@ -17,7 +17,18 @@ from svfl_data.schema.input_spec import InputSpec, Window
 from svfl_data.storage.store import write_episode
 from svfl_data.symmetry import act, act_on_image, dihedral
 from tests.helpers.own_robot import ACTION, FIELDS, own_dataset, own_episode
-from tests.helpers.replay_inputs import INPUTS, INVARIANT, KINDS, OWN, PAPER, STEPS, T_SIDE, own_demo, row_of
+from tests.helpers.replay_inputs import (
+    INPUTS,
+    INVARIANT,
+    KINDS,
+    MOVING,
+    OWN,
+    PAPER,
+    STEPS,
+    T_SIDE,
+    own_demo,
+    row_of,
+)
 
 BEGIN = np.concatenate([[0], np.cumsum(STEPS)])
 TACTILE = Field(path="streams/skin/pressure", dtype="float32", shape=("rows", 2))
@@ -60,10 +71,12 @@ def test_states_are_what_the_one_cut_gives(kind, tmp_path, n_step):
     assert batch.keys() - told == wanted.keys()
 
 
-def test_states_are_those_of_samples(own):
+@pytest.mark.parametrize("kind", [OWN, MOVING], ids=lambda kind: kind.name)
+def test_states_are_those_of_samples(kind, tmp_path):
     """The same keys, types and bytes, but that a transition has one action."""
-    batch = OWN.preload(own, None).sample(50)
-    samples = Samples(own, cameras=INPUTS.cameras, frames=2, windows=INPUTS.windows, vectors=INPUTS.vectors)
+    dataset = kind.dataset(tmp_path / "d")
+    batch = kind.preload(dataset, None).sample(50)
+    samples = Samples(dataset, cameras=INPUTS.cameras, frames=2, windows=INPUTS.windows, vectors=INPUTS.vectors)
     others = samples.batch(batch["index"])
     assert others.keys() - batch.keys() == {"episode", "step", "actions/padding"}
     for key in others.keys() & batch.keys():
@@ -193,9 +206,10 @@ def test_priorities_know_nothing_of_the_inputs(tmp_path):
     """Equal lengths, seeds and errors: the same transitions are drawn with the same weights."""
     buffers = [kind.preload(kind.dataset(tmp_path / kind.name), kind.config()) for kind in KINDS]
     for _ in range(4):
-        one, other = (buffer.sample(20) for buffer in buffers)
+        one, *others = (buffer.sample(20) for buffer in buffers)
         for key in ("index", "weight", "reward", "discount", "expert"):
-            np.testing.assert_array_equal(one[key], other[key], err_msg=key)
+            for other in others:
+                np.testing.assert_array_equal(one[key], other[key], err_msg=key)
         for buffer in buffers:
             buffer.update_priorities(one["index"], one["weight"] * 5)
 
@@ -205,6 +219,7 @@ def test_priorities_know_nothing_of_the_inputs(tmp_path):
     [
         ({"inputs": replace(INPUTS, frames=1)}, r"inputs.*frames=1.*frames=2"),
         ({"invariant": INVARIANT[:1]}, r"invariant"),
+        ({"moving": ("wrist",)}, r"cameras that move.*wrist"),
         ({"task": "pushing"}, r"task.*pushing.*wiping"),
         ({"centre": (0.0, 0.0)}, r"centre.*0\.0.*0\.5"),
         ({"constants": {}}, r"cameras/front/T_base_camera.*None"),

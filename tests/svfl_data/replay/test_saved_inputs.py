@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from svfl_data.errors import FormatError
 from svfl_data.replay import ReplayBuffer
-from tests.helpers.replay_inputs import OWN
+from tests.helpers.replay_inputs import MOVING
 from tests.hostile.buffers import BUFFERS
 
 ODD = [None, -1, 0, 2, 10**6, 10**15, 1e308, 0.5, "", "x", "float64", "invariant", [], [0], {}, True]
@@ -22,7 +22,7 @@ ODD = [None, -1, 0, 2, 10**6, 10**15, 1e308, 0.5, "", "x", "float64", "invariant
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory) -> Path:
     file = tmp_path_factory.mktemp("saved") / "own.replay"
-    buffer = OWN.lived(capacity=20, rotate=True, crop=10)
+    buffer = MOVING.lived(capacity=20, rotate=True, crop=10)
     buffer.sample(4)
     buffer.save(file)
     return file
@@ -77,6 +77,36 @@ def test_any_value_of_the_specification_may_be_another(saved, data):
         return found
 
     refused_or_sound(forged(saved, change))
+
+
+@pytest.mark.parametrize(
+    ("moving", "facts"),
+    [
+        (["front", "side", "wrist"], r"cameras/front/T_base_camera is of a camera that moves"),
+        (["side", "wrist", "top"], r"moving.*top.*front.*side.*wrist"),
+        (["wrist", "side"], "moving"),
+        (["side", "wrist", "wrist"], "moving"),
+        (["wrist"], r"rotate: cameras/side has no fixed pose"),
+        ([], r"rotate: cameras/side has no fixed pose"),
+        ("wrist", "moving"),
+        ([["wrist"]], "moving"),
+        ({"wrist": True}, "moving"),
+        (None, "moving"),
+    ],
+)
+def test_cameras_that_are_said_to_move_are_those_that_do(saved, moving, facts):
+    other = forged(saved, lambda found: found | {"spec": found["spec"] | {"moving": moving}})
+    with pytest.raises(FormatError, match=rf"forged\.replay: [^\n]*{facts}[^\n]*$"):
+        ReplayBuffer.load(other)
+
+
+def test_fixed_axes_of_a_camera_that_moves_are_refused(saved):
+    def change(found):
+        found["spec"]["constants"]["cameras/wrist/image_axes"] = np.eye(2).tolist()
+        return found
+
+    with pytest.raises(FormatError, match=r"cameras/wrist/image_axes is of a camera that moves[^\n]*$"):
+        ReplayBuffer.load(forged(saved, change))
 
 
 @pytest.mark.parametrize("name", BUFFERS)

@@ -27,6 +27,7 @@ from svfl_models.symmetry.actions import act_on_image, act_on_parts
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.training import run_folder
 from tests.helpers.own_robot import ACTION, IMAGE_AXES, moving_episode, own_dataset
+from tests.helpers.replay_inputs import MOVING
 
 INPUTS = ["cameras/front", "cameras/wrist", "observations/tcp_velocity"]
 
@@ -108,6 +109,31 @@ def test_the_policy_turns_when_gripper_and_camera_turn_with_the_world(folder):
             act_on_image(base @ quarter @ base.T, front), wrist, camera, act_on_parts(parts)(quarter, velocity)
         )
         assert (space.to_unit(liar) - space.to_unit(act_on_parts(space.parts)(quarter, said))).abs().max() > 1e-3
+
+
+def test_a_turned_transition_shows_the_turned_picture(tmp_path):
+    """A replay buffer turns the axes of a frame, not its pixels: the picture that a network sees turns with the world.
+
+    By every element of D4, and also where the camera looks up, so that its axes are mirrored already.
+    """
+    dataset = MOVING.dataset(tmp_path / "d")
+    plain, other = (MOVING.preload(dataset, MOVING.config(rotate=on, crop=10)).sample(80) for on in (False, True))
+    for camera in ("side", "wrist"):
+        pictures, key = plain[f"cameras/{camera}/color"][:, 1], f"cameras/{camera}/image_axes"
+        np.testing.assert_array_equal(other[f"cameras/{camera}/color"][:, 1], pictures)
+        image = torch.from_numpy(pictures / np.float32(255)).permute(0, 3, 1, 2)
+        before, after = (batch[key][:, 1].astype(float) for batch in (plain, other))
+        seen, moved = (
+            turned(image, torch.from_numpy(IMAGE_AXES @ axes.transpose(0, 2, 1)).float()) for axes in (before, after)
+        )
+        elements = np.round(IMAGE_AXES @ after.transpose(0, 2, 1) @ before @ IMAGE_AXES.T, 5)
+        assert len({tuple((element + 0.0).ravel()) for element in elements}) == 8
+        shown = image.flatten(1).any(dim=1)  # not before the first frame
+        for row in np.flatnonzero(shown.numpy()).tolist():
+            expected = act_on_image(elements[row], seen[row : row + 1])
+            torch.testing.assert_close(moved[row : row + 1], expected, atol=1e-4, rtol=0)
+            if not np.array_equal(elements[row], np.eye(2)):
+                assert (seen[row : row + 1] - expected).abs().mean() > 0.02, "axes that stay show another picture"
 
 
 def test_a_program_takes_the_axes_after_the_picture(folder, tmp_path):
