@@ -29,7 +29,7 @@ from svfl_models.training.hardware import Hardware, needs_of
 from svfl_models.training.placement import Placement, placed
 from svfl_models.training.progress import MetricsFile, ProgressLine
 from svfl_models.training.provenance.callback import ProvenanceRecord
-from svfl_models.training.provenance.session import Material, dataset, file
+from svfl_models.training.provenance.session import DataRecord, dataset, file
 from svfl_models.training.run_settings import settings_of_run
 from svfl_models.training.trackers.names import check_trackers
 from svfl_models.training.trackers.trackers import NO_TRACKERS, Trackers, opened
@@ -98,7 +98,7 @@ def train_centering(
             data.encode(module.classifier.trunk)
         with storage_errors(out), opened(loggers, out) as trackers:
             trackers.configuration(config.plain())
-            provenance = ProvenanceRecord(out, materials(config, separate_test), [config.seed])
+            provenance = ProvenanceRecord(out, data_records(config, separate_test), [config.seed])
             watching = [metrics, ProgressLine(config.epochs, console), provenance]
             fit(module, data, config, out, watching, placement=placement, trackers=trackers)
             seconds = time.monotonic() - start
@@ -121,7 +121,7 @@ def train_centering(
     return result
 
 
-def materials(config: TrainingConfig, separate_test: Path | str | None = None) -> dict[str, Material]:
+def data_records(config: TrainingConfig, separate_test: Path | str | None = None) -> dict[str, DataRecord]:
     """Return the identities of the datasets and files that a training reads, by the option that names them.
 
     Args:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from svfl_models.training.provenance.record import of_runs, record
-from svfl_models.training.provenance.session import Material, Session, dataset, session
+from svfl_models.training.provenance.session import DataRecord, Session, dataset, session
 from svfl_models.training.provenance.words import section
 
 
@@ -22,7 +22,7 @@ def experiment_started(out: Path, about: Mapping[str, Any], seeds: int) -> Sessi
         StorageError: If the file cannot be written.
     """
     known = {"data": about["data"], "separate-test": about["separate_test"]}
-    data = {name: Material(**one) for name, one in known.items() if one}
+    data = {name: DataRecord(**one) for name, one in known.items() if one}
     return record(out, session(data, range(seeds), device=""))[-1]
 
 

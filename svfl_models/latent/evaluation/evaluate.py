@@ -65,10 +65,10 @@ def evaluate(
     say("reading episodes")
     module = load_latent(checkpoint)
     network, encoder, given = module.network, module.network.encoder, material(module, data, episodes, seed)
-    materials = {"checkpoint": file(checkpoint), "data": dataset(given.learned.dataset.path)}
+    read = {"checkpoint": file(checkpoint), "data": dataset(given.learned.dataset.path)}
     if given.evaluated.dataset.path != given.learned.dataset.path:
-        materials["evaluated"] = dataset(given.evaluated.dataset.path)
-    provenance = session(materials, [seed])
+        read["evaluated"] = dataset(given.evaluated.dataset.path)
+    provenance = session(read, [seed])
     trained = {name for name in HEADS if module.objective.weights.get(name, 0) > 0}
     left_out = [f"{words}: the model was trained without it" for name, words in HEADS.items() if name not in trained]
 

@@ -8,7 +8,7 @@ import lightning.pytorch as pl
 import torch
 
 from svfl_models.training.provenance.record import KEY, plain, record
-from svfl_models.training.provenance.session import Material, Session, session
+from svfl_models.training.provenance.session import DataRecord, Session, session
 
 
 class ProvenanceRecord(pl.Callback):
@@ -23,7 +23,7 @@ class ProvenanceRecord(pl.Callback):
         sessions: Sessions of the run, oldest first; empty before the training starts.
     """
 
-    def __init__(self, out: Path, data: Mapping[str, Material], seeds: Sequence[int]) -> None:
+    def __init__(self, out: Path, data: Mapping[str, DataRecord], seeds: Sequence[int]) -> None:
         self.out, self.data, self.seeds = out, data, seeds
         self.sessions: list[Session] = []
 

@@ -55,7 +55,7 @@ class Host:
 
 
 @dataclass(frozen=True)
-class Material:
+class DataRecord:
     """A dataset or a file that a program has read.
 
     Attributes:
@@ -96,14 +96,14 @@ class Session:
     host: Host = field(default_factory=Host)
     device: Text = ""
     seeds: Annotated[tuple[int, ...], msgspec.Meta(max_length=MOST)] = ()
-    data: Annotated[dict[Text, Material], msgspec.Meta(max_length=MOST)] = field(default_factory=dict)
+    data: Annotated[dict[Text, DataRecord], msgspec.Meta(max_length=MOST)] = field(default_factory=dict)
 
     def plain(self) -> dict[str, Any]:
         """Return the attributes as a dictionary of plain values for files."""
         return asdict(self)
 
 
-def session(data: Mapping[str, Material], seeds: Sequence[int] = (), device: str | None = None) -> Session:
+def session(data: Mapping[str, DataRecord], seeds: Sequence[int] = (), device: str | None = None) -> Session:
     """Return the provenance of what this process does now. It never fails: what cannot be found out is left empty.
 
     Args:
@@ -125,7 +125,7 @@ def session(data: Mapping[str, Material], seeds: Sequence[int] = (), device: str
     )
 
 
-def dataset(path: Path | str) -> Material:
+def dataset(path: Path | str) -> DataRecord:
     """Return the identity of a dataset that a program reads.
 
     Args:
@@ -134,11 +134,11 @@ def dataset(path: Path | str) -> Material:
     try:
         found = identity(Dataset.open(path))
     except SvflError:
-        return Material(_path(path))
-    return Material(_path(path), found.sha256, found.episodes, found.unsealed)
+        return DataRecord(_path(path))
+    return DataRecord(_path(path), found.sha256, found.episodes, found.unsealed)
 
 
-def file(path: Path | str) -> Material:
+def file(path: Path | str) -> DataRecord:
     """Return the SHA-256 of a file that a program reads.
 
     Args:
@@ -146,9 +146,9 @@ def file(path: Path | str) -> Material:
     """
     try:
         with Path(path).open("rb") as opened:
-            return Material(_path(path), hashlib.file_digest(opened, "sha256").hexdigest())
+            return DataRecord(_path(path), hashlib.file_digest(opened, "sha256").hexdigest())
     except OSError:
-        return Material(_path(path))
+        return DataRecord(_path(path))
 
 
 def host() -> Host:

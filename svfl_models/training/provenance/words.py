@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from svfl_data.system.printable import markdown, printable
-from svfl_models.training.provenance.session import Material, Session
+from svfl_models.training.provenance.session import DataRecord, Session
 
 SHORT = 12
 """Digits of a hash, and most seeds, that are shown."""
@@ -30,7 +30,7 @@ def machine(session: Session) -> str:
     return f"{printable(host.name, 100) or 'unknown host'} ({inside or 'nothing known'}){computed}"
 
 
-def material(name: str, one: Material) -> str:
+def data_words(name: str, one: DataRecord) -> str:
     """Return a dataset or file that was read in words.
 
     Args:
@@ -60,7 +60,7 @@ def _facts(session: Session) -> list[str]:
     return [
         f"{printable(session.started, 40)} on {machine(session)}",
         software(session),
-        *(material(name, one) for name, one in session.data.items()),
+        *(data_words(name, one) for name, one in session.data.items()),
         *([f"seed {seeds}"] if seeds else []),
     ]
 

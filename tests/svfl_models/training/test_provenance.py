@@ -10,7 +10,7 @@ from svfl_models.training import run_folder
 from svfl_models.training.provenance import commit, record, session, words
 from svfl_models.training.provenance.commit import Commit
 from svfl_models.training.provenance.record import KEY, MOST, as_text, of_checkpoint, of_runs, of_text, recorded
-from svfl_models.training.provenance.session import FROM_PYTHON, Host, Material, Session, command_line
+from svfl_models.training.provenance.session import FROM_PYTHON, DataRecord, Host, Session, command_line
 from tests.helpers.demonstrations import demonstrations
 from tests.hostile.json_attributes import HIDDEN
 
@@ -20,7 +20,7 @@ EVIL = f"{HIDDEN}\n\x1b[2JFORGED <img src=x> [a](b) `c` \u202e"
 def whole(text="x"):
     """A session all of whose texts are one."""
     host = Host(text, text, 2, text)
-    data = {text: Material(text, text[:64], 3, 1), "file": Material(text, text[:64])}
+    data = {text: DataRecord(text, text[:64], 3, 1), "file": DataRecord(text, text[:64])}
     return Session(text, text, text[:64], False, {text: text}, host, text, (0, 1), data)
 
 
@@ -51,8 +51,8 @@ def test_without_a_gpu_the_processor_has_computed():
 
 def test_what_cannot_be_found_out_fails_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(session, "own_commit", lambda: None)
-    assert session.dataset(tmp_path / "no") == Material(str(tmp_path / "no"))
-    assert session.file(tmp_path) == Material(str(tmp_path))
+    assert session.dataset(tmp_path / "no") == DataRecord(str(tmp_path / "no"))
+    assert session.file(tmp_path) == DataRecord(str(tmp_path))
     assert (session.session({}).commit, session.session({}).clean) == ("", None)
 
 
