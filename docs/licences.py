@@ -18,14 +18,13 @@ PAGE = ROOT / "docs" / "licences.md"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 HEAD = """# Licences of dependencies
 
-SVFL itself is under the [MIT licence](../LICENSE), and ships no code of others. This page lists what installations of it bring
-along: every package of `constraints.txt`, direct or by way of another, with the licence that its own metadata name. It is made by
-`python docs/licences.py --write`; a test compares.
+SVFL itself is under the [MIT licence](../LICENSE), and ships no code of others. This page lists what installations of it
+bring along: every package of `constraints.txt`, direct or by way of another, with the licence that its own metadata
+name. It is made by `python docs/licences.py --write`; a test compares.
 
-The column "for" names the extras that need a package: `base` is the installation without extras, `dev` is for work on SVFL itself.
-Wheels may contain libraries under further licences (OpenBLAS in NumPy, FFmpeg
-in OpenCV, HDF5 in h5py); their `.dist-info` folders hold the texts. The models of `pybullet_data` have licences of their own
-beside them.
+The column "for" names the extras that need a package: `base` is the installation without extras, `dev` is for work on
+SVFL itself. Wheels may contain libraries under further licences (OpenBLAS in NumPy, FFmpeg in OpenCV, HDF5 in h5py);
+their `.dist-info` folders hold the texts. The models of `pybullet_data` have licences of their own beside them.
 
 Licences with conditions on derived works, of which none is changed or copied here: {copyleft}.
 
