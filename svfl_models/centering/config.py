@@ -99,10 +99,13 @@ class TrainingConfig:
         ge=0)] = 0.0  # fmt: skip
     test_samples: Annotated[int, option(
         "number of test samples, the same ones for every seed and number of training samples", ge=1)] = 100  # fmt: skip
+    valid_samples: Annotated[int, option(
+        "number of samples, beside those for training and testing, by whose accuracy --patience stops a training; 0: by "
+        "the accuracy on the test samples, as in the paper", ge=0)] = 0  # fmt: skip
     window: Annotated[int, option("number of readings per wrench window", ge=1)] = 64
     epochs: Annotated[int, option("largest number of epochs to train", ge=1)] = 500
     patience: Annotated[int, option(
-        "number of epochs without a better test accuracy after which a training stops, as in the paper; 0: never",
+        "number of epochs without a better accuracy (--valid-samples) after which a training stops; 0: never",
         ge=0)] = 0  # fmt: skip
     batch_size: Annotated[int, option("number of samples per optimiser step", ge=1)] = 64
     learning_rate: Annotated[float, option("learning rate of Adam at the start of the training", gt=0)] = 1e-3

@@ -102,23 +102,29 @@ class CenteringData(pl.LightningDataModule):
         train: Samples to train on.
         test: Samples to test on.
         config: Configuration that gives the inputs, the image size, the augmentation and the batch size.
+        valid: Samples by whose accuracy the training stops; None if it stops by the test samples, or not at all.
 
     Raises:
         TrainingError: If an input holds NaN or infinity, or images are not square or are smaller than those of the
             network.
     """
 
-    def __init__(self, train: CenteringSamples, test: CenteringSamples, config: TrainingConfig) -> None:
+    def __init__(
+        self,
+        train: CenteringSamples,
+        test: CenteringSamples,
+        config: TrainingConfig,
+        valid: CenteringSamples | None = None,
+    ) -> None:
         super().__init__()
-        for samples in (train, test):
+        held_out = [test] if valid is None else [test, valid]
+        for samples in (train, *held_out):
             check_samples(samples, config)
         inputs, size = INPUTS[config.encoder], config.image_size
-        self.crops = (
-            Crops(train, inputs, size, True, config.augment, config.rotate, config.crop),
-            Crops(test, inputs, size, crop=config.crop),
-        )
+        self.crops = [Crops(train, inputs, size, True, config.augment, config.rotate, config.crop)]
+        self.crops += [Crops(some, inputs, size, crop=config.crop) for some in held_out]
         self.train_set: Crops | Features = self.crops[0]
-        self.test_set: Crops | Features = self.crops[1]
+        self.held_out: Sequence[Crops | Features] = self.crops[1:]
         self.batch_size = config.batch_size
 
     def encode(self, trunk: Callable[[Batch], Tensor]) -> None:
@@ -127,7 +133,8 @@ class CenteringData(pl.LightningDataModule):
         Args:
             trunk: Function that maps a batch to features of shape (B, F).
         """
-        self.train_set, self.test_set = Features(self.crops[0], trunk, VIEWS), Features(self.crops[1], trunk)
+        self.train_set = Features(self.crops[0], trunk, VIEWS)
+        self.held_out = [Features(some, trunk) for some in self.crops[1:]]
 
     def train_dataloader(self) -> DataLoader[Batch]:
         """Return a loader of shuffled training batches with random crops."""
@@ -135,12 +142,12 @@ class CenteringData(pl.LightningDataModule):
             self.train_set, sampler=BatchSampler(RandomSampler(self.train_set), self.batch_size, False), batch_size=None
         )
 
-    def val_dataloader(self) -> DataLoader[Batch]:
-        """Return a loader of the test samples, which serve as validation samples.
+    def val_dataloader(self) -> list[DataLoader[Batch]]:
+        """Return a loader of the test samples and, if there are any, one of the validation samples.
 
         The stopping rule of the paper reads the test accuracy, and Lightning computes it in its validation.
         """
-        return in_order(self.test_set)
+        return [in_order(some) for some in self.held_out]
 
 
 def in_order(samples: Crops | Features) -> DataLoader[Batch]:

@@ -64,9 +64,9 @@ class CenteringModule(pl.LightningModule):
         """Return the loss of a training batch."""
         return self._loss(batch, "train")
 
-    def validation_step(self, batch: Batch, batch_index: int) -> None:
-        """Log the loss and the accuracy on a batch of test samples."""
-        self._loss(batch, "test")
+    def validation_step(self, batch: Batch, batch_index: int, dataloader_idx: int = 0) -> None:
+        """Log the loss and the accuracy on a batch of test samples or, of the second loader, of validation samples."""
+        self._loss(batch, ("test", "valid")[dataloader_idx])
 
     def configure_optimizers(self) -> OptimizerLRScheduler:
         """Return Adam with a learning rate that takes its course from epoch to epoch."""
@@ -100,6 +100,7 @@ class CenteringModule(pl.LightningModule):
             )
         correct = (directions(output) == direction).float().mean()
         of_epoch: dict[str, Any] = {"on_step": False, "on_epoch": True, "sync_dist": True, "batch_size": len(direction)}
+        of_epoch["add_dataloader_idx"] = False  # the stage names the loader
         self.log_dict({f"{stage}_loss": loss, f"{stage}_accuracy": correct}, **of_epoch)
         return loss
 

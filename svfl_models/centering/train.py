@@ -137,11 +137,12 @@ def data_records(config: TrainingConfig, separate_test: Path | str | None = None
 def _unencoded(config: TrainingConfig) -> tuple[CenteringModule, CenteringData, CenteringSamples, CenteringSamples]:
     """Return the network, its batches, and the training and test samples; a frozen trunk has not encoded them yet."""
     samples = samples_of(config.data, config)
-    train_index, test_index = train_test_split(
-        samples.direction, train=config.train_samples, test=config.test_samples, seed=config.seed
+    drawn, test_index = train_test_split(
+        samples.direction, train=config.train_samples + config.valid_samples, test=config.test_samples, seed=config.seed
     )
-    train, test = samples.take(train_index), samples.take(test_index)
-    data = CenteringData(train, test, config)
+    train, test = samples.take(drawn[: config.train_samples]), samples.take(test_index)
+    valid = samples.take(drawn[config.train_samples :]) if config.valid_samples else None
+    data = CenteringData(train, test, config, valid)
     pl.seed_everything(config.seed, verbose=False)
     module = module_of(config)
     module.classifier.fit(train)
@@ -208,7 +209,7 @@ def fit(
     placement: Placement | None = None,
     trackers: Trackers = NO_TRACKERS,
 ) -> None:
-    """Train a module, with the stopping rule of the paper if `config.patience` is not 0.
+    """Train a module, with a stopping rule if `config.patience` is not 0: that of the paper without validation samples.
 
     Args:
         module: The network to train.
@@ -222,7 +223,8 @@ def fit(
     Raises:
         KeyboardInterrupt: If the user stopped the training.
     """
-    stop = [EarlyStopping(monitor="test_accuracy", mode="max", patience=config.patience)] if config.patience else []
+    monitored = "valid_accuracy" if config.valid_samples else "test_accuracy"
+    stop = [EarlyStopping(monitor=monitored, mode="max", patience=config.patience)] if config.patience else []
     every = 1 if config.patience or config.epochs < TEST_EVERY else TEST_EVERY
     run(
         module, data, out, callbacks, each_epoch=False, deciding=stop, placement=placement, trackers=trackers,

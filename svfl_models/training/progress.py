@@ -11,7 +11,7 @@ from rich.console import Console
 from svfl_data.system.progress.bars import Bars
 from svfl_models.training.writing import write_rows
 
-COLUMNS = ("epoch", "train_loss", "train_accuracy", "test_loss", "test_accuracy", "seconds")
+COLUMNS = ("epoch", "train_loss", "train_accuracy", "test_loss", "test_accuracy", "valid_accuracy", "seconds")
 QUIET_SECONDS = 10.0
 """Shortest time between two lines of progress where the output is not a terminal, [s]."""
 
@@ -49,7 +49,8 @@ class MetricsFile(pl.Callback):
         figures = {
             name: float(value)
             for name, value in trainer.callback_metrics.items()
-            if name in self.columns and (tested or not name.startswith("test"))  # else it is an earlier epoch's
+            if name in self.columns
+            and (tested or not name.startswith(("test", "valid")))  # else it is an earlier epoch's
         }
         seconds = round(time.monotonic() - self.start, 2)
         self.rows.append(self.place(trainer, pl_module) | {"seconds": seconds} | figures)

@@ -55,7 +55,7 @@ def test_an_epoch_serves_every_sample_once(samples):
     assert [len(batch["direction"]) for batch in batches] == [16, 16, 8]
     served = torch.cat([batch["wrench"] for batch in batches])
     assert sorted(served[:, -1, 2].tolist()) == sorted(samples.wrench[:, -1, 2].tolist())
-    test = list(data.val_dataloader())
+    test = list(data.val_dataloader()[0])
     assert torch.equal(torch.cat([batch["direction"] for batch in test]), torch.from_numpy(samples.direction[:10]))
 
 

@@ -127,14 +127,14 @@ def test_a_frozen_encoder_looks_at_every_sample_a_few_times_and_never_again(chec
 
     data.encode(trunk)
     assert sum(looks) == (VIEWS + 1) * len(samples)
-    batches = [*data.train_dataloader(), *data.train_dataloader(), *data.val_dataloader()]
+    batches = [*data.train_dataloader(), *data.train_dataloader(), *data.val_dataloader()[0]]
     assert sum(looks) == (VIEWS + 1) * len(samples)
     assert {name for batch in batches for name in batch} == {"feature", "direction", "offset"}
     served = data.train_set[[3] * 50]["feature"]
     assert 1 < len(served.unique(dim=0)) <= VIEWS
     with torch.no_grad():
         assert torch.allclose(
-            data.test_set[[3, 5]]["feature"], module.classifier.trunk(of_all(samples))[[3, 5]], atol=1e-5
+            data.held_out[0][[3, 5]]["feature"], module.classifier.trunk(of_all(samples))[[3, 5]], atol=1e-5
         )
 
 

@@ -17,9 +17,10 @@ from svfl_models.centering import train
 from svfl_models.centering.checkpoint import load_classifier
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.evaluate import evaluate
-from svfl_models.centering.train import train_centering
+from svfl_models.centering.train import built, train_centering
 from svfl_models.symmetry.testing import assert_equivariant
 from svfl_models.training.progress import COLUMNS, MetricsFile, ProgressLine
+from svfl_models.training.writing import read_numbers
 from tests.helpers.builders import make_episode
 from tests.helpers.synthetic import centering_samples
 
@@ -42,6 +43,23 @@ def dataset(tmp_path_factory):
 @pytest.fixture
 def config(dataset):
     return TrainingConfig(str(dataset), encoder="f", train_samples=8, test_samples=12, epochs=3)
+
+
+def test_a_training_stops_by_samples_that_are_neither_learned_from_nor_tested(config, tmp_path):
+    """Those do not change what is learned from, nor what is tested."""
+    plain = train_centering(config, tmp_path / "plain")
+    held = replace(config, train_samples=config.train_samples - 1, valid_samples=1, epochs=40, patience=2)
+    stopped = train_centering(held, tmp_path / "stopped")
+    assert stopped.epochs < 40
+    rows = read_numbers(tmp_path / "stopped" / "metrics.csv")
+    assert [row["valid_accuracy"] for row in rows].count(rows[-1]["valid_accuracy"]) >= 2
+    assert "valid_accuracy" not in read_numbers(tmp_path / "plain" / "metrics.csv")[0]
+    module, data = built(held)
+    learned, _ = built(replace(held, valid_samples=0, patience=0))
+    assert all(torch.equal(a, b) for a, b in zip(module.parameters(), learned.parameters(), strict=True))
+    parts = [data.train_set, *data.held_out]
+    assert [len(part) for part in parts] == [held.train_samples, held.test_samples, 1]
+    assert sum(plain.train_samples) == config.train_samples
 
 
 def test_a_run_leaves_everything_that_it_promises(config, tmp_path, batch):
