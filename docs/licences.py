@@ -18,8 +18,8 @@ PAGE = ROOT / "docs" / "licences.md"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 HEAD = """# Licences of dependencies
 
-SVFL itself is under the [MIT licence](../LICENSE), and ships no code of others. This page lists what installations of it
-bring along: every package of `constraints.txt`, direct or by way of another, with the licence that its own metadata
+SVFL itself is under the [MIT licence](../LICENSE), and ships no code of others. This page lists what installations of
+it bring along: every package of `constraints.txt`, direct or by way of another, with the licence that its own metadata
 name. It is made by `python docs/licences.py --write`; a test compares.
 
 The column "for" names the extras that need a package: `base` is the installation without extras, `dev` is for work on

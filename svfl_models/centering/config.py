@@ -100,8 +100,8 @@ class TrainingConfig:
     test_samples: Annotated[int, option(
         "number of test samples, the same ones for every seed and number of training samples", ge=1)] = 100  # fmt: skip
     valid_samples: Annotated[int, option(
-        "number of samples, beside those for training and testing, by whose accuracy --patience stops a training; 0: by "
-        "the accuracy on the test samples, as in the paper", ge=0)] = 0  # fmt: skip
+        "number of samples, beside those for training and testing, by whose accuracy --patience stops a training; 0: "
+        "by the accuracy on the test samples, as in the paper", ge=0)] = 0  # fmt: skip
     window: Annotated[int, option("number of readings per wrench window", ge=1)] = 64
     epochs: Annotated[int, option("largest number of epochs to train", ge=1)] = 500
     patience: Annotated[int, option(

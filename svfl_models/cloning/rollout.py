@@ -3,6 +3,7 @@
 import io
 from collections.abc import Sequence
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from PIL import Image
@@ -39,7 +40,7 @@ def film(checkpoint: Path, file: Path, seed: int = 0, index: int = 0, robot: str
     trial = Trial(checkpoint, environment_of(task), seed, robot, render_mode="rgb_array")
     frames: list[np.ndarray | None] = []
     try:
-        trial(index, lambda: frames.append(trial.environment.render()))
+        trial(index, lambda: frames.append(cast(np.ndarray | None, trial.environment.render())))
     finally:
         trial.environment.close()
     write_atomically(file, _animated([frame for frame in frames if frame is not None], f"{checkpoint}"))

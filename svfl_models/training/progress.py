@@ -49,8 +49,7 @@ class MetricsFile(pl.Callback):
         figures = {
             name: float(value)
             for name, value in trainer.callback_metrics.items()
-            if name in self.columns
-            and (tested or not name.startswith(("test", "valid")))  # else it is an earlier epoch's
+            if name in self.columns and (tested or name.startswith("train"))  # else it is an earlier epoch's
         }
         seconds = round(time.monotonic() - self.start, 2)
         self.rows.append(self.place(trainer, pl_module) | {"seconds": seconds} | figures)
