@@ -23,8 +23,8 @@ FLOORS = {
         "maintenance sampling", "replay reports viewer", "commands", "cli",
     ),
     "svfl_models": (
-        "programs symmetry training", "networks", "cloning latent", "centering", "deployment experiments", "commands",
-        "cli",
+        "configuration programs symmetry", "networks", "training", "cloning latent", "centering",
+        "deployment experiments", "commands", "cli",
     ),
     "collectors": (
         "apriltags recording simulation", "observations robots tasks", "environment sources", "teleop", "commands",

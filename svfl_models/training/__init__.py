@@ -1,1 +1,1 @@
-"""The trainer, checkpoints, run folders, progress and augmentation that every training program uses."""
+"""What every training program uses: trainer, hardware, trackers, checkpoints, run folders, progress, augmentation."""

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -81,7 +82,7 @@ def test_a_policy_is_that_of_one_process(cloning, shared, tmp_path):
 
 
 def test_an_interrupted_training_of_two_resumes(cloning, shared, tmp_path, monkeypatch):
-    """The same processes give the same bits, interrupted or not."""
+    """The same processes give the same bits, interrupted or not; one process can go on with it too."""
     write = MetricsFile.on_train_epoch_end
 
     def interrupted(self, trainer, module):
@@ -92,13 +93,17 @@ def test_an_interrupted_training_of_two_resumes(cloning, shared, tmp_path, monke
     with monkeypatch.context() as patched:
         patched.setattr(MetricsFile, "on_train_epoch_end", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            train_cloning(cloning, tmp_path, QUIET, hardware=TWO)
-    train_cloning(cloning, tmp_path, QUIET, hardware=TWO)
+            train_cloning(cloning, tmp_path / "two", QUIET, hardware=TWO)
+    shutil.copytree(tmp_path / "two", tmp_path / "alone")
+    train_cloning(cloning, tmp_path / "two", QUIET, hardware=TWO)
     one, other = (
-        torch.load(folder / run_folder.CHECKPOINT, weights_only=True)["state_dict"] for folder in (tmp_path, shared[1])
+        torch.load(folder / run_folder.CHECKPOINT, weights_only=True)["state_dict"]
+        for folder in (tmp_path / "two", shared[1])
     )
     assert all(torch.equal(one[name], other[name]) for name in other)
-    assert [row["train_loss"] for row in rows(tmp_path)] == [row["train_loss"] for row in rows(shared[1])]
+    assert [row["train_loss"] for row in rows(tmp_path / "two")] == [row["train_loss"] for row in rows(shared[1])]
+    alone = train_cloning(cloning, tmp_path / "alone", QUIET, hardware=ONE)
+    assert alone.valid_loss == pytest.approx(shared[0].valid_loss, rel=1e-4)
 
 
 def test_a_classifier_is_that_of_one_process(tmp_path):
