@@ -1,6 +1,6 @@
 """Pretrains a latent model: loads and splits the episodes, fits the model and writes the results."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,32 +16,12 @@ from svfl_models.latent.checkpoint import load_latent, read_latent
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.data import Leg, Sequences, fit, sequences_of
 from svfl_models.latent.module import LatentModule
-from svfl_models.latent.progress import LegsFile, Row, StepsBar
+from svfl_models.latent.progress import LegsFile, StepsBar
+from svfl_models.latent.report import LatentResult, write_report
 from svfl_models.symmetry.actions import Batch
 from svfl_models.training import run_folder
 from svfl_models.training.trainer import parameter_count, run, storage_errors
 from svfl_models.training.writing import write_json
-
-
-@dataclass(frozen=True)
-class LatentResult:
-    """Outcome of a pretraining.
-
-    Attributes:
-        steps: Number of steps done, including those of interrupted runs.
-        seconds: Duration of the training, including that of interrupted runs, [s].
-        parameters: Number of trained parameters of each part of the network.
-        train_sequences: Number of training sequences.
-        valid_sequences: Number of held-out sequences.
-        last: Metrics of the last leg, as in the metrics file.
-    """
-
-    steps: int
-    seconds: float
-    parameters: dict[str, int]
-    train_sequences: int
-    valid_sequences: int
-    last: Row
 
 
 def train_latent(config: LatentConfig, out: Path, resume: bool = False, console: Console | None = None) -> LatentResult:
@@ -49,7 +29,7 @@ def train_latent(config: LatentConfig, out: Path, resume: bool = False, console:
 
     Args:
         config: Configuration of the model, the data and the training.
-        out: Folder for the checkpoint, metrics and result.
+        out: Folder for the checkpoint, metrics, result, learning curves and report.
         resume: Whether to resume from the checkpoint in `out`. The configuration must be the same except for the number
             of steps.
         console: Console that progress is printed on; standard output by default.
@@ -94,6 +74,8 @@ def train_latent(config: LatentConfig, out: Path, resume: bool = False, console:
             run(module, data, out, watching, max_epochs=-1, max_steps=left, reload_dataloaders_every_n_epochs=1)
         last = metrics.rows[-1]
         result = LatentResult(int(last["step"]), last["seconds"], parts, len(train), len(valid), last)
+        with storage_errors(out):
+            write_report(out, config, result, metrics.rows)
         write_json(out / run_folder.RESULT, {"config": config.plain(), "result": asdict(result)})
     return result
 
