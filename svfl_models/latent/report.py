@@ -69,7 +69,8 @@ def page(config: LatentConfig, result: LatentResult) -> str:
 {table}
 
 Terms as they enter the loss. {result.train_sequences:,} sequences were learned from, {result.valid_sequences:,} \
-held out; {sum(result.parameters.values()):,} parameters ({parts}), {result.steps:,} steps, {result.seconds:.0f} s of training.
+held out; {sum(result.parameters.values()):,} parameters ({parts}), {result.steps:,} steps, \
+{result.seconds:.0f} s of training.
 
 ![learning curve]({run_folder.LEARNING_CURVE})
 
