@@ -30,6 +30,8 @@ from svfl_models.networks.action_space import ActionSpace
 from svfl_models.programs.policy_file import inputs_of
 from svfl_models.training.provenance.session import Session, file, session
 
+OUR_MODULE = "collectors.environment"
+"""Module that declares the environments of this package's tasks."""
 LONGEST = 10_000
 """Number of steps after which an episode of an environment without a limit of its own ends without success."""
 
@@ -96,7 +98,7 @@ class Evaluation:
 
 def environment_of(task: str) -> str:
     """Return the gymnasium id of a task's environment, prefixed with the module that declares the environment."""
-    return f"collectors.environment:svfl/{task}-v0"
+    return f"{OUR_MODULE}:{other_environments.OURS}{task}-v0"
 
 
 def evaluate(
@@ -134,6 +136,8 @@ def evaluate(
     if other and robot is not None:
         raise UsageError(f"environment {printable(environment, 80)} has its own robot; --robot is for those of svfl")
     environment = environment or environment_of(module.deployment.task)
+    if not other and ":" not in environment:
+        environment = f"{OUR_MODULE}:{environment}"
     provenance = session({"checkpoint": file(checkpoint)}, [seed])
     outcomes: dict[int, tuple[bool, int]] = {}
     with Bars(console) as bars:

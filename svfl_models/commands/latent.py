@@ -58,6 +58,7 @@ def run(values: dict[str, Any], arguments: argparse.Namespace) -> None:
     losses = f"loss {result.last['train_loss']:.4g}, on held-out episodes {result.last['valid_loss']:.4g}"
     say(f"{result.steps} steps, {result.seconds:.0f} s; {losses}")
     say(f"checkpoint  {out / run_folder.CHECKPOINT}")
+    say(f"report      {out / run_folder.REPORT}")
     say(f"metrics     {out / run_folder.METRICS}")
 
 

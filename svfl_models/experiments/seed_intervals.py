@@ -9,7 +9,7 @@ recommended for reinforcement learning (Agarwal et al., NeurIPS 2021, stratified
 Percentiles of a bootstrap over as few as three seeds are far too close (they cover the truth in 76 to 90 % of
 simulated cases instead of 95 %). Deviations between seeds are therefore expanded by sqrt(k / (k - 1)) and by the ratio
 of Student's to the normal quantile (T. Hesterberg, The American Statistician 69, 2015, section 3.3), which makes it 91
-to 99 % (docs/decisions.md).
+to 100 % (docs/decisions.md).
 """
 
 from collections.abc import Callable, Sequence

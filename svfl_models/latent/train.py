@@ -1,7 +1,7 @@
 """Pretrains a latent model: loads and splits the episodes, fits the model and writes the results."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,8 @@ from svfl_models.latent.evaluation.evaluate import sample_figures
 from svfl_models.latent.evaluation.frames import follow
 from svfl_models.latent.evaluation.pages.sample_figures import reconstructions
 from svfl_models.latent.module import LatentModule
-from svfl_models.latent.progress import LegsFile, Row, StepsBar
+from svfl_models.latent.progress import LegsFile, StepsBar
+from svfl_models.latent.report import LatentResult, write_report
 from svfl_models.symmetry.actions import Batch
 from svfl_models.training import run_folder
 from svfl_models.training.hardware import Hardware, Needs
@@ -40,27 +41,6 @@ NEEDS = Needs(
 )
 
 
-@dataclass(frozen=True)
-class LatentResult:
-    """Outcome of a pretraining.
-
-    Attributes:
-        steps: Number of steps done, including those of interrupted runs.
-        seconds: Duration of the training, including that of interrupted runs, [s].
-        parameters: Number of trained parameters of each part of the network.
-        train_sequences: Number of training sequences.
-        valid_sequences: Number of held-out sequences.
-        last: Metrics of the last leg, as in the metrics file.
-    """
-
-    steps: int
-    seconds: float
-    parameters: dict[str, int]
-    train_sequences: int
-    valid_sequences: int
-    last: Row
-
-
 def train_latent(
     config: LatentConfig,
     out: Path,
@@ -73,8 +53,9 @@ def train_latent(
 
     Args:
         config: Configuration of the model, the data and the training.
-        out: Folder for the checkpoint, metrics and result. If it holds an unfinished training of the same
-            configuration, or a finished one with fewer steps, that training is resumed after its last checkpoint.
+        out: Folder for the checkpoint, metrics, result, learning curves and report. If it holds an unfinished training
+            of the same configuration, or a finished one with fewer steps, that training is resumed after its last
+            checkpoint.
         console: Console that progress is shown on; standard error by default.
         hardware: Device, number format and threads; a latent model is trained in one process.
         loggers: Names of experiment trackers to log to, beside the metrics file (`training.trackers`).
@@ -129,6 +110,8 @@ def train_latent(
                 _log_reconstructions(module, valid, out, trackers)
         last = metrics.rows[-1]
         result = LatentResult(int(last["step"]), last["seconds"], parts, len(train), len(valid), last)
+        with storage_errors(out):
+            write_report(out, config, result, metrics.rows, provenance.sessions)
         content = {"config": config.plain(), "result": asdict(result), "hardware": placement.plain()}
         write_json(out / run_folder.RESULT, content)
     return result

@@ -15,36 +15,16 @@ from collectors.simulation import PandaConfig, UR5eConfig, WorldConfig
 from collectors.sources.expert import ExpertCollector
 from collectors.sources.replay import from_json, replay
 from svfl_data.errors import FormatError, UsageError
+from tests.helpers import added_robot
 from tests.helpers.collectors import SMALL
 
 ROOT = Path(__file__).parents[3]
-ADDED = '''
-from dataclasses import dataclass
-from typing import Literal
-
-from collectors.simulation import UR5eConfig
-
-
-@dataclass(frozen=True)
-class Slow(UR5eConfig):
-    """A UR5e whose surface is smoother."""
-
-    name: Literal["slow_sim"] = "slow_sim"
-    friction: float = 0.8
-'''
 
 
 @pytest.fixture
 def added(tmp_path, monkeypatch):
-    """A package that is installed beside this one and adds the robot ``slow_sim`` and one that is not there."""
-    (tmp_path / "slow_package.py").write_text(ADDED)
-    info = tmp_path / "slow_package-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: slow-package\nVersion: 1.0\n")
-    entries = "slow_sim = slow_package:Slow\ngone_sim = slow_package:Gone\npanda_sim = slow_package:Slow\n"
-    (info / "entry_points.txt").write_text(f"[{GROUP}]\n{entries}")
-    monkeypatch.syspath_prepend(tmp_path)
-    return "slow_sim"
+    """Name of a robot that another package adds, which declares one more that is not there."""
+    return added_robot.install(tmp_path, monkeypatch)
 
 
 def test_the_robots_of_this_package_are_those_it_declares():

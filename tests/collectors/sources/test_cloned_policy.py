@@ -1,6 +1,7 @@
 """From demonstrations to a policy that collectors run: learned, exported, tried, recorded, always the same policy."""
 
 import json
+import os
 import tomllib
 from importlib import import_module
 from pathlib import Path
@@ -32,6 +33,7 @@ from svfl_models.networks.action_space import PLANAR
 from svfl_models.programs import exported_policy
 from svfl_models.symmetry.layers import SymmetricConv
 from svfl_models.training import run_folder
+from tests.helpers import added_robot
 from tests.helpers.synthetic import centering_samples
 from tests.helpers.trained import untrained, write
 
@@ -80,6 +82,20 @@ def test_three_ways_to_act_are_one(checkpoint, file, monkeypatch):
     np.testing.assert_allclose(one.action / SCALE, other.action / SCALE, atol=1e-4)
     found = evaluate(checkpoint, 2, seed=5, console=QUIET)
     assert (found.success[1], found.steps[1]) == (one.meta.success, len(one))
+
+
+def test_a_policy_is_evaluated_on_a_robot_that_another_package_adds(checkpoint, tmp_path, monkeypatch):
+    """Also in worker processes, which look its name up for themselves."""
+    robot = added_robot.install(tmp_path, monkeypatch)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    found = evaluate(checkpoint, 2, seed=5, console=QUIET, robot=robot)
+    assert len(found.steps) == 2
+    assert evaluate(checkpoint, 2, seed=5, workers=2, console=QUIET, robot=robot).steps == found.steps
+
+
+def test_a_policy_is_evaluated_in_another_task_of_this_package(checkpoint):
+    found = evaluate(checkpoint, 1, console=QUIET, environment="svfl/block_pushing-v0")
+    assert (found.environment, found.success) == (environment_of("block_pushing"), [False])
 
 
 def test_what_the_viewer_says_that_it_would_do_is_what_it_did(checkpoint):

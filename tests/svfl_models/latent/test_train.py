@@ -67,6 +67,11 @@ def test_every_model_trains_and_opens_again(model, config, tmp_path):
     weighted = sum(rows[0].get(f"train_{name}_weighted", 0.0) for name in TERMS)
     assert weighted == pytest.approx(rows[0]["train_loss"], rel=1e-4)
 
+    said = (tmp_path / "run" / run_folder.REPORT).read_text()
+    assert f"| **loss** | {result.last['train_loss']:.4g} | {result.last['valid_loss']:.4g} |" in said
+    assert ("expert_kl" in said.split("| setting")[0]) == (model == "poe")
+    assert (tmp_path / "run" / run_folder.LEARNING_CURVE).stat().st_size
+
     module = load_latent(tmp_path / "run" / "checkpoint.ckpt")
     assert module.hparams["training"] == named(config)
     assert set(module.hparams["split"]) == {"train", "valid"}
