@@ -163,8 +163,8 @@ def test_a_full_disk_is_one_line(config, tmp_path, monkeypatch):
 def test_the_command(folder, tmp_path, capsys):
     common = ["latent", "--model", "concat", "--data", str(folder), "--out", str(tmp_path / "run")]
     assert main([*common, "--steps", "2", "--batch-size", "4", "--sequence", "3"]) == 0
-    printed = capsys.readouterr().out
-    assert "concat, preset svfl_2023: " in printed
+    printed, told = capsys.readouterr()
+    assert "concat, preset svfl_2023: " in told
     assert "step 2/2: loss " in printed
     assert f"checkpoint  {tmp_path / 'run' / 'checkpoint.ckpt'}" in printed
     assert main([*common, "--steps", "2", "--batch-size", "4", "--sequence", "3"]) == 1
