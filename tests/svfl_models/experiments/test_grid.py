@@ -1,6 +1,7 @@
 import json
 import multiprocessing
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -174,7 +175,7 @@ def test_progress(tmp_path):
     for console in (terminal, paper):
         with Bar(configs, ["seed1", "seed2"], console) as bar:
             bar.ended("seed1", "test accuracy 97.0%")
-    assert re.search(r"^runs [━╸╺]+ 2/3 seed1: test accuracy 97\.0% ", terminal.export_text(), re.M)
+    assert re.search(r"runs [━╸╺]+ 2/3 seed1: test accuracy 97\.0% ", terminal.export_text())
     assert paper.export_text() == "2/3 seed1: test accuracy 97.0%\n"
 
 

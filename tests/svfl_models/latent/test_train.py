@@ -165,7 +165,7 @@ def test_the_command(folder, tmp_path, capsys):
     assert main([*common, "--steps", "2", "--batch-size", "4", "--sequence", "3"]) == 0
     printed, told = capsys.readouterr()
     assert "concat, preset svfl_2023: " in told
-    assert "step 2/2: loss " in printed
+    assert "step 2/2: loss " in told
     assert f"checkpoint  {tmp_path / 'run' / 'checkpoint.ckpt'}" in printed
     assert main([*common, "--steps", "2", "--batch-size", "4", "--sequence", "3"]) == 1
     assert "--resume" in capsys.readouterr().err
