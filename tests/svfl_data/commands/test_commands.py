@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+from svfl_data.checks import Finding
 from svfl_data.cli import COMMANDS
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.schema.episode import Episode, Meta
@@ -428,3 +429,16 @@ sys.exit(main())
         assert ended.returncode == 1
         assert one_line(ended.stderr), ended.stderr
         assert "pip install" in ended.stderr
+
+
+@pytest.mark.parametrize(
+    ("severity", "words", "code"),
+    [("warning", (), 0), ("warning", ("--strict",), 1), ("note", ("--strict",), 0), ("error", (), 1)],
+)
+@pytest.mark.parametrize("as_json", [(), ("--json",)])
+def test_warnings_fail_only_if_one_is_strict(command, week, monkeypatch, severity, words, code, as_json):
+    found = Finding("episode_000002.hdf5", "meta", None, severity, "is odd")
+    monkeypatch.setattr("svfl_data.commands.validate.check_file", lambda _: [found])
+    ended, out, err = command("validate", week.episode_path(2), *words, *as_json)
+    assert (ended, "is odd" in out) == (code, True)
+    assert one_line(err) if code else err == ""

@@ -221,6 +221,6 @@ def test_progress_tells_a_terminal(config, tmp_path):
 def test_a_long_training_prints_a_line_now_and_then(config, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("svfl_models.training.progress.QUIET_SECONDS", 0.0)
     train_centering(config, tmp_path / "run")
-    lines = capsys.readouterr().out.splitlines()
+    lines = capsys.readouterr().err.splitlines()
     assert [line.split(":")[0] for line in lines] == ["epoch 1/3", "epoch 2/3", "epoch 3/3"]
     assert ProgressLine(3, Console()).best == 0
