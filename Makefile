@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 
-.PHONY: demo test docs quick test-cpus bench sizes notebooks env lint clean help
+.PHONY: demo test docs quick test-cpus test-data test-oldest dist bench sizes notebooks env lint clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -25,6 +25,22 @@ quick: env  ## the tests without the slow ones: about two minutes on two idle co
 
 test-cpus: env  ## the quick tests as other processors would run them (tests/helpers/cpu_settings.py)
 	$(BIN)/python -m tests.helpers.cpu_settings -n 2 -m "not slow"
+
+test-data:  ## the data package's tests without any extra, on another Python: make test-data PYTHON=python3.14
+	$(PYTHON) -m venv --clear build/data
+	build/data/bin/python -m pip install --quiet --editable . pytest pytest-xdist hypothesis psutil
+	build/data/bin/python -m pytest -n 2 -m "not slow" --partial tests/svfl_data
+
+test-oldest:  ## the quick tests with the oldest versions that pyproject.toml allows
+	$(PYTHON) -m venv --clear build/oldest
+	$(PYTHON) -m tests.helpers.oldest_versions > build/oldest/constraints.txt
+	build/oldest/bin/python -m pip install --quiet --constraint build/oldest/constraints.txt --editable '.[all,onnx,ray,notebooks]'
+	build/oldest/bin/python -m pip install --quiet --no-deps escnn==1.0.11
+	build/oldest/bin/python -m pip install --quiet pytest pytest-xdist hypothesis psutil pypdfium2
+	build/oldest/bin/python -m pytest -n 2 -m "not slow"
+
+dist: env  ## source distribution and wheel, in dist/
+	$(BIN)/python -m build --no-isolation
 
 bench: env data/centering data/block_picking  ## every benchmark; figures for docs/benchmarks.md
 	$(BIN)/python benchmarks/collect.py
@@ -63,7 +79,7 @@ env: $(VENV)/installed  ## build the environment in .venv
 # The mark is touched last, so an interrupted installation is taken up again by the next make.
 $(VENV)/installed: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || { \
-	  echo "svfl needs Python 3.11 and found $$($(PYTHON) --version 2>&1) at $(PYTHON); run: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)"; exit 1; }
+	  echo "the whole environment needs Python 3.11 (pybullet has no wheels for later ones); found $$($(PYTHON) --version 2>&1) at $(PYTHON); run: make PYTHON=/path/to/python3.11 $(MAKECMDGOALS)"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(PIP) install --quiet --constraint constraints.txt --editable '.[all,dev]'
 	$(PIP) install --quiet --constraint constraints.txt --no-deps escnn
