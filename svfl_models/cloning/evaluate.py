@@ -193,7 +193,7 @@ class Trial:
             options["camera"] = self.deployment.camera or None
         try:
             self.environment = gymnasium.make(environment, disable_env_checker=True, **({} if other else options))
-        except (gymnasium.error.Error, UsageError, ValueError) as error:  # ValueError: not a valid name
+        except (gymnasium.error.Error, UsageError, ValueError, ImportError) as error:  # ValueError: not a valid name
             reason = printable(" ".join(str(error).split()), 200)
             raise TrainingError(f"{checkpoint}: cannot be evaluated in {environment}: {reason}") from error
         if other:

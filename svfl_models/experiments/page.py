@@ -99,7 +99,7 @@ def seeds(results: Results) -> str:
             found = success_rate(correct)
             each = ", ".join(f"{100 * one:.1f}" for one in correct.mean(axis=1))
             interval = f"{100 * found.low:.0f} to {100 * found.high:.0f}"
-            setting = [escaped(NAMES.get(value := getattr(cell.config, name), value) or "none") for name in varied]
+            setting = [_setting_words(getattr(cell.config, name)) for name in varied]
             rows.append([*setting, f"{100 * found.value:.1f}", interval, each])
             counts.add(len(correct))
     if not rows:
@@ -109,6 +109,11 @@ def seeds(results: Results) -> str:
         f"## Seeds\n\nAccuracy on the {TESTS[samples == 'separate_test']}. {_about_intervals(counts)}\n\n"
         f"{markdown(header, rows)}\n\n"
     )
+
+
+def _setting_words(value: object) -> str:
+    """Return the value of a setting in words for a table."""
+    return "none" if value is None else escaped(NAMES.get(str(value), str(value)))
 
 
 def _hits(run: Run, samples: str) -> list[bool]:

@@ -23,7 +23,7 @@ class Slow(UR5eConfig):
 
 
 def install(folder: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Install the package for a test, and return the name of its robot; it also declares ``gone_sim``, which is none.
+    """Install the package for a test, and return the name of its robot; it also declares one that is not there.
 
     Args:
         folder: Folder to install it to.

@@ -274,10 +274,12 @@ def test_without_a_told_success_an_episode_succeeds_by_terminating(name, success
         ("Blind", "takes proprio, .* has joints"),
         ("Jointed", r"gives 5 numbers, .*\(7,\)"),
         ("Nowhere", r"cannot be evaluated in .*test/Nowhere-v0"),
+        ("no_such_package:test/Countdown-v0", "cannot be evaluated in no_such_package:.*no_such_package"),
     ],
 )
 def test_environments_that_do_not_fit_are_one_clear_line(name, facts, checkpoint, capsys):
-    assert cli.main(["evaluate", str(checkpoint), "--env", f"{HERE}:test/{name}-v0"]) == 1
+    environment = name if ":" in name else f"{HERE}:test/{name}-v0"
+    assert cli.main(["evaluate", str(checkpoint), "--env", environment]) == 1
     said = capsys.readouterr().err
     assert re.search(facts, said)
     assert said.count("\n") == 1
