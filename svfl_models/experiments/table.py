@@ -4,17 +4,29 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.paper_figures import centering_figure
 from svfl_models.centering.report import NAMES
 from svfl_models.experiments import error_analysis
-from svfl_models.experiments.figures import MODEL_COLOURS, few_ticks, legend, line, panels
+from svfl_models.experiments.figures import (
+    MODEL_COLOURS,
+    accuracy_label,
+    best_known,
+    few_ticks,
+    legend,
+    line,
+    panels,
+)
 from svfl_models.experiments.page import MODELS, accuracy_words, markdown, tests
-from svfl_models.experiments.results import Cell, Mean, Results
+from svfl_models.experiments.results import NOTHING, Cell, Mean, Results
 from svfl_models.networks.inputs import ENCODERS
 from svfl_models.training.figures import save
 
 TITLE = "Block centering: input and symmetry against training samples"
+Lines = dict[tuple[str, str], dict[int, Mean | None]]
+"""Accuracies in per cent by (encoder, model) and then by the number of training samples."""
 
 
 def cells(base: TrainingConfig, train_samples: Sequence[int]) -> list[TrainingConfig]:
@@ -43,7 +55,7 @@ def body(results: Results) -> str:
             for test in tests(results):
                 rows.append([*name, f"ours, {test}", *(_ours(cell, test) for cell in found)])
                 name = ["", ""]
-            rows.append(["", "", "paper", *(_paper(cell) for cell in found)])
+            rows.append(["", "", "paper", *(_paper(cell) or NOTHING for cell in found)])
     return f"""\
 V is the image, F the last {results.cells[0].config.window} wrench readings. SVFL is symmetric under D4, CNN is its
 parameter-matched CNN baseline{_parameters(results)}. The paper is Kohler et al., CoRL 2023, block centering in
@@ -79,22 +91,40 @@ def draw(results: Results, folder: Path) -> list[Path]:
     Returns:
         The files of both figures.
     """
-    counts = results.values("train_samples")
+    lines = {
+        (encoder, model): {
+            cell.config.train_samples: best_known(cell, results) for cell in results.find(encoder=encoder, group=group)
+        }
+        for encoder in ENCODERS
+        for model, group in MODELS.items()
+    }
+    figure = accuracy_figure(lines, accuracy_label(results))
+    return [save(figure, folder / "table.png"), error_analysis.draw(hardest(results), folder / "table_errors.png")]
+
+
+def accuracy_figure(lines: Lines, label: str) -> Figure:
+    """Return the figure of accuracy by training samples, ours beside the paper's.
+
+    Args:
+        lines: Our accuracies, of the same numbers of training samples in every line.
+        label: Label of the axis that shows them.
+    """
+    counts = list(next(iter(lines.values())))
     figure, axes = panels(1, 3, 3.7)
     for panel, encoder in zip(axes, ENCODERS, strict=True):
-        for model, group in MODELS.items():
-            found = results.find(encoder=encoder, group=group)
-            published = [_published(cell) for cell in found]
+        for model in MODELS:
+            ours = lines[encoder, model]
+            published = [_published(encoder, model, count) for count in counts]
             style = {"color": MODEL_COLOURS[model], "markersize": 4}
-            line(panel, counts, [cell.test for cell in found], fmt="o-", label=f"ours, {NAMES[model]}", **style)
+            line(panel, counts, [ours[count] for count in counts], fmt="o-", label=f"ours, {NAMES[model]}", **style)
             line(panel, counts, published, fmt="s--", alpha=0.5, label=f"paper, {NAMES[model]}", **style)
         panel.axhline(25, color="grey", linewidth=0.8, linestyle=":")
         panel.set(title=NAMES[encoder], xlabel="training samples", xscale="log", ylim=(20, 102))
         few_ticks(panel, counts)
-    axes[0].set_ylabel("accuracy on the test split, %")
+    axes[0].set_ylabel(label)
     axes[0].text(counts[-1], 26, "chance", color="grey", ha="right", fontsize=8)
     legend(axes[1], "lower right")
-    return [save(figure, folder / "table.png"), error_analysis.draw(hardest(results), folder / "table_errors.png")]
+    return figure
 
 
 def hardest(results: Results) -> list[Cell]:
@@ -115,17 +145,17 @@ def reaches(cell: Cell, ours: Mean | None) -> bool | None:
     Returns:
         Whether it is, or None if one of the two accuracies is missing.
     """
-    published = _published(cell)
+    published = _paper(cell)
     return None if ours is None or published is None else round(ours.mean, 1) >= published.mean
 
 
-def _published(cell: Cell) -> Mean | None:
-    figure = centering_figure(cell.config.encoder, cell.config.model, cell.config.train_samples)
+def _published(encoder: str, model: str, train_samples: int) -> Mean | None:
+    figure = centering_figure(encoder, model, train_samples)
     return Mean(*figure, count=3) if figure else None
 
 
-def _paper(cell: Cell) -> str:
-    return str(_published(cell) or "-")
+def _paper(cell: Cell) -> Mean | None:
+    return _published(cell.config.encoder, cell.config.model, cell.config.train_samples)
 
 
 def _ours(cell: Cell, test: str) -> str:

@@ -13,7 +13,7 @@ DPI = 100
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as a PNG file of at most 256 colours, and return the file.
+    """Write a figure as a PNG file, and return the file.
 
     Args:
         figure: Figure to write.
@@ -24,8 +24,8 @@ def save(figure: Figure, path: Path) -> Path:
     """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)
-    # Such a figure has fewer than 256 colours, and a palette of 256 takes a third of the bytes.
+    # No palette: with the shades of smooth edges there are more than 256 colours, and a palette merged some.
     small = io.BytesIO()
-    Image.open(buffer).convert("RGB").quantize(256).save(small, format="png", optimize=True)
+    Image.open(buffer).convert("RGB").save(small, format="png", optimize=True)
     write_atomically(path, small.getvalue())
     return path
