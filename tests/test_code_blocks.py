@@ -21,6 +21,9 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.schema.observation import Frame
 from svfl_data.schema.optics import Calibration
 from svfl_data.storage.store import write_episode
+from svfl_models.commands import bc, centering, latent
+from svfl_models.configuration.resolving import complete, resolve
+from svfl_models.configuration.yaml_file import read_yaml
 from tests.helpers.builders import make_episode
 from tests.helpers.collectors import SMALL
 from tests.helpers.demonstrations import demonstrations
@@ -38,12 +41,16 @@ NOT_RUN = {
     r"\.venv/bin/python -m (pytest|tests\.)|SVFL_\w+=\w+ ": "runs the tests, or for hours",
     r"rerun ": "opens a window",
     r"echo 'SUBSYSTEMS": "changes the machine, as root",
+    r'eval "\$\(svfl-data completion ': "for the shell's own file; tests/test_completion.py completes",
     r"data/centering/$": "a list of files, not code",
     r"RGB-D image|coarse arm|full meshes": "what a benchmark printed",
     r"with EpisodeWriter\(": "a piece of the program above it",
     r'"button_pressing": ': "tests/collectors/tasks/test_adding_a_task.py adds this line",
 }
 """Lines of indented blocks that are no calls of our programs: a pattern of the first line, and why it is not run."""
+
+
+PROGRAMS_OF_TRAINING = (bc.PROGRAM, centering.PROGRAM, latent.PROGRAM)
 
 
 def run(path: str, **names: object) -> dict[str, object]:
@@ -163,7 +170,7 @@ def test_every_page_with_python_is_run():
     assert all((ROOT / test).exists() for test in ELSEWHERE.values())
 
 
-def test_other_blocks_are_what_they_seem_to_be():
+def test_other_blocks_are_what_they_seem_to_be(tmp_path):
     """Entry points are of groups that are looked up, flowcharts are drawn whole, and there are no other languages."""
     groups = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
     for block in (block for page in PAGES for block in blocks(page)):
@@ -174,6 +181,11 @@ def test_other_blocks_are_what_they_seem_to_be():
             drawn = svg(block.text)
             assert drawn.count("<rect") == len(labels)
             assert drawn.count('class="head"') == len(arrows)
+        elif block.language == "yaml":
+            file = tmp_path / "run.yaml"
+            file.write_text(block.text)
+            program = next(one for one in PROGRAMS_OF_TRAINING if one.name == read_yaml(file)["program"])
+            assert complete(program.settings, resolve(program.settings, file, program=program.name))
         else:
             assert block.language in ("", "python", "sh"), block
 

@@ -99,6 +99,7 @@ def test_arguments_without_an_option_have_one_word():
     meanings = {
         "PATH": "dataset folder, or episode file (.hdf5)", "DATASET": "dataset folder",
         "NEW": "folder of the new dataset: ", "CHECKPOINT": "checkpoint.ckpt of svfl-train", "SHELL": "shell: ",
+        "NETWORK": "checkpoint.ckpt of svfl-train", "FOLDER": "folder of the run",
     }  # fmt: skip
     for option in TABLE:
         if not option.name.startswith("-"):
@@ -107,7 +108,9 @@ def test_arguments_without_an_option_have_one_word():
 
 
 def test_every_command_can_be_quiet_and_every_one_that_reports_speaks_json():
-    silent = {"svfl-data view", "svfl-data completion"} | {name(option) for option in TABLE if trains(option)}
+    silent = {"svfl-data view", "svfl-data completion", "svfl-train rerun"} | {
+        name(option) for option in TABLE if trains(option)
+    }
     for root in ROOTS:
         for command, parser in commands_of(root).items():
             if command:

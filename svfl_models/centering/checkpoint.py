@@ -37,7 +37,10 @@ def configuration(module: CenteringModule, data: Path | str | None = None) -> Tr
         module: The network, as `load_classifier` returns it.
         data: Dataset folder that replaces the one of the training. None keeps the one of the training.
     """
-    kept = (module.hparams["training"] or {}) | module.hparams["network"]
+    network, training = dict(module.hparams["network"]), module.hparams["training"]
+    if training:
+        network.pop("widths", None)  # the training tells those that differ from its preset
+    kept = (training or {}) | network
     known = {field.name for field in fields(TrainingConfig)} & kept.keys()
     changed = {} if data is None else {"data": str(data)}
     return TrainingConfig(**{"data": ""} | {name: kept[name] for name in known} | changed)

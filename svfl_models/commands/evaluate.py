@@ -30,7 +30,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add = parser.add_argument
     add("checkpoint", type=Path, metavar="CHECKPOINT", help="checkpoint.ckpt of svfl-train bc")
-    add("--data", type=Path, metavar="FOLDER",
+    add("--data", type=Path, metavar="DATASET",
         help="dataset folder with whose successful demonstrations the actions are compared; of the dataset that the "
         "policy has learned from, those that it has not (default: run the policy)")  # fmt: skip
     add("--episodes", type=positive, metavar="N",
@@ -45,7 +45,7 @@ def add(commands: Commands) -> None:
         "simulation of the task)")  # fmt: skip
     add("--workers", type=positive, metavar="N", help="number of episodes that run at the same time (default: 1)")
     add("--out", type=Path, metavar="FILE",
-        help=f"JSON file to write; with --data a report is written beside it (default: {EVALUATION}, or "
+        help=f"file to write, JSON; with --data a report is written beside it (default: {EVALUATION}, or "
         f"{ACTION_ERRORS} with --data, beside the checkpoint)")  # fmt: skip
     add_json(parser)
     parser.set_defaults(command=run)

@@ -19,10 +19,11 @@ from collectors.tasks import TASKS
 from svfl_data.errors import TrainingError
 from svfl_models import cli
 from svfl_models.cloning import evaluate as module
+from svfl_models.cloning import train
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.deployment_spec import DeploymentSpec
 from svfl_models.cloning.evaluate import Evaluation, environment_of, evaluate
-from svfl_models.cloning.evaluation import rollout, train
+from svfl_models.cloning.evaluation import rollout
 from svfl_models.training import run_folder
 from svfl_models.training.provenance.session import file
 from tests.helpers.builders import IMAGE_AXES
