@@ -24,8 +24,8 @@ from docs.site.flowcharts import svg  # noqa: E402
 from docs.site.notebook_pages import notebook_page  # noqa: E402
 from docs.site.tables import StackedTables  # noqa: E402
 
-PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md")
-"""Pages outside ``docs``, besides the notebooks."""
+OUTSIDE = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md", "LICENSE", "CITATION.cff")
+"""Files outside ``docs`` that pages lead to, besides the notebooks."""
 FOREIGN = re.compile(r'<(?:script|link|img|iframe|source)\b[^>]*\b(?:src|href)="?(?:https?:)?//[^>]*>')
 """What a browser would load from another host."""
 
@@ -58,7 +58,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for file in files.src_uris.values():
         if file.src_dir == config.docs_dir:
             kept.append(repository_file(f"{docs.name}/{file.src_uri}", config, file.inclusion))
-    kept += [repository_file(page, config) for page in PAGES]
+    kept += [repository_file(path, config) for path in OUTSIDE if (ROOT / path).exists()]
     generated: dict[str, str | bytes] = {**api_pages(), **command_pages()}
     for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
         text, pictures = notebook_page(notebook, "notebooks")
