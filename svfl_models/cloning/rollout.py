@@ -37,12 +37,17 @@ def film(checkpoint: Path, file: Path, seed: int = 0, index: int = 0, robot: str
     """
     task = load_policy(checkpoint).deployment.task
     trial = Trial(checkpoint, environment_of(task), seed, robot, render_mode="rgb_array")
-    frames: list[np.ndarray | None] = []
+    frames: list[np.ndarray] = []
+
+    def watch() -> None:
+        if isinstance(image := trial.environment.render(), np.ndarray):
+            frames.append(image)
+
     try:
-        trial(index, lambda: frames.append(trial.environment.render()))
+        trial(index, watch)
     finally:
         trial.environment.close()
-    write_atomically(file, _animated([frame for frame in frames if frame is not None], f"{checkpoint}"))
+    write_atomically(file, _animated(frames, f"{checkpoint}"))
     return file
 
 
