@@ -3,9 +3,9 @@
     .venv/bin/python benchmarks/precision.py [--part steps losses] [--preset default paper] [--group D4 none]
 
 All times are CPU times of one thread, medians of steps that alternate between the two number formats, so that other
-load on the machine affects both. A step is forward, backward and Adam on 64 samples. bfloat16 is PyTorch's autocast, as
-in ``svfl-train --precision bf16``: the weights, their gradients and Adam stay in float32. The losses are those of two
-networks that start alike and see the same samples, whose direction is that of a noisy force; the images are noise.
+load on the machine affects both. A step is forward, backward and Adam on 64 samples. bfloat16 is PyTorch's autocast,
+as in ``svfl-train --precision bf16``: the weights, their gradients and Adam stay in float32. The losses are those of
+two networks that start alike and see the same samples, whose direction is that of a noisy force; the images are noise.
 """
 
 import argparse

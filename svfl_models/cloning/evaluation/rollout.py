@@ -3,7 +3,6 @@
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 from PIL import Image
@@ -38,12 +37,17 @@ def film(checkpoint: Path, file: Path, seed: int = 0, index: int = 0, robot: str
     """
     task = load_policy(checkpoint).deployment.task
     trial = Trial(checkpoint, environment_of(task), seed, robot, render_mode="rgb_array")
-    frames: list[np.ndarray | None] = []
+    frames: list[np.ndarray] = []
+
+    def watch() -> None:
+        if isinstance(image := trial.environment.render(), np.ndarray):
+            frames.append(image)
+
     try:
-        trial(index, lambda: frames.append(cast(np.ndarray | None, trial.environment.render())))
+        trial(index, watch)
     finally:
         trial.environment.close()
-    write_atomically(file, _animated([frame for frame in frames if frame is not None], f"{checkpoint}"))
+    write_atomically(file, _animated(frames, f"{checkpoint}"))
     return file
 
 
