@@ -1,0 +1,86 @@
+"""Whether a policy gets worse with more demonstrations: success of each seed, for equally long and longer trainings.
+
+    python benchmarks/more_demonstrations.py --data data/perturbed/drawer_closing --seeds 3 4 5 --out out/more
+
+Trained are policies on 25 and on 50 demonstrations with equally many optimiser steps, as in `svfl-train bc-table`, and
+on 50 demonstrations with twice as many steps, which is as many epochs as those on 25 have. Finished policies are kept,
+so the same command goes on after an interruption, and can be given further seeds.
+"""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from svfl_models.cloning.config import NETWORKS, CloningConfig
+from svfl_models.experiments.cloning_table import Run
+from svfl_models.experiments.runs.folder import RUNS
+from svfl_models.experiments.seed_intervals import difference, success_rate
+from svfl_models.training.figures import save
+
+SETTINGS = {"25 demonstrations": (25, 120), "50": (50, 60), "50, twice the steps": (50, 120)}
+"""Numbers of demonstrations and of epochs by name."""
+
+
+def runs_of(arguments: argparse.Namespace) -> dict[str, list[Run]]:
+    """The policies of each setting, one for each seed."""
+    found = {}
+    for name, (episodes, epochs) in SETTINGS.items():
+        one = CloningConfig(str(arguments.data), episodes, epochs=epochs, **NETWORKS[arguments.network])
+        found[name] = [
+            Run(replace(one, seed=seed), arguments.out / RUNS / f"{episodes}x{epochs}_seed{seed}", arguments.trials)
+            for seed in arguments.seeds
+        ]
+    return found
+
+
+def draw(tables: dict[str, np.ndarray], title: str, file: Path) -> None:
+    """Draw the success of each seed and the mean with its interval, by setting."""
+    figure = Figure(figsize=(5.6, 3.4), layout="constrained")
+    axes = figure.subplots()
+    for place, trials in enumerate(tables.values()):
+        one, seeds = success_rate(trials), 100 * trials.mean(axis=1)
+        spread = [[100 * (one.value - one.low)], [100 * (one.high - one.value)]]
+        axes.errorbar(place, 100 * one.value, spread, fmt="_", color="black", capsize=4, markersize=22)
+        axes.plot(place + np.linspace(-0.16, 0.16, len(seeds)), seeds, "o", color="#d55e00", markersize=5)
+    axes.set_xticks(range(len(tables)), list(tables))
+    axes.set(ylabel="success, % (dots: seeds)", ylim=(0, 100), title=title, xlim=(-0.5, len(tables) - 0.5))
+    axes.grid(axis="y", alpha=0.3)
+    save(figure, file)
+
+
+def main() -> None:
+    """Train and evaluate what is missing, and print and draw what is known."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="demonstrations of one task, at least 50")
+    parser.add_argument("--network", choices=tuple(NETWORKS), default="cnn")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2], metavar="S")
+    parser.add_argument("--trials", type=int, default=50, metavar="N", help="scenes in which each policy is tried")
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
+    arguments = parser.parse_args()
+    runs = runs_of(arguments)
+    for of_seed in zip(*runs.values(), strict=True):
+        for run in of_seed:
+            if run.outcome() is None:
+                run()
+            print(run.folder.name, run.words(), flush=True)
+    tables = {
+        name: np.array([outcome["success"] for run in some if (outcome := run.outcome())], dtype=float)
+        for name, some in runs.items()
+    }
+    for name, trials in tables.items():
+        one = success_rate(trials)
+        each = ", ".join(f"{100 * rate:.0f}" for rate in trials.mean(axis=1))
+        print(f"{name}: {100 * one.value:.0f} % ({100 * one.low:.0f} to {100 * one.high:.0f}), seeds {each}")
+    first, *others = tables
+    for name in others:
+        one = difference(tables[name], tables[first])
+        print(f"{name} minus {first}: {100 * one.value:+.0f} ({100 * one.low:+.0f} to {100 * one.high:+.0f})")
+    title = f"{arguments.data.name.replace('_', ' ')}, {arguments.network.upper()}, {len(arguments.seeds)} seeds"
+    draw(tables, title, arguments.out / "more_demonstrations.png")
+
+
+if __name__ == "__main__":
+    main()
