@@ -9,15 +9,16 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-demo: how-long env  ## collect 200 samples, train the classifier, write report and viewer file
-	$(BIN)/svfl-collect centering --episodes 200 --seed 0 --workers 2 --out data/centering
-	$(BIN)/svfl-train centering --data data/centering --encoder vf --model svfl --train-samples 100 --seed 0 --out out/centering
+demo: how-long env  ## collect 220 samples, train the classifier, write report and viewer file
+	$(BIN)/svfl-collect centering --episodes 220 --seed 0 --workers 2 --out data/centering
+	$(BIN)/svfl-train centering --data data/centering --encoder vf --model svfl --train-samples 100 --valid-samples 20 --patience 60 \
+	  --seed 0 --out out/centering
 	$(BIN)/svfl-data view data/centering --episode 3 --out out/centering/episode_000003.rrd
 
 # Before `env`, so that it stands before the installation begins.
 how-long:
 	@echo "make demo: on two idle cores about 2 minutes for the installation into $(VENV), once, and the download of its packages;"
-	@echo "then 1 to 2 minutes to collect, train and write the report"
+	@echo "then about 1 minute to collect, train and write the report"
 
 test: env lint  ## ruff, mypy and the whole test suite
 	$(BIN)/python -m pytest -n 2
