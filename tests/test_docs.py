@@ -57,7 +57,7 @@ def test_documented_commands_parse(command):
     from svfl_data.cli import build_parser as data
     from svfl_models.cli import build_parser as train
 
-    program, *arguments = shlex.split(command.partition(" | ")[0], comments=True)
+    program, *arguments = shlex.split(re.split(r" [|>] ", command)[0], comments=True)
     parsers = {"svfl-collect": collect, "svfl-data": data, "svfl-train": train}
     if {"--help", "--version"} & set(arguments):
         with pytest.raises(SystemExit, match="0"):

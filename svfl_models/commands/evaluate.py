@@ -45,7 +45,7 @@ def add(commands: Commands) -> None:
         "simulation of the task)")  # fmt: skip
     add("--workers", type=positive, metavar="N", help="number of episodes that run at the same time (default: 1)")
     add("--out", type=Path, metavar="FILE",
-        help=f"JSON file to write; with --data a report is written beside it (default: {EVALUATION}, or "
+        help=f"file to write, the result as JSON; with --data a report is written beside it (default: {EVALUATION}, or "
         f"{ACTION_ERRORS} with --data, beside the checkpoint)")  # fmt: skip
     add_json(parser)
     parser.set_defaults(command=run)

@@ -1,13 +1,12 @@
 """The command ``svfl-train info``, which prints what a trained network's file says of it."""
 
 import argparse
-import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from svfl_data.system.command_line import Commands
-from svfl_data.system.printable import printable, say
+from svfl_data.system.command_line import Commands, add_json, report
+from svfl_data.system.printable import printable
 
 if TYPE_CHECKING:
     from svfl_models.deployment.inspection import Inspection
@@ -36,10 +35,10 @@ def add(commands: Commands) -> None:
         "prints it, the commit, versions, machines and commands of its training, and results that lie beside it.",
     )  # fmt: skip
     parser.add_argument(
-        "network", type=Path,
+        "network", type=Path, metavar="NETWORK",
         help="checkpoint.ckpt of svfl-train, a file of svfl-train export (.pt2), or the folder of a training",
     )  # fmt: skip
-    parser.add_argument("--json", action="store_true", help="print JSON instead of text (default: text)")
+    add_json(parser)
     parser.set_defaults(command=run)
 
 
@@ -56,10 +55,7 @@ def run(arguments: argparse.Namespace) -> None:
     from svfl_models.deployment.inspection import inspect
 
     found = (inspect_exported if arguments.network.suffix == EXPORTED else inspect)(arguments.network)
-    if arguments.json:
-        print(json.dumps(found.plain(), indent=2))  # with characters that are not ASCII as escapes
-    else:
-        say(*lines(found))
+    report(arguments.json, found.plain(), *lines(found))
 
 
 def lines(found: "Inspection") -> Iterator[str]:
