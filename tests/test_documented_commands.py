@@ -18,12 +18,13 @@ NOT_RUN = {
     "svfl-collect teleop": "asks for a person, a device and a display; tests/collectors/teleop",
     "svfl-collect calibrate": "asks for pictures of a printed board; tests/collectors/apriltags",
     "svfl-train (centering-|bc-table)": "a table of many trainings; tests/svfl_models/experiments",
-    "svfl-data view (?!.*--save)|.* --rerun": "opens a window or a server; tests/svfl_data/viewer",
+    "svfl-data view (?!.*--out)|.* --rerun": "opens a window or a server; tests/svfl_data/viewer",
+    ".* --(help|version)$": "prints and ends; tests/svfl_data/system/test_command_line.py",
     ".* (data/mine|out/wiping)": "asks for the robot of docs/recording.md; tests/test_docs.py",
 }
 """Calls that are parsed only, by tests/test_docs.py: how they begin, and why."""
 SMALLER = {
-    "svfl-collect centering": "--samples 16 --workers 1",
+    "svfl-collect centering": "--episodes 16 --workers 1",
     "svfl-collect expert": "--episodes 4 --workers 1",
     "svfl-collect expert --task all": "--episodes 1",
     "svfl-collect expert --task block_picking": "--episodes 10",

@@ -6,13 +6,13 @@ import collectors.cli
 import svfl_data.cli
 import svfl_models.cli
 from collectors.commands.options import CAMERAS
-from svfl_data.system.command_line.options_table import commands_of, markdown, options_table
+from svfl_data.system.command_line.options_table import commands_of, options_table
 from svfl_data.system.command_line.suggestions import OTHER_WORDS
 from tests.helpers.command_page import OPTIONS
 
 ROOTS = [module.build_parser() for module in (svfl_data.cli, collectors.cli, svfl_models.cli)]
 TABLE = [option for root in ROOTS for option in options_table(root)]
-TRAINING = {"centering", "latent", "bc", "bc-table"}
+TRAINING = {"centering", "latent", "bc", "bc-table", "rerun"}
 """Commands whose options are those of a training's configuration, as are those of ``centering-table`` and the like."""
 OF_THEIR_OWN = {
     ("svfl-train bc", "--episodes"), ("svfl-train bc-table", "--episodes"),  # demonstrations, as numbers of them
@@ -45,13 +45,6 @@ def test_the_table_has_every_option_of_every_command():
                 if (option.program, option.command) == (root.prog, command):
                     assert option.name in shown, option
     assert {"--version"} <= {option.name for option in TABLE if not option.command}
-
-
-def test_a_program_is_a_page_of_tables():
-    page = markdown(options_table(ROOTS[0]))
-    assert page.count("### svfl-data") == len(commands_of(ROOTS[0]))
-    assert "| `--episode N` | number of the episode, if PATH is a dataset folder; at least 0" in page
-    assert "| `PATH` | dataset folder, or episode file (.hdf5) |" in page
 
 
 @pytest.mark.parametrize("option", TABLE, ids=lambda option: f"{name(option)} {option.name}")

@@ -33,7 +33,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add = parser.add_argument
     add("checkpoint", type=Path, metavar="CHECKPOINT", help="checkpoint.ckpt of svfl-train centering")
-    add("--data", type=Path, required=True, metavar="DATASET", help="dataset folder of svfl-collect centering")
+    add("--data", type=Path, required=True, metavar="FOLDER", help="dataset folder of svfl-collect centering")
     add("--group", choices=tuple(name for name in GROUPS if name != "none"),
         help="symmetry group to test (default: the network's own group, or D4 for a network "
         "without symmetry)")  # fmt: skip

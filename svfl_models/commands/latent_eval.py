@@ -27,7 +27,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add = parser.add_argument
     add("checkpoint", type=Path, metavar="CHECKPOINT", help="checkpoint.ckpt of svfl-train latent")
-    add("--data", type=Path, metavar="DATASET",
+    add("--data", type=Path, metavar="FOLDER",
         help="dataset folder to evaluate on: another dataset, or the new place of the training's one (default: the "
         "folder that the checkpoint names)")  # fmt: skip
     add("--episodes", type=positive, default=EPISODES, metavar="N",

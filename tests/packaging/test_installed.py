@@ -63,9 +63,9 @@ def test_the_base_installation_does_a_days_work_with_data(base):
 
 def test_the_base_installation_says_which_extra_the_rest_needs(base):
     for words in (
-        ("svfl-collect", "centering", "--samples", "1", "--seed", "0", "--out", "new"),
+        ("svfl-collect", "centering", "--episodes", "1", "--seed", "0", "--out", "new"),
         ("svfl-train", "centering", "--data", "new", "--out", "trained"),
-        ("svfl-data", "view", "mine", "--save", "view.rrd"),
+        ("svfl-data", "view", "mine", "--out", "view.rrd"),
     ):
         ended = base.run(*words)
         assert (ended.returncode, ended.stdout) == (1, ""), words
@@ -80,7 +80,7 @@ def test_the_demo_runs_with_the_wheel(wheel, tmp_path):
         "python", "-c", "import collectors, svfl_models; print(collectors.__file__, svfl_models.__file__)"
     )
     assert found.count(str(tmp_path / "environment")) == 2
-    installed.done("svfl-collect", "centering", "--samples", "8", "--seed", "0", "--out", "samples")
+    installed.done("svfl-collect", "centering", "--episodes", "8", "--seed", "0", "--out", "samples")
     installed.done(
         "svfl-collect", "expert", "--task", "household_picking", "--episodes", "1", "--seed", "0", "--out", "picked"
     )
@@ -89,5 +89,5 @@ def test_the_demo_runs_with_the_wheel(wheel, tmp_path):
     few = ["--train-samples", "4", "--test-samples", "4", "--epochs", "1", "--preset", "tiny"]
     installed.done("svfl-train", "centering", "--data", "samples", *few, "--seed", "0", "--out", "trained")
     installed.done("svfl-train", "check", "trained/checkpoint.ckpt", "--data", "samples")
-    installed.done("svfl-data", "view", "samples", "--checkpoint", "trained/checkpoint.ckpt", "--save", "view.rrd")
+    installed.done("svfl-data", "view", "samples", "--checkpoint", "trained/checkpoint.ckpt", "--out", "view.rrd")
     assert (installed.work / "view.rrd").stat().st_size > 0

@@ -7,8 +7,6 @@ from typing import Any
 
 from svfl_data.system.command_line.parser import Commands, Parser
 
-KINDS = {"store_true": "flag", "store_false": "flag", "help": "flag"}
-
 
 @dataclass(frozen=True)
 class Option:
@@ -80,22 +78,3 @@ def _kind(action: argparse.Action) -> str:
     if action.choices is not None:
         return "choice"
     return "text" if action.type is None else str(getattr(action.type, "__name__", action.type))
-
-
-def markdown(options: list[Option]) -> str:
-    """Return the options of a program as tables in Markdown, one for each command.
-
-    Args:
-        options: Options of one program, as `options_table` returns them.
-    """
-    parts = []
-    for command in dict.fromkeys(option.command for option in options):
-        rows = [
-            f"| `{' '.join(filter(None, (one.name, one.values if one.name.startswith('-') else '')))}` "
-            f"| {one.help.replace('|', chr(92) + '|')} |"
-            for one in options
-            if one.command == command
-        ]
-        parts.append("\n".join([f"### {options[0].program} {command}".rstrip(), "", "| argument | meaning |",
-                                "| --- | --- |", *rows]))  # fmt: skip
-    return "\n\n".join(parts) + "\n"

@@ -30,6 +30,7 @@ from svfl_models.training.provenance.commit import Commit
 from svfl_models.training.provenance.record import KEY, of_checkpoint, plain, recorded
 from tests.helpers import latent_evaluated
 from tests.helpers.builders import make_episode
+from tests.helpers.command_page import json_keys
 from tests.helpers.demonstrations import demonstrations
 from tests.helpers.latent_small import SIZES
 from tests.hostile.json_attributes import HIDDEN
@@ -94,7 +95,9 @@ def told(capsys, *words):
     assert cli.main(["info", *map(str, words)]) == 0
     text = capsys.readouterr().out
     assert cli.main(["info", *map(str, words), "--json"]) == 0
-    return text, json.loads(capsys.readouterr().out)
+    facts = json.loads(capsys.readouterr().out)
+    assert facts.keys() == json_keys("svfl-train info")
+    return text, facts
 
 
 @pytest.mark.parametrize("kind", ["policy", "classifier", "latent"])
