@@ -37,6 +37,8 @@ ELSEWHERE = {
 """Pages whose Python is run by tests that look closer, and where these are."""
 NOT_RUN = {
     r"(uv )?pip install ": "changes the environment; `make env` installs the same",
+    r"git clone ": "asks for a repository; CI runs on a fresh clone",
+    r"pip wheel ": "tests/packaging builds and installs the same wheel",
     r"python3.11 -m venv|\.venv/bin/pip ": "makes an environment",
     r"\.venv/bin/python -m (pytest|tests\.)|SVFL_\w+=\w+ ": "runs the tests, or for hours",
     r"rerun ": "opens a window",

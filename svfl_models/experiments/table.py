@@ -66,7 +66,7 @@ same samples.
 
 {_verdict(results)}
 
-![accuracy against training samples](table.png)
+![accuracy against training samples, on the larger test set](table.png)
 
 {error_analysis.section(hardest(results), "table_errors.png")}"""
 

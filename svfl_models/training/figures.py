@@ -24,7 +24,7 @@ def save(figure: Figure, path: Path) -> Path:
     """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)
-    # No palette: with the shades of smooth edges there are more than 256 colours, and a palette merged some.
+    # No palette: with the shades of smooth edges there are more than 256 colours, and a palette merged some of them.
     small = io.BytesIO()
     Image.open(buffer).convert("RGB").save(small, format="png", optimize=True)
     write_atomically(path, small.getvalue())
