@@ -109,7 +109,7 @@ def loaded(address: str, last_s: float) -> ViewerClient:
     """Return a connection to the viewer once it shows a recording until a time, [s]."""
     until = time.monotonic() + LOADING_S
     while time.monotonic() < until:
-        with suppress(ConnectionError, RuntimeError):
+        with suppress(OSError, RuntimeError):
             client = ViewerClient.connect(address)
             timelines = [one for recording in client.get_state().recordings for one in recording.timelines]
             if any(one.name == names.TIMELINE and one.end >= last_s * 1e9 for one in timelines):
@@ -122,7 +122,7 @@ def still(client: ViewerClient) -> bytes:
     """Return a picture as PNG once the viewer has drawn the same one twice; a slow renderer may miss the first ones."""
     last = b""
     for _ in range(TRIES):
-        with suppress(ConnectionError, RuntimeError):
+        with suppress(OSError, RuntimeError):
             picture = client.take_screenshot()
             if picture == last:
                 return picture
