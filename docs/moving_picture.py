@@ -1,8 +1,8 @@
 """Film an episode of block centering in the viewer, with force arrow, wrench and a network's prediction, as WebP.
 
-.venv/bin/python docs/moving_picture.py data/centering --episode 3 --checkpoint out/centering/checkpoint.ckpt
+.venv/bin/python docs/moving_picture.py data/centering --episode 0 --checkpoint out/centering/checkpoint.ckpt
 
-Rerun draws without a window and without a graphics card where Vulkan is (Debian: mesa-vulkan-drivers).
+The episode is one of the test split of that training. Rerun draws without a window and without a graphics card where Vulkan is (Debian: mesa-vulkan-drivers).
 """
 
 import argparse
@@ -134,7 +134,7 @@ def main() -> None:
     """Write the picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path)
-    parser.add_argument("--episode", type=int, default=3)
+    parser.add_argument("--episode", type=int, default=0)
     parser.add_argument("--checkpoint", type=Path, required=True)
     parser.add_argument("--port", type=int, default=9877)
     parser.add_argument("--out", type=Path, default=Path("docs/images/moving_episode.webp"))

@@ -26,6 +26,8 @@ from docs.site.tables import StackedTables  # noqa: E402
 
 PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md")
 """Pages outside ``docs``, besides the notebooks."""
+FILES = ("LICENSE", "CITATION.cff")
+"""What pages link to and is no page."""
 FOREIGN = re.compile(r'<(?:script|link|img|iframe|source)\b[^>]*\b(?:src|href)="?(?:https?:)?//[^>]*>')
 """What a browser would load from another host."""
 
@@ -58,7 +60,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for file in files.src_uris.values():
         if file.src_dir == config.docs_dir:
             kept.append(repository_file(f"{docs.name}/{file.src_uri}", config, file.inclusion))
-    kept += [repository_file(page, config) for page in PAGES]
+    kept += [repository_file(path, config) for path in (*PAGES, *FILES)]
     generated: dict[str, str | bytes] = {**api_pages(), **command_pages()}
     for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
         text, pictures = notebook_page(notebook, "notebooks")
