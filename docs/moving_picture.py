@@ -1,8 +1,8 @@
 """Film an episode of block centering in the viewer, with force arrow, wrench and a network's prediction, as WebP.
 
-.venv/bin/python docs/moving_picture.py data/centering --episode 3 --checkpoint out/centering/checkpoint.ckpt
+.venv/bin/python docs/moving_picture.py data/centering --episode 0 --checkpoint out/centering/checkpoint.ckpt
 
-Rerun draws without a window and without a graphics card where Vulkan is (Debian: mesa-vulkan-drivers).
+The episode is one of the test split of that training. Rerun draws without a window and without a graphics card where Vulkan is (Debian: mesa-vulkan-drivers).
 """
 
 import argparse
@@ -109,7 +109,7 @@ def loaded(address: str, last_s: float) -> ViewerClient:
     """Return a connection to the viewer once it shows a recording until a time, [s]."""
     until = time.monotonic() + LOADING_S
     while time.monotonic() < until:
-        with suppress(ConnectionError, RuntimeError):
+        with suppress(OSError, RuntimeError):
             client = ViewerClient.connect(address)
             timelines = [one for recording in client.get_state().recordings for one in recording.timelines]
             if any(one.name == names.TIMELINE and one.end >= last_s * 1e9 for one in timelines):
@@ -122,7 +122,7 @@ def still(client: ViewerClient) -> bytes:
     """Return a picture as PNG once the viewer has drawn the same one twice; a slow renderer may miss the first ones."""
     last = b""
     for _ in range(TRIES):
-        with suppress(ConnectionError, RuntimeError):
+        with suppress(OSError, RuntimeError):
             picture = client.take_screenshot()
             if picture == last:
                 return picture
@@ -134,7 +134,7 @@ def main() -> None:
     """Write the picture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path)
-    parser.add_argument("--episode", type=int, default=3)
+    parser.add_argument("--episode", type=int, default=0)
     parser.add_argument("--checkpoint", type=Path, required=True)
     parser.add_argument("--port", type=int, default=9877)
     parser.add_argument("--out", type=Path, default=Path("docs/images/moving_episode.webp"))
