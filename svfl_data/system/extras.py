@@ -36,6 +36,7 @@ EXTRAS = {
     "tensorboard": ("tensorboard",),
     "torch": ("models",),
     "wandb": ("wandb",),
+    "yaml": ("models",),
 }
 """Extras of pyproject.toml that install each module, by the name of the module; a test compares both."""
 LAST_PYTHON = {"sim": ("pybullet", (3, 11))}

@@ -142,8 +142,8 @@ def _check_modest(described: Mapping[str, Any]) -> None:
 
 def _check_widths(network: Mapping[str, Any], state: Mapping[str, Tensor]) -> None:
     """Refuse layers that must have more weights than there are, before memory is taken for them."""
-    if network.get("widths") is None:
-        return
+    if network.get("widths") is None or network.get("latent_network"):
+        return  # a latent encoder has sizes of its own, which are built without memory
     kinds = {ImageInput: "v", SequenceInput: "f"}
     inputs = inputs_of_plain(network["inputs"]) if network.get("inputs") else ()
     letters = "".join(kinds.get(type(one), "p") for one in inputs) or network["encoder"]

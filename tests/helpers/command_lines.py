@@ -58,6 +58,7 @@ def train_commands(data: Path, out: Path) -> dict[str, list[str]]:
         "bc-table": ["bc-table", *table, "--episodes", "2", "--trials", "1", "--out", f"{out}/bc_table"],
         "evaluate": ["evaluate", network, "--episodes", "1"],
         "latent": ["latent", "--model", "poe", "--data", str(data), "--steps", "1", "--out", f"{out}/latent"],
+        "rerun": ["rerun", f"{out}/run"],
         "latent-eval": ["latent-eval", latent, "--data", str(data)],
         "info": ["info", network],
     }

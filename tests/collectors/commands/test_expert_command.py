@@ -136,7 +136,7 @@ def test_every_camera_that_stands_still_sees_the_workspace(name):
 @pytest.mark.parametrize(
     ("arguments", "facts"),
     [
-        (["--task", "juggling"], "--task.* 'juggling' .*'block_picking'"),
+        (["--task", "juggling"], "--task.* 'juggling'.*block_picking"),
         (["--noise", "2.5"], r"--noise.* '2\.5' .*0 and 2"),
         (["--noise", "nan"], "--noise.* 'nan' .*0 and 2"),
         (["--episodes", "0"], "--episodes.* '0' .*at least 1"),

@@ -256,7 +256,8 @@ def test_a_policy_acts_in_an_environment_of_another_package(workers, checkpoint)
     assert found.environment == name
     assert 0 < sum(found.success) < 12
     assert found.steps == [2] * 12
-    assert evaluate(checkpoint, 12, seed=3, console=QUIET, environment=name) == found
+    again = evaluate(checkpoint, 12, seed=3, console=QUIET, environment=name)
+    assert (again.success, again.steps) == (found.success, found.steps)
     assert evaluate(checkpoint, 12, seed=4, console=QUIET, environment=name).success != found.success
 
 

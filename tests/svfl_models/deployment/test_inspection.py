@@ -152,7 +152,7 @@ def test_a_latent_model_that_goes_on_lists_each_start(latent, tmp_path, monkeypa
     config = LatentConfig(**load_latent(latent).hparams["training"])
     monkeypatch.setitem(presets.PRESETS, config.preset, replace(presets.PRESETS[config.preset], sizes=SIZES))
     monkeypatch.setattr(session, "own_commit", lambda: SECOND)
-    train_latent(replace(config, steps=4), out, resume=True, console=QUIET)
+    train_latent(replace(config, steps=4), out, console=QUIET)
     assert [one.commit for one in recorded(out)] == [recorded(latent.parent)[0].commit, SECOND.sha]
     assert sessions_of(out) == recorded(out)
 

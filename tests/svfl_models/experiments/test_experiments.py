@@ -84,7 +84,7 @@ def written(out):
 
 def is_drawn(file):
     picture = plt.imread(file)[..., :3]
-    return picture.std() > 0.05 and picture.shape[1] == 1000 and file.stat().st_size < 100_000
+    return picture.std() > 0.05 and picture.shape[1] == 1000 and file.stat().st_size < 200_000
 
 
 def test_a_real_table_from_start_to_end(datasets, tmp_path, capsys):

@@ -137,7 +137,7 @@ def test_reconstructions_are_logged_and_steps_go_on(tmp_path, own_environment, m
     folder = written(tmp_path / "data", [lifting(index) for index in range(5)])
     config = LatentConfig(str(folder), "poe", steps=2, batch_size=4, sequence=3, checkpoint_every=1)
     train_latent(config, tmp_path / "run", console=QUIET, loggers=["tensorboard"])
-    train_latent(replace(config, steps=3), tmp_path / "run", resume=True, console=QUIET, loggers=["tensorboard"])
+    train_latent(replace(config, steps=3), tmp_path / "run", console=QUIET, loggers=["tensorboard"])
     numbers, pictures = tensorboard_numbers(tmp_path / "run")
     assert [step for step, _ in numbers["valid_loss"]] == [1, 2, 3]
     assert [step for step, _ in numbers["gradient_norm"]] == [1, 2, 3]
