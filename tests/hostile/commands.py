@@ -102,8 +102,8 @@ COMMANDS = (
     Command("bc", ("svfl-train", "bc", "--data", "data", "--episodes", "10", "--model", "cnn", "--batch-size", "8",
             *TINY, "--out", "out/made"), EPISODE | ORDER | {"shard"}, heavy=True, spared=ONE),
     Command("latent", ("svfl-train", "latent", "--model", "poe", "--preset", "vtt_2022", "--contact-n", "0.5", "--data",
-            "data", "--split", "default", "--steps", "1", "--batch-size", "1", "--sequence", "2", "--out", "out/made", "--quiet"),
-            EPISODE | ORDER | {"shard", "split"}, heavy=True, spared=ONE),
+            "data", "--split", "default", "--steps", "1", "--batch-size", "1", "--sequence", "2", "--out", "out/made",
+            "--quiet"), EPISODE | ORDER | {"shard", "split"}, heavy=True, spared=ONE),
 )  # fmt: skip
 BY_NAME = {one.name: one.words for one in COMMANDS}
 VIEWED = ("svfl-data", "view", "data", "--episode", "0", "--out", "out/v.rrd", "--checkpoint")
