@@ -54,6 +54,7 @@ bench: env data/centering data/block_picking  ## every benchmark; figures for do
 	$(BIN)/python benchmarks/experts.py
 	$(BIN)/python benchmarks/render.py
 	$(BIN)/python benchmarks/models.py
+	$(BIN)/python benchmarks/precision.py
 	$(BIN)/python benchmarks/inference.py
 	$(BIN)/python benchmarks/record.py
 	$(BIN)/python benchmarks/store.py --data data/centering

@@ -34,6 +34,8 @@ FORMATS: dict[str, Context] = {
 }
 HELD_OUT = 256
 LAST = 5
+SIGNAL = 0.15
+"""Force in the direction of a sample, in units of the noise of a reading: so small that learning takes a while."""
 
 
 def steps(asked: argparse.Namespace) -> None:
@@ -83,7 +85,7 @@ def samples(count: int, generator: torch.Generator) -> dict[str, Tensor]:
     direction = torch.randint(4, (count,), generator=generator)
     angle = direction * torch.pi / 2
     wrench = torch.randn(count, WINDOW, 6, generator=generator)
-    wrench[..., :2] += torch.stack([angle.cos(), angle.sin()], dim=-1)[:, None]
+    wrench[..., :2] += SIGNAL * torch.stack([angle.cos(), angle.sin()], dim=-1)[:, None]
     return {"image": torch.rand(count, 4, 64, 64, generator=generator), "wrench": wrench, "direction": direction}
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from svfl_data.errors import UsageError
 from svfl_data.system.command_line import Commands, add_json, natural, positive, report
 from svfl_models.training.run_folder import ACTION_ERRORS, EVALUATION
+from svfl_models.training.trackers.names import TRACKERS, check_trackers
 
 EXAMPLE = """\
 svfl-train evaluate out/bc_picking/checkpoint.ckpt --episodes 100 --workers 2
@@ -47,6 +48,9 @@ def add(commands: Commands) -> None:
     add("--out", type=Path, metavar="FILE",
         help=f"file to write, JSON; with --data a report is written beside it (default: {EVALUATION}, or "
         f"{ACTION_ERRORS} with --data, beside the checkpoint)")  # fmt: skip
+    add("--logger", nargs="+", choices=TRACKERS, default=[], metavar="NAME",
+        help="experiment trackers to log the success rate and a film of the first episode to, in the run of the training "
+        "(default: none)")  # fmt: skip
     add_json(parser)
     parser.set_defaults(command=run)
 
@@ -58,12 +62,13 @@ def run(arguments: argparse.Namespace) -> None:
         arguments: Options of the command.
 
     Raises:
-        UsageError: If options for an environment are given together with a dataset.
+        UsageError: If options for an environment are given together with a dataset, or a tracker is not installed.
         SvflError: If the checkpoint cannot be used, the environment cannot be run, or the file cannot be written.
     """
     if arguments.data is not None:
         _compare(arguments)
         return
+    check_trackers(arguments.logger)
     from svfl_models.cloning.evaluate import evaluate  # torch, lightning and escnn take seconds to import
 
     found = evaluate(
@@ -71,11 +76,15 @@ def run(arguments: argparse.Namespace) -> None:
         robot=arguments.robot, environment=arguments.env,
     )  # fmt: skip
     found.save(arguments.out or arguments.checkpoint.with_name(EVALUATION))
+    if arguments.logger:
+        from svfl_models.cloning.evaluation.rollout import log_evaluation
+
+        log_evaluation(found, arguments.logger, arguments.robot)
     report(arguments.json, found.plain(), found)
 
 
 def _compare(arguments: argparse.Namespace) -> None:
-    given = [name for name in ("seed", "robot", "env", "workers") if getattr(arguments, name) is not None]
+    given = [name for name in ("seed", "robot", "env", "workers", "logger") if getattr(arguments, name)]
     if given:
         raise UsageError(f"--{given[0]} is for running a policy; --data compares with recorded actions")
     from svfl_models.cloning.evaluation.action_errors import action_errors  # torch takes seconds to import

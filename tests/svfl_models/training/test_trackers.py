@@ -25,7 +25,7 @@ from svfl_models.cloning.train import train_cloning
 from svfl_models.latent import config as presets
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.train import train_latent
-from svfl_models.training import run_folder
+from svfl_models.training import run_folder, trainer
 from svfl_models.training.trackers import names, trackers
 from tests.helpers.builders import make_episode
 from tests.helpers.demonstrations import demonstrations
@@ -142,6 +142,13 @@ def test_reconstructions_are_logged_and_steps_go_on(tmp_path, own_environment, m
     assert [step for step, _ in numbers["valid_loss"]] == [1, 2, 3]
     assert [step for step, _ in numbers["gradient_norm"]] == [1, 2, 3]
     assert pictures["reconstructions"][-1] == (tmp_path / "run" / run_folder.RECONSTRUCTIONS).read_bytes()
+
+
+@pytest.mark.slow
+def test_without_a_tracker_nothing_is_measured(cloning, tmp_path, monkeypatch):
+    """A step of an untracked training is not slower."""
+    monkeypatch.setattr(trainer, "Measurements", None)
+    train_cloning(cloning, tmp_path, QUIET)
 
 
 class Broken:
