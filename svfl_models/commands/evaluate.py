@@ -49,8 +49,8 @@ def add(commands: Commands) -> None:
         help=f"file to write, JSON; with --data a report is written beside it (default: {EVALUATION}, or "
         f"{ACTION_ERRORS} with --data, beside the checkpoint)")  # fmt: skip
     add("--logger", nargs="+", choices=TRACKERS, default=[], metavar="NAME",
-        help="experiment trackers to log the success rate and a film of the first episode to, in the run of the training "
-        "(default: none)")  # fmt: skip
+        help="experiment trackers to log the success rate and a film of the first episode to, in the run of the "
+        "training (default: none)")  # fmt: skip
     add_json(parser)
     parser.set_defaults(command=run)
 
@@ -69,6 +69,8 @@ def run(arguments: argparse.Namespace) -> None:
         _compare(arguments)
         return
     check_trackers(arguments.logger)
+    if arguments.logger and arguments.env:
+        raise UsageError("--logger films the simulation of the task, which --env replaces; leave out one of them")
     from svfl_models.cloning.evaluate import evaluate  # torch, lightning and escnn take seconds to import
 
     found = evaluate(
@@ -84,7 +86,9 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _compare(arguments: argparse.Namespace) -> None:
-    given = [name for name in ("seed", "robot", "env", "workers", "logger") if getattr(arguments, name)]
+    given = [
+        name for name in ("seed", "robot", "env", "workers", "logger") if getattr(arguments, name) not in (None, [])
+    ]
     if given:
         raise UsageError(f"--{given[0]} is for running a policy; --data compares with recorded actions")
     from svfl_models.cloning.evaluation.action_errors import action_errors  # torch takes seconds to import
