@@ -189,7 +189,7 @@ def test_other_blocks_are_what_they_seem_to_be(tmp_path):
             program = next(one for one in PROGRAMS_OF_TRAINING if one.name == read_yaml(file)["program"])
             assert complete(program.settings, resolve(program.settings, file, program=program.name))
         else:
-            assert block.language in ("", "python", "sh"), block
+            assert block.language in ("", "python", "sh", "bash"), block
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)

@@ -62,7 +62,7 @@ class TrainingConfig:
         25
     """
 
-    data: Annotated[str, option("dataset folder of svfl-collect centering", metavar="DATASET")]
+    data: Annotated[str, option("dataset folder of svfl-collect centering", metavar="FOLDER")]
     encoder: Annotated[str, option(
         "inputs of the network: v for image, f for wrench (force and torque), vf for both; vfp also for "
         "proprioception, which pretrained latent encoders need", choices=tuple(INPUTS))] = "vf"  # fmt: skip
@@ -148,14 +148,14 @@ class SeparateTest:
 
     separate_test: Annotated[str, option(
         "second dataset folder of svfl-collect centering, all of whose samples are tested too and none of which is "
-        "trained on", metavar="DATASET")] | None = None  # fmt: skip
+        "trained on", metavar="FOLDER")] | None = None  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Sweep:
     """What an experiment of many trainings varies, beside what its kind varies."""
 
-    data: Annotated[str, option("dataset folder of svfl-collect centering", metavar="DATASET")]
+    data: Annotated[str, option("dataset folder of svfl-collect centering", metavar="FOLDER")]
     train_samples: Annotated[list[Annotated[int, option("", ge=1)]], option(
         "numbers of training samples to compare")]  # fmt: skip
     seeds: Annotated[int, option("number of seeds; the seeds are 0 to N-1", ge=1)] = 3

@@ -30,7 +30,7 @@ class CloningConfig:
         'C4'
     """
 
-    data: Annotated[str, option("dataset folder with demonstrations, as of svfl-collect expert", metavar="DATASET")]
+    data: Annotated[str, option("dataset folder with demonstrations, as of svfl-collect expert", metavar="FOLDER")]
     episodes: Annotated[int, option(
         "number of demonstrations to use: the first ones that succeeded, part of which is held out (valid)",
         ge=1)] = 50  # fmt: skip

@@ -26,7 +26,7 @@ RECIPE = (
 class Table:
     """What the policies of a table differ in."""
 
-    data: Annotated[list[str], option("dataset folders with demonstrations, one for each task", metavar="DATASET")]
+    data: Annotated[list[str], option("dataset folders with demonstrations, one for each task", metavar="FOLDER")]
     episodes: Annotated[list[Annotated[int, option("", ge=1)]], option(
         "numbers of demonstrations to train on, one policy for each; --epochs is for the largest one, and with fewer "
         "demonstrations more epochs are trained, so that all policies have as many optimiser steps",

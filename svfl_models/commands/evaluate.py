@@ -31,7 +31,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add = parser.add_argument
     add("checkpoint", type=Path, metavar="CHECKPOINT", help="checkpoint.ckpt of svfl-train bc")
-    add("--data", type=Path, metavar="DATASET",
+    add("--data", type=Path, metavar="FOLDER",
         help="dataset folder with whose successful demonstrations the actions are compared; of the dataset that the "
         "policy has learned from, those that it has not (default: run the policy)")  # fmt: skip
     add("--episodes", type=positive, metavar="N",

@@ -133,7 +133,7 @@ class LatentConfig:
         'poe'
     """
 
-    data: Annotated[str, option("dataset folder of svfl-collect expert", metavar="DATASET")]
+    data: Annotated[str, option("dataset folder of svfl-collect expert", metavar="FOLDER")]
     model: Annotated[str, option(
         "kind of latent model: vtt is a transformer, poe a product of experts, concat concatenates features",
         choices=MODELS)]  # fmt: skip

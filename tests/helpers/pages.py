@@ -53,5 +53,5 @@ def program_calls() -> list[list[str]]:
         if block.language in ("", "sh")
         for line in command_lines(block)
     ]
-    calls = [tuple(shlex.split(line, comments=True)) for line in lines if line.startswith(PROGRAMS)]
+    calls = [tuple(shlex.split(line.partition(" > ")[0], comments=True)) for line in lines if line.startswith(PROGRAMS)]
     return [list(call) for call in dict.fromkeys(calls)]
