@@ -123,9 +123,8 @@ def text_of(program: str, values: Mapping[str, Any], settings: Sequence[Setting]
 def _flow(value: object) -> str:
     """Return a plain value as YAML on one line."""
     own = _yaml()
-    readable = not BREAKS & {
-        *json.dumps(value, ensure_ascii=False)
-    }  # PyYAML would write these as line breaks, which are read as spaces
+    written = json.dumps(value, ensure_ascii=False)
+    readable = not BREAKS & {*written}  # PyYAML would write these as line breaks, which are read as spaces
     text = own.yaml.dump(
         value, Dumper=own.Dumper, sort_keys=False, width=2**20, default_flow_style=True, allow_unicode=readable
     )
