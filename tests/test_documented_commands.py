@@ -19,6 +19,7 @@ NOT_RUN = {
     "svfl-collect calibrate": "asks for pictures of a printed board; tests/collectors/apriltags",
     "svfl-train (centering-|bc-table)": "a table of many trainings; tests/svfl_models/experiments",
     "svfl-data view (?!.*--out)|.* --rerun": "opens a window or a server; tests/svfl_data/viewer",
+    "svfl-train (bc --config|rerun)": "asks for the run of a call before it; tests/svfl_models/configuration",
     ".* --(help|version)$": "prints and ends; tests/svfl_data/system/test_command_line.py",
     ".* (data/mine|out/wiping)": "asks for the robot of docs/recording.md; tests/test_docs.py",
 }

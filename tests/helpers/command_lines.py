@@ -43,6 +43,9 @@ def data_commands(data: Path, out: Path) -> dict[str, list[str]]:
 def train_commands(data: Path, out: Path) -> dict[str, list[str]]:
     """The words of every command of ``svfl-train``; the checkpoints that some need do not exist."""
     network, latent = f"{out}/network.ckpt", f"{out}/latent.ckpt"
+    run = out / "run" / "run.yaml"
+    run.parent.mkdir(parents=True, exist_ok=True)
+    run.write_text(f"program: bc\ndata: {data}\n")
     table = ["--data", str(data), "--seeds", "1", "--epochs", "1", "--preset", "tiny", "--workers", "1"]
     few = ["--train-samples", "1", "--test-samples", "1"]
     return {
