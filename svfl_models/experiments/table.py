@@ -55,7 +55,7 @@ def body(results: Results) -> str:
             for test in tests(results):
                 rows.append([*name, f"ours, {test}", *(_ours(cell, test) for cell in found)])
                 name = ["", ""]
-            rows.append(["", "", "paper", *(_paper(cell) or NOTHING for cell in found)])
+            rows.append(["", "", "paper", *(str(_paper(cell) or NOTHING) for cell in found)])
     return f"""\
 V is the image, F the last {results.cells[0].config.window} wrench readings. SVFL is symmetric under D4, CNN is its
 parameter-matched CNN baseline{_parameters(results)}. The paper is Kohler et al., CoRL 2023, block centering in
