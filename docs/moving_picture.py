@@ -2,7 +2,8 @@
 
 .venv/bin/python docs/moving_picture.py data/centering --episode 0 --checkpoint out/centering/checkpoint.ckpt
 
-The episode is one of the test split of that training. Rerun draws without a window and without a graphics card where Vulkan is (Debian: mesa-vulkan-drivers).
+The episode is one of the test split of that training. Rerun draws without a window and without a graphics card where
+Vulkan is (Debian: mesa-vulkan-drivers).
 """
 
 import argparse
