@@ -35,8 +35,7 @@ def badge(name: str, value: str) -> str:
     left, right = (round(len(text) * CHARACTER) + 2 * MARGIN for text in (name, value))
     text = 'y="14" text-anchor="middle"'
     return f"""\
-<svg xmlns="http://www.w3.org/2000/svg" width="{left + right}" height="{HEIGHT}" role="img"
- aria-label="{name}: {value}">
+<svg xmlns="http://www.w3.org/2000/svg" role="img" width="{left + right}" height="{HEIGHT}">
 <title>{name}: {value}</title>
 <rect width="{left + right}" height="{HEIGHT}" rx="3" fill="#444"/>
 <path d="M{left} 0h{right - 3}a3 3 0 0 1 3 3v{HEIGHT - 6}a3 3 0 0 1-3 3h-{right - 3}z" fill="#0060a0"/>
