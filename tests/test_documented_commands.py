@@ -20,7 +20,7 @@ NOT_RUN = {
     "svfl-train (centering-|bc-table)": "a table of many trainings; tests/svfl_models/experiments",
     "svfl-data view (?!.*--out)|.* --rerun": "opens a window or a server; tests/svfl_data/viewer",
     "svfl-train (bc --config|rerun)": "asks for the run of a call before it; tests/svfl_models/configuration",
-    "svfl-train evaluate .*--(data|env) ": "asks for other demonstrations, or another package; tests/svfl_models/cloning",
+    "svfl-train evaluate .*--(data|env) ": "asks for other data or another package; tests/svfl_models/cloning",
     ".* --(help|version)$": "prints and ends; tests/svfl_data/system/test_command_line.py",
     ".* (data/mine|out/wiping)": "asks for the robot of docs/recording.md; tests/test_docs.py",
 }
@@ -60,8 +60,8 @@ def smaller(words: list[str]) -> list[str]:
     ]
 
 
-def test_most_calls_are_run():
-    assert len(runnable()) > len(program_calls()) / 2
+def test_at_least_half_of_the_calls_are_run():
+    assert len(runnable()) >= len(program_calls()) / 2
 
 
 def test_the_calls_work(tmp_path, monkeypatch, capsys):
