@@ -56,7 +56,8 @@ class Inputs(nn.Module):
     def image(self, image: Tensor) -> Tensor:
         """Scale colour and depth, shape (..., 4, H, W); a pixel without depth (0) gets the mean depth."""
         scaled = self.normalization.scaled("image", image)
-        return torch.cat([scaled[..., :3, :, :], scaled[..., 3:, :, :] * (image[..., 3:, :, :] > 0)], dim=-3)
+        scaled[..., 3, :, :] *= image[..., 3, :, :] > 0
+        return scaled
 
     def wrench(self, wrench: Tensor) -> Tensor:
         """Scale wrench windows, shape (..., 64, 6)."""

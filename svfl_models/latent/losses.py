@@ -92,11 +92,14 @@ class Objective:
         image = batch["image"].flatten(0, 1)
         unit = image.new_tensor([1.0, 1.0, 1.0, DEPTH_UNIT])[:, None, None]
         target = (image - network.inputs.normalization.mean("image")[:, None, None]) / unit
-        nats = _nats(network.decoder(seen.states.state.flatten(0, 1)) - target)
-        valid = (image[:, 3] > 0).float()
+        error = network.decoder(seen.states.state.flatten(0, 1)) - target
+        color, depth = error.split([3, 1], dim=1)  # its backward pass is one concatenation, that of indices is four passes
+        valid = image[:, 3:] > 0
         frames, pixels = batch["image"].shape[1], image[0, 0].numel()
-        depth = (nats[:, 3] * valid).sum() / valid.sum().clamp(min=1)
-        return {"image": Term(nats[:, :3].mean(), 3 * frames * pixels), "depth": Term(depth, frames * pixels)}
+        return {
+            "image": Term(_nats(color.square().sum(), color.numel()) / color.numel(), 3 * frames * pixels),
+            "depth": Term(_nats((depth * valid).square().sum(), valid.sum()) / valid.sum().clamp(min=1), frames * pixels),
+        }
 
     def _divergences(self, network: LatentNetwork, batch: Batch, seen: LatentOutput) -> dict[str, Term]:
         kl = seen.states.posterior.kl(seen.states.prior)
@@ -137,6 +140,6 @@ def _entropy(logits: Tensor, target: Tensor) -> Term:
     return Term(functional.binary_cross_entropy_with_logits(logits, target), logits[0].numel())
 
 
-def _nats(error: Tensor) -> Tensor:
-    """Return the negative logarithm of a normal density of deviation `SIGMA`, [nat]."""
-    return 0.5 * (error / SIGMA).square() + math.log(SIGMA) + 0.5 * math.log(2 * math.pi)
+def _nats(squares: Tensor, count: Tensor | int) -> Tensor:
+    """Return the negative logarithm of the normal density of `count` errors with a sum of squares, [nat]."""
+    return 0.5 * squares / SIGMA**2 + count * (math.log(SIGMA) + 0.5 * math.log(2 * math.pi))

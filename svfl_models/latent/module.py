@@ -83,7 +83,7 @@ class LatentModule(pl.LightningModule):
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """Return Adam with a constant learning rate, in the state of the checkpoint after `go_on`."""
-        adam = torch.optim.Adam(self.parameters(), lr=self.learning_rate)
+        adam = torch.optim.Adam(self.parameters(), lr=self.learning_rate, fused=True)
         if self.earlier_adam is not None:
             adam.load_state_dict(self.earlier_adam)
         return adam

@@ -39,5 +39,5 @@ class Decoder(nn.Module):
         for number, layer in enumerate(self.layers):
             x = layer(x)
             if number + 1 < len(self.layers):
-                x = functional.leaky_relu(x, SLOPE)
+                x = functional.leaky_relu(x, SLOPE, inplace=True)
         return x

@@ -33,7 +33,7 @@ class ImageTrunk(nn.Module):
         """Map images (B, 4, 64, 64) to vectors (B, out)."""
         x = image.contiguous(memory_format=torch.channels_last)
         for convolution in self.convolutions:
-            x = functional.leaky_relu(convolution(x), SLOPE)
+            x = functional.leaky_relu(convolution(x), SLOPE, inplace=True)
         return self.last(x).flatten(1)
 
 

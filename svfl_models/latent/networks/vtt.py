@@ -59,10 +59,17 @@ class VTTEncoder(Encoder):
         """Return the n tokens of each modality, shape (B, n, D)."""
         image, wrench, proprio = all_of(inputs)
         return {
-            "image": self.image(image).flatten(2).transpose(1, 2),  # (B, D, h, w) -> (B, h w, D)
+            "image": self._patches(image),
             "wrench": self.wrench(wrench.reshape(len(wrench), -1, self.readings * 6)),
             "proprio": self.proprio(proprio)[:, None],
         }
+
+    def _patches(self, image: Tensor) -> Tensor:
+        # The convolution's own backward pass takes ten times as long, because its kernel and stride are 16 pixels.
+        size = self.image.stride[0]
+        patches = image.unflatten(3, (-1, size)).unflatten(2, (-1, size))  # (B, 4, h, size, w, size)
+        flat = patches.permute(0, 2, 4, 1, 3, 5).flatten(3).flatten(1, 2)  # (B, h w, 4 size size)
+        return functional.linear(flat, self.image.weight.flatten(1), self.image.bias)
 
     def join(self, parts: Parts) -> Encoding:
         """Apply self-attention to all tokens and compute the outputs from them."""
@@ -99,14 +106,18 @@ class Block(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Map tokens (B, N, D) to tokens of the same shape."""
         query, key, value = self._heads(x)
-        mixed = functional.scaled_dot_product_attention(query, key, value)  # Vaswani et al., NeurIPS 2017, equation 1
+        mixed = self._weights(query, key) @ value  # Vaswani et al., NeurIPS 2017, equation 1
         x = x + self.out(mixed.transpose(1, 2).flatten(2))  # (B, heads, N, D / heads) -> (B, N, D)
         return x + self.perceptron(self.second(x))
 
     def attention(self, x: Tensor) -> Tensor:
         """Return the attention of each token to each other one, shape (B, heads, N, N); rows sum to 1."""
         query, key, _ = self._heads(x)
-        return (query @ key.transpose(-2, -1) / query.shape[-1] ** 0.5).softmax(dim=-1)
+        return self._weights(query, key)
+
+    @staticmethod
+    def _weights(query: Tensor, key: Tensor) -> Tensor:
+        return (query * query.shape[-1] ** -0.5 @ key.transpose(-2, -1)).softmax(dim=-1)
 
     def _heads(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         split = self.query_key_value(self.first(x)).unflatten(-1, (3, self.heads, -1))  # (B, N, 3, heads, D / heads)

@@ -117,3 +117,19 @@ def test_the_published_transformer_is_this_one_up_to_its_inputs():
     inputs = (4 * 16 * 16 + 1) * dim + (6 * sizes.readings + 1) * dim + (6 + 1) * dim
     assert parameter_count(VTTEncoder(sizes)) == published + inputs + tokens * (dim + 32 * sizes.joined)
     assert PRESETS["vtt_2022"].sizes == sizes
+
+
+def test_attention_is_that_of_pytorch():
+    block, tokens = VTTEncoder(SIZES).blocks[0], torch.randn(3, 7, SIZES.dim)
+    seen: list[torch.Tensor] = []
+    block.out.register_forward_pre_hook(lambda _, given: seen.append(given[0]))
+    block(tokens)
+    heads = block.query_key_value(block.first(tokens)).reshape(3, 7, 3, SIZES.heads, -1).permute(2, 0, 3, 1, 4)
+    expected = torch.nn.functional.scaled_dot_product_attention(*heads)
+    torch.testing.assert_close(seen[0], expected.transpose(1, 2).reshape(3, 7, -1))
+
+
+def test_patches_are_those_of_the_convolution():
+    encoder, image = VTTEncoder(SIZES), torch.randn(2, 4, 64, 64)
+    tokens = encoder.parts({"image": image, "wrench": torch.zeros(2, 64, 6), "proprio": torch.zeros(2, 6)})["image"]
+    assert (tokens - encoder.image(image).flatten(2).transpose(1, 2)).abs().max() < 1e-4  # sums of 1,024 products in another order
