@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from svfl_data.checks.between import Between
+from svfl_data.checks.episode_checks import check_episode
 from svfl_data.checks.finding import Finding, Severity
-from svfl_data.checks.judging import check_episode
 from svfl_data.checks.usable import check_usable, sound
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, OldVersionError, SvflError

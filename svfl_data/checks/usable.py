@@ -6,10 +6,10 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from svfl_data.checks.episode_checks import check_images, check_streams
 from svfl_data.checks.finding import Finding
-from svfl_data.checks.judging import check_images, check_streams
+from svfl_data.checks.findings_cache import Verdicts
 from svfl_data.checks.placing import check_place
-from svfl_data.checks.verdicts import Verdicts
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, SvflError
 from svfl_data.storage.reader import EpisodeReader

@@ -8,7 +8,7 @@ import pytest
 from torch.utils.data import DataLoader
 
 from svfl_data.checks import check_dataset, check_usable
-from svfl_data.checks.verdicts import Verdicts
+from svfl_data.checks.findings_cache import Verdicts
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, SvflError
 from svfl_data.replay import ReplayBuffer, ReplayConfig
@@ -124,7 +124,7 @@ def test_verdicts_are_kept_by_content_and_looked_at_no_image_again(tmp_path, mon
             outcomes.append(check_usable(dataset, episodes))
         except DatasetError as error:
             outcomes.append(str(error))
-        monkeypatch.setattr("svfl_data.checks.judging.IMAGE_CHECKS", (None,) * (len(outcomes) > 1))
+        monkeypatch.setattr("svfl_data.checks.episode_checks.IMAGE_CHECKS", (None,) * (len(outcomes) > 1))
     assert outcomes[0] is None
     assert outcomes[1] == outcomes[2]
     assert re.search(SATURATED, outcomes[1])
@@ -145,7 +145,7 @@ def test_other_rules_judge_again(tmp_path, monkeypatch):
     with Verdicts() as verdicts:
         assert verdicts.known("a seal", "streams", "e") == []
         assert verdicts.known("a seal", "front", "e") is None
-        monkeypatch.setattr("svfl_data.checks.verdicts.source_hash", lambda *names: "others")
+        monkeypatch.setattr("svfl_data.checks.findings_cache.source_hash", lambda *names: "others")
         assert verdicts.known("a seal", "streams", "e") is None
 
 
@@ -203,6 +203,6 @@ def test_inputs_that_are_not_used_do_not_matter(encoder, tmp_path):
 def test_no_image_is_read_where_none_is_used(tmp_path, monkeypatch):
     dataset = written(tmp_path / "d")
     monkeypatch.setattr("svfl_data.sampling.frames.Frames.of", None)
-    monkeypatch.setattr("svfl_data.checks.judging.IMAGE_CHECKS", None)
+    monkeypatch.setattr("svfl_data.checks.episode_checks.IMAGE_CHECKS", None)
     assert load_centering(dataset.path, inputs=("wrench",)).image.size == 0
     Samples(dataset, cameras=[])
