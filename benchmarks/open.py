@@ -1,6 +1,6 @@
 """Cost of the first look at a dataset, and of a later one: `Samples` of the dataset, in fresh processes.
 
-The first look hashes every episode, has it examined by another process and judges it; the result goes to the user's
+The first look hashes every episode, has it examined by another process and checks it; the result goes to the user's
 cache (here: a temporary one). A later look finds it there. The datasets are copies of the episodes of another dataset,
 which the system already has in memory. Times are CPU seconds of a process, and of those that it started.
 

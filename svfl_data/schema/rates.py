@@ -23,7 +23,7 @@ LONGEST_NS = 7 * 24 * 3600 * 10**9
 """Largest time of the episode clock that is believed, [ns], which is a week. A clock that began with the Unix epoch
 shows 50 years."""
 FEW = 5
-"""Smallest number of readings from which a rate is judged."""
+"""Smallest number of readings from which a rate is measured."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def rate_fault(found: Found, declared: float | None) -> tuple[Literal["error", "
 
     Returns:
         Class of the fault and its description, such as ``comes at 50 Hz, but 500 Hz was declared``. None if the rates
-        agree, no rate was declared, or there are too few readings to judge.
+        agree, no rate was declared, or there are too few readings to measure a rate.
     """
     if declared is None or found.count < FEW:
         return None

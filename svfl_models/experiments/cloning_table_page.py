@@ -113,7 +113,7 @@ def _differences(table: Table) -> str:
     between, more = _compared(table, networks), _compared(table, demonstrations)
     if not between and not more:
         return ""
-    rows = [[*label, f"{100 * one.value:+.0f}", _points(one), _verdict(one)] for label, one in (*between, *more)]
+    rows = [[*label, f"{100 * one.value:+.0f}", _points(one), _significance(one)] for label, one in (*between, *more)]
     header = ["task", "demonstrations", "network", "difference, points", "95 % interval", "told from noise"]
     return f"## Differences\n\n{markdown(header, rows)}{_falls(more)}"
 
@@ -132,7 +132,7 @@ def _points(found: Interval) -> str:
     return f"{100 * found.low:+.0f} to {100 * found.high:+.0f}"
 
 
-def _verdict(found: Interval) -> str:
+def _significance(found: Interval) -> str:
     if not found.between_seeds:
         return "unknown (one seed)"
     return "yes" if found.excludes_zero else "no"

@@ -33,7 +33,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Alignment:
-    """Judgement of a model on matched and mismatched pairs of image and wrench.
+    """Evaluation of a model on matched and mismatched pairs of image and wrench.
 
     Attributes:
         accepted: Share of all frames that the model accepts with their own wrench, 0..1.
