@@ -79,7 +79,13 @@ def rooms(package: str) -> str:
             files = len([file for file in path.rglob("*.py") if file.stem != "__init__"]) if path.is_dir() else 1
             lines.append(f"| {floor} | `{name}` | {files} | {purpose(path)} |")
     count = sum(map(len, graph.values()))
-    lines += ["", f"{count} imports between subpackages; the diagram omits those that follow from others:", "", "```mermaid", "flowchart BT"]
+    lines += [
+        "",
+        f"{count} imports between subpackages; the diagram omits those that follow from others:",
+        "",
+        "```mermaid",
+        "flowchart BT",
+    ]
     lines += [f"    {name} --> {other}" for name, ones in sorted(shortest(graph).items()) for other in sorted(ones)]
     return "\n".join([*lines, "```"])
 
