@@ -85,7 +85,7 @@ def main() -> None:
     arguments = parser.parse_args()
     versions = f"Python {platform.python_version()}, h5py {h5py.__version__}, NumPy {np.__version__}"
     print(f"{os.cpu_count()} cores, {versions}, load {os.getloadavg()[0]:.1f}\n")
-    print("| episodes | look | s | CPU s | CPU ms per episode | CPU s of other processes |")
+    print("| episodes | opening | s | CPU s | CPU ms per episode | CPU s of other processes |")
     print("| ---: | --- | ---: | ---: | ---: | ---: |")
     for count in arguments.sizes:
         with tempfile.TemporaryDirectory() as scratch:
