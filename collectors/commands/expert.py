@@ -50,8 +50,8 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--perturb", type=between(0, 1, "a number"), default=0.0, metavar="P",
-        help="probability, between 0 and 1, that at an action the gripper begins to be pushed off its way; from such "
-        "demonstrations a policy learns how to correct its errors (default: %(default)g)",
+        help="probability, between 0 and 1, that a random perturbation of the actions (DART) begins at an action; "
+        "from such demonstrations a policy learns to recover from errors (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
         "--tags",

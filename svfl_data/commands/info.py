@@ -34,7 +34,7 @@ def add(commands: Commands) -> None:
         description="Print what a dataset holds: episodes, steps, hours, tasks, instructions, robots, success rate, "
         "sources, streams with rate and unit, cameras with size, rate and place, actions and fields of your own with "
         "unit, axes, bounds and what is assumed, bytes, operators, versions, and the identity: a hash over the seals "
-        "of all episodes, by which runs name the data that they have learned from. With --episode, or if PATH is an "
+        "of all episodes, by which runs identify their training data. With --episode, or if PATH is an "
         "episode file, print the details of one episode.",
         example="svfl-data info data/centering\nsvfl-data info data/centering --episode 3 --json",
     )

@@ -188,7 +188,7 @@ def clock_of(path: str) -> str:
 
 
 def camera_pose(camera: str, paths: Container[str]) -> str:
-    """Return in words where a camera is: empty if it stands still, else ``moves``, ``on the gripper`` or ``no pose``.
+    """Return in words where a camera is: empty if it is fixed, else ``moves``, ``on the gripper`` or ``no pose``.
 
     Args:
         camera: Name of the camera.

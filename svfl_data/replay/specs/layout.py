@@ -29,7 +29,7 @@ class Array:
         dtype: NumPy dtype as a text.
         parts: Parts of the components of the last axis that are rotated and reflected; empty if the array stays.
         offset: Numbers that are subtracted from the components before they are rotated and added afterwards, because
-            positions turn about the centre of the workspace. Empty if there is nothing to subtract.
+            positions rotate about the centre of the workspace. Empty if there is nothing to subtract.
     """
 
     name: str
