@@ -22,7 +22,7 @@ from svfl_data.errors import UsageError
 from svfl_data.schema.robot import Calibration, Policy, Watcher
 
 TAGGED = ("block_picking", "block_pushing")
-"""Names of the tasks whose success is told by a block's pose."""
+"""Names of the tasks whose success is determined by a block's pose."""
 TARGET = (0.55, 0.0, 0.03)
 TAG_CAMERAS = {
     f"tags_{name}": CameraConfig(
@@ -80,7 +80,7 @@ def watched(task: Task, noise: float = 0.0, seed: int = 0, cameras: Mapping[str,
         cameras: Cameras that look at the tags, by name.
 
     Returns:
-        The watch, which tells from the tags when the task is achieved.
+        The watch, which detects from the tags when the task is achieved.
 
     Raises:
         UsageError: If tags cannot tell the success of the task.
@@ -99,7 +99,7 @@ def watched(task: Task, noise: float = 0.0, seed: int = 0, cameras: Mapping[str,
 
 @dataclass(frozen=True)
 class TaggedCollector(ExpertCollector):
-    """Collector of demonstrations whose success is told by tags, as on a real table.
+    """Collector of demonstrations whose success is determined by tags, as on a real table.
 
     An attempt ends when the tags show success. It is a demonstration if the tags show success at its end, whatever the
     true state is. An episode has the stream ``streams/tags/``, and in ``extra/state/achieved`` whether the task truly

@@ -50,7 +50,7 @@ def check_file(path: Path) -> list[Finding]:
 def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
     """Yield everything that is wrong with a dataset: one list of findings per episode, then one for the whole dataset.
 
-    The last list tells what does not fit together between the episodes (`svfl_data.checks.between`), and names
+    The last list states what does not match between the episodes (`svfl_data.checks.between`), and names
     unfinished episodes.
 
     Args:

@@ -94,7 +94,7 @@ def dataset_lines(
     Args:
         dataset: Dataset to describe.
         found: Summary of the dataset.
-        first: First episode, whose declarations are told; None if it cannot be read.
+        first: First episode, whose declarations are shown; None if it cannot be read.
         strays: Names of files that look like episode files but are not counted, because their names are not exact.
         who: Identity of the dataset.
     """
@@ -131,7 +131,7 @@ def dataset_lines(
 
 
 def _told(episode: EpisodeReader) -> list[Field]:
-    """Return the fields that are told for a dataset: actions, the user's own ones, and those with an assumption."""
+    """Return the fields that are shown for a dataset: actions, the user's own ones, and those with an assumption."""
     declared = [field for path in episode.paths if (field := episode.declarations.at(path))]
     mine = {field.path for field in own(episode.paths, episode.declarations)}
     return [field for field in declared if field.assumed or field.path in mine or field.group == "actions"]

@@ -124,7 +124,7 @@ def unsealed_header(extent: Extent) -> Header:
 
 
 def forget() -> None:
-    """Forget every episode that this process knows, so that each is opened again; the user's cache is kept."""
+    """Forget every episode that this process has opened, so that each is opened again; the user's cache is kept."""
     with _lock:
         _known.clear()
 
@@ -190,7 +190,7 @@ def _remembered(extent: Extent) -> Header | None:
 
 
 def _opened(extent: Extent) -> Header | FormatError | FieldError:
-    """Open an episode that neither this process nor the cache knows; return its header or the error that refuses it."""
+    """Open an episode that is neither in this process nor in the cache; return its header or the error."""
     try:
         digest = checked_seal(extent)
         answer = examined(extent, extent.size - SEAL_SIZE)

@@ -1,4 +1,4 @@
-"""Conditions under which demonstrations were recorded, which a policy trained on them must know in order to act."""
+"""Conditions under which demonstrations were recorded, which a policy trained on them needs in order to act."""
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence

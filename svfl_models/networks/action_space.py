@@ -1,4 +1,4 @@
-"""What a network must know of an action: how its components transform, and the bounds of its commands."""
+"""What a network needs of an action: how its components transform, and the bounds of its commands."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,7 @@
 """What a replay buffer keeps of an episode and gives in a batch, for any inputs and any action.
 
 A specification (`svfl_data.replay.specs.replay_spec`, `svfl_data.replay.specs.recorded_spec`) says it once as a
-`Layout`. Episodes, batches, rotations and saved files follow the layout, and know nothing of particular cameras or
+`Layout`. Episodes, batches, rotations and saved files follow the layout, and do not depend on particular cameras or
 sensors.
 """
 
