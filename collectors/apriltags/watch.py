@@ -1,4 +1,4 @@
-"""Use of tags during a task: they tell when the task is achieved, and where the object is for a reset.
+"""Use of tags during a task: to detect when the task is achieved, and to locate the object for a reset.
 
 No observation comes from tags.
 """

@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
         "svfl-collect expert --task block_picking --cameras front,top --image-size 128 --out data/two_views\n"
         "svfl-collect expert --task block_picking --robot ur5e_sim --out data/ur5e   # the UR5e instead of the Panda\n"
         "svfl-collect expert --task block_picking --perturb 0.15 --out data/perturbed   # to clone a policy\n"
-        "svfl-collect expert --task block_picking --tags --out data/tagged   # AprilTags tell success\n"
+        "svfl-collect expert --task block_picking --tags --out data/tagged   # AprilTags determine success\n"
         "svfl-collect expert --task block_picking --out data/seen --rerun   # watch it, after starting: rerun\n"
         "svfl-collect expert --task block_picking --executor ray --address head:6379 --workers 64 --out data/large",
     )
@@ -117,7 +117,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _kind(tags: bool) -> type[ExpertCollector]:
-    """Return the collector class in which AprilTags (extra ``real``) or the true state of the world tell success."""
+    """Return the collector class whose success is determined by AprilTags (extra ``real``) or by the true state."""
     if tags:
         from collectors.sources.tagged_expert import TaggedCollector
 

@@ -1,4 +1,4 @@
-"""``svfl-collect replay``: simulate an episode again and compare it with the record."""
+"""``svfl-collect replay``: simulate an episode again and compare it with the recording."""
 
 import argparse
 

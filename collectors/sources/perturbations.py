@@ -1,4 +1,4 @@
-"""Perturbations: disturbances of the gripper, after which a demonstration shows the way back.
+"""Perturbations of the gripper, so that demonstrations show how to recover from errors.
 
 An expert that never makes an error never shows what to do after an error, and a policy that is cloned from the expert
 cannot recover from its own first error. Therefore the gripper is pushed off its path at random times while the expert

@@ -1,4 +1,4 @@
-"""Simulation of a recorded episode again, from its configuration, seed and actions, and comparison with the record."""
+"""Repeated simulation of a recorded episode from its configuration, seed and actions, and comparison of both."""
 
 import json
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""Collector of demonstrations in simulation whose block wears AprilTags that tell when the task is achieved."""
+"""Collector of demonstrations in simulation whose block has AprilTags that show when the task is achieved."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
@@ -91,7 +91,7 @@ def watched(task: Task, noise: float = 0.0, seed: int = 0, cameras: Mapping[str,
     elif isinstance(task, BlockPicking):
         success = Lifted(task.scene.half + block_picking.LIFTED)
     else:
-        raise UsageError(f"tags tell success of {' and '.join(TAGGED)}, not of {type(task).__name__}")
+        raise UsageError(f"tags can determine the success of {' and '.join(TAGGED)}, not of {type(task).__name__}")
     task.body, layout = wear_tags(task.world.client, task.body, task.scene.half)
     placed = {name: SimulatedTagCamera(task.world, config, noise, seed) for name, config in cameras.items()}
     return Watch(Tracker(layout, upright=isinstance(task, BlockPushing)), placed, success)
@@ -126,7 +126,7 @@ class TaggedCollector(ExpertCollector):
             UsageError: If tags cannot tell the success of the task.
         """
         if self.task not in TAGGED:
-            raise UsageError(f"tags tell success of {' and '.join(TAGGED)}, not of {self.task}")
+            raise UsageError(f"tags can determine the success of {' and '.join(TAGGED)}, not of {self.task}")
 
     def config(self) -> dict[str, Any]:
         """Everything that was set, as JSON values."""

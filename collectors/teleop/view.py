@@ -1,4 +1,4 @@
-"""View that a person sees while steering, and the functions that compute it."""
+"""View that a person sees during teleoperation, and the functions that compute it."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Checks of recorded data: small functions that describe in words what is wrong with an episode or a dataset.
+"""Checks of recorded data: functions that describe the errors of an episode or a dataset.
 
 A check takes a valid episode (`svfl_data.schema.validity`) and yields findings. Reading an episode already checks that
 it is valid and that its file is whole. `check_file` turns the errors of reading into findings, too.

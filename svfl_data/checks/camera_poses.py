@@ -1,4 +1,4 @@
-"""Checks that the poses of cameras that move are complete, and that they move as a camera can."""
+"""Checks that the poses of cameras that move are complete, and that their motion is possible."""
 
 from collections.abc import Iterator
 

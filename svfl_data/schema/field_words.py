@@ -1,4 +1,4 @@
-"""What a declaration says, in words and names for people: names and units of components, meaning, assumptions."""
+"""Description of a declaration in words: names and units of components, meaning, assumptions."""
 
 from collections.abc import Container, Iterable
 from itertools import groupby

@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
         return
     check_trackers(arguments.logger)
     if arguments.logger and arguments.env:
-        raise UsageError("--logger films the simulation of the task, which --env replaces; leave out one of them")
+        raise UsageError("--logger records a video of the simulation, which --env replaces; leave out one of them")
     from svfl_models.cloning.evaluate import evaluate  # torch, lightning and escnn take seconds to import
 
     found = evaluate(

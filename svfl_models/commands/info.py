@@ -1,4 +1,4 @@
-"""The command ``svfl-train info``, which prints what a trained network's file says of it."""
+"""The command ``svfl-train info``, which prints the description in the file of a trained network."""
 
 import argparse
 from collections.abc import Iterator, Mapping

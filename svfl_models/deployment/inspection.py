@@ -1,4 +1,4 @@
-"""What a checkpoint or an exported network says of itself: configuration, inputs, network, data, provenance, results.
+"""Description of a checkpoint or an exported network: configuration, inputs, network, data, provenance, results.
 
 The files may come from anybody. Checkpoints are opened as for use, so that their description is what they do. Texts
 in the answer are those of the file; whoever prints them makes them printable.
