@@ -97,9 +97,9 @@ def steps(asked: argparse.Namespace) -> None:
         for group in asked.group:
             for encoder in asked.encoder:
                 network = CenteringClassifier(encoder, group, preset)
-                twin = plain(network).train().requires_grad_(True)
-                ours, theirs = alternating([step(network), step(twin)], asked.seconds)
-                counts = (f"{parameter_count(one):,}" for one in (network, twin))
+                ordinary = plain(network).train().requires_grad_(True)
+                ours, theirs = alternating([step(network), step(ordinary)], asked.seconds)
+                counts = (f"{parameter_count(one):,}" for one in (network, ordinary))
                 times = (f"{1e3 * ours:.1f}", f"{1e3 * theirs:.1f}", f"{ours / theirs:.2f}")
                 row(preset, group, encoder, *counts, *times)
 
@@ -168,7 +168,7 @@ def inference(asked: argparse.Namespace) -> None:
     for preset in asked.preset:
         for group in asked.group:
             network, batch = CenteringClassifier("vf", group, preset).eval(), random_batch(1)
-            twin = plain(network)
+            ordinary = plain(network)
             combine, combining = SymmetricConv.expand_parameters, []
 
             def clocked(layer: SymmetricConv) -> tuple[Tensor, Tensor]:
@@ -177,7 +177,7 @@ def inference(asked: argparse.Namespace) -> None:
                 combining.append(time.process_time() - start)  # noqa: B023
                 return combined
 
-            whole, exported = alternating((lambda: network(batch), lambda: twin(batch)), asked.seconds)  # noqa: B023
+            whole, exported = alternating((lambda: network(batch), lambda: ordinary(batch)), asked.seconds)  # noqa: B023
             with patch.object(SymmetricConv, "expand_parameters", clocked):
                 start = time.process_time()
                 for _ in range(10):

@@ -1,6 +1,6 @@
 """Cost of the first look at a dataset, and of a later one: `Samples` of the dataset, in fresh processes.
 
-The first look hashes every episode, has it examined by another process and judges it; the result goes to the user's
+The first look hashes every episode, has it examined by another process and checks it; the result goes to the user's
 cache (here: a temporary one). A later look finds it there. The datasets are copies of the episodes of another dataset,
 which the system already has in memory. Times are CPU seconds of a process, and of those that it started.
 
@@ -85,7 +85,7 @@ def main() -> None:
     arguments = parser.parse_args()
     versions = f"Python {platform.python_version()}, h5py {h5py.__version__}, NumPy {np.__version__}"
     print(f"{os.cpu_count()} cores, {versions}, load {os.getloadavg()[0]:.1f}\n")
-    print("| episodes | look | s | CPU s | CPU ms per episode | CPU s of other processes |")
+    print("| episodes | opening | s | CPU s | CPU ms per episode | CPU s of other processes |")
     print("| ---: | --- | ---: | ---: | ---: | ---: |")
     for count in arguments.sizes:
         with tempfile.TemporaryDirectory() as scratch:

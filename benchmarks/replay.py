@@ -278,19 +278,19 @@ def main() -> None:
         makers["tianshou, lean"] = lambda: Tianshou(dataset, count, lean=True)
     variants = {
         "ours, n = 3": lambda: Ours(dataset, count, n_step=3),
-        "ours, turned by D4": lambda: Ours(dataset, count, rotate=True),
+        "ours, rotated by D4": lambda: Ours(dataset, count, rotate=True),
     }
     raw = sum(episode.arrays[path].nbytes for episode in first(dataset, count) for path in KEPT)
     steps = steps_of(dataset, count)
     print(f"{count} demonstrations of {dataset.info['task']}, {steps} transitions, {megabytes(raw)} MB recorded\n")
-    print("| way | loading, s (wall) | arrays, MB | of what was recorded | process grew, MB |")
+    print("| method | loading, s (wall) | arrays, MB | % of the recorded size | growth of the process, MB |")
     print("| --- | ---: | ---: | ---: | ---: |")
     for name, make in makers.items():
         wall, cpu, size, growth = in_child(partial(loaded, make))
         cells = f"{cpu:.2f} ({wall:.2f})", megabytes(size), f"{100 * size / raw:.0f} %", megabytes(growth)
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
-    print("\n| way | batch, ms (10..90 %) | wall, ms | x ours |\n| --- | ---: | ---: | ---: |")
+    print("\n| method | batch, ms (10..90 %) | wall, ms | x ours |\n| --- | ---: | ---: | ---: |")
     times = alternating({name: make() for name, make in (makers | variants).items()}, args.rounds)
     ours = median(times["ours"][0])
     for name, (cpu, wall) in times.items():

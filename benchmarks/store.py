@@ -154,7 +154,7 @@ def reading(folder: Path, rounds: int, scratch: Path) -> None:
     print(
         f"Random reading: {len(sealed)} samples of {len(dataset)} episodes, {size / 1e3:.1f} kB each, {BATCH} a batch\n"
     )
-    print("| way | samples per CPU second (lowest..highest round) | x h5py (open) | of memory copy |")
+    print("| method | samples per CPU second (lowest..highest round) | x h5py (open) | of memory copy |")
     print("| --- | ---: | ---: | ---: |")
     for name, values in rates.items():
         middle = np.median(values)

@@ -34,21 +34,21 @@ WAYS = {
         "svfl_models.networks.encoders.ForceEncoder.forward", "svfl_models.networks.encoders.SelfAttention.forward",
     ),
 }  # fmt: skip
-"""Functions that an image and a wrench pass on the way from the sensor to the network, in order."""
+"""Functions that process an image and a wrench between the sensor and the network, in order."""
 
 
 def purpose(path: Path) -> str:
-    """Return the first line of a room's docstring.
+    """Return the first line of a subpackage's docstring.
 
     Args:
-        path: Folder of the room, or path of its module without a suffix.
+        path: Folder of the subpackage, or path of its module without a suffix.
     """
     file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
     return (ast.get_docstring(ast.parse(file.read_text())) or "").splitlines()[0]
 
 
 def arrows(package: str) -> dict[str, set[str]]:
-    """Return the rooms that each room of a package imports, by room."""
+    """Return the subpackages that each subpackage of a package imports."""
     names = {name for floor in FLOORS[package] for name in floor.split()}
     found: dict[str, set[str]] = {}
     for file in (ROOT / package).rglob("*.py"):
@@ -59,7 +59,7 @@ def arrows(package: str) -> dict[str, set[str]]:
 
 
 def shortest(graph: dict[str, set[str]]) -> dict[str, set[str]]:
-    """Return a graph without the arrows that follow from other arrows."""
+    """Return a graph without the edges that follow from other edges."""
 
     def below(name: str) -> set[str]:
         return graph[name] | {deep for one in graph[name] for deep in below(one)}
@@ -70,22 +70,28 @@ def shortest(graph: dict[str, set[str]]) -> dict[str, set[str]]:
 
 
 def rooms(package: str) -> str:
-    """Return the Markdown table and the diagram of a package's rooms."""
+    """Return the Markdown table and the diagram of a package's subpackages."""
     graph = arrows(package)
-    lines = ["| floor | room | files | holds |", "| --- | --- | --- | --- |"]
+    lines = ["| layer | subpackage | files | content |", "| --- | --- | --- | --- |"]
     for floor, names in enumerate(FLOORS[package], start=1):
         for name in names.split():
             path = ROOT / package / name
             files = len([file for file in path.rglob("*.py") if file.stem != "__init__"]) if path.is_dir() else 1
             lines.append(f"| {floor} | `{name}` | {files} | {purpose(path)} |")
     count = sum(map(len, graph.values()))
-    lines += ["", f"{count} arrows; those that follow from others are left out:", "", "```mermaid", "flowchart BT"]
+    lines += [
+        "",
+        f"{count} imports between subpackages; the diagram omits those that follow from others:",
+        "",
+        "```mermaid",
+        "flowchart BT",
+    ]
     lines += [f"    {name} --> {other}" for name, ones in sorted(shortest(graph).items()) for other in sorted(ones)]
     return "\n".join([*lines, "```"])
 
 
 def way(name: str) -> str:
-    """Return the diagram of a way through the software, one of `WAYS`."""
+    """Return the diagram of a data flow, one of `WAYS`."""
     places = [
         place.rsplit(".", 2) if place.split(".")[-2][0].isupper() else place.rsplit(".", 1) for place in WAYS[name]
     ]

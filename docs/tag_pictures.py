@@ -1,4 +1,4 @@
-"""Draw docs/images/tag_board.png and docs/images/tagged_cube.png: a sheet to print, and poses found from tags.
+"""Draw docs/images/tag_board.png and docs/images/tagged_cube.png: a page to print, and poses found from tags.
 
 .venv/bin/python docs/tag_pictures.py
 """
@@ -22,13 +22,13 @@ from svfl_data.schema.robot import Calibration
 FOLDER = Path(__file__).parent / "images"
 AXES = ((220, 40, 40), (40, 170, 40), (60, 90, 255))  # RGB of x, y, z
 LENGTH = 0.045  # [m] of an axis that is drawn
-DPI = 72  # pixels per inch of the sheet
+DPI = 72  # pixels per inch of the page
 SIDE = 320  # [px] of each picture of the block
 FINE = 2  # pixels that are drawn for a pixel of the camera, along each edge
 SCENES = (0, 13)  # steps of the episode: before the gripper comes, and while it grasps
 
 
-def sheet() -> np.ndarray:
+def page() -> np.ndarray:
     """Return a picture of the board of ``svfl-collect tags --board 4x5 --size 30``, (H, W) uint8."""
     fine = picture(board_page("tag36h11", 4, 5, 30.0, 0, "a4"), 4 * DPI)
     return np.asarray(cv2.resize(fine, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA))
@@ -92,7 +92,7 @@ def drawn(color: np.ndarray, known: Calibration, pose: np.ndarray) -> np.ndarray
 
 def main() -> None:
     """Write both pictures."""
-    cv2.imwrite(str(FOLDER / "tag_board.png"), sheet(), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    cv2.imwrite(str(FOLDER / "tag_board.png"), page(), [cv2.IMWRITE_PNG_COMPRESSION, 9])
     cv2.imwrite(str(FOLDER / "tagged_cube.png"), cube()[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
 

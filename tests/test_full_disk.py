@@ -83,7 +83,7 @@ WRITERS = {
     "episode.png": lambda file: plot.save(make_episode(0), file),
     "episode.hdf5": lambda file: write_episode(make_episode(0), file),
     "evaluation.json": lambda file: Evaluation("x", "y", 0, [True], [3]).save(file),
-    "sheet.pdf": lambda file: print_files.write([], file),
+    "page.pdf": lambda file: print_files.write([], file),
     "layout.json": lambda file: Layout.grid(2, 2, 0.02, 0.03).write(file),
     "page.md": lambda file: writing.write_text(file, "page"),
     "result.json": lambda file: writing.write_json(file, {}),

@@ -53,7 +53,7 @@ def test_a_command_that_cannot_work_prints_no_object(tmp_path, capsys):
     assert capsys.readouterr().out == ""
 
 
-def test_sheets_of_tags(tmp_path):
+def test_pages_of_tags(tmp_path):
     for words in (["--count", 2], ["--board", "2x2"]):
         done = collect("tags", *words, "--out", tmp_path / "tags.pdf", "--json")
         told = json.loads(done.stdout)

@@ -1,4 +1,4 @@
-"""Fiducial tags that tell where an object or a camera is (docs/apriltags.md).
+"""Fiducial tags that measure the pose of an object or a camera (docs/apriltags.md).
 
 Tags serve reward, reset and calibration. Poses from tags never become part of an `Observation`: no policy sees them.
 

@@ -1,4 +1,4 @@
-"""Calibration file: a JSON file, readable by people, with what collectors know about real cameras."""
+"""Calibration file: a JSON file, readable by people, with intrinsics and poses of real cameras."""
 
 import json
 from pathlib import Path

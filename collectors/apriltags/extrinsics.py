@@ -141,7 +141,7 @@ def from_gripper_held_board(
         intrinsics: Pinhole matrix of the camera, (3, 3), [px].
 
     Raises:
-        CollectError: If there are fewer than `LEAST_VIEWS` views, the gripper has turned about less than two axes, or
+        CollectError: If there are fewer than `LEAST_VIEWS` views, the gripper has rotated about less than two axes, or
             the pictures do not determine the camera's pose.
     """
     from scipy.optimize import least_squares
@@ -154,7 +154,7 @@ def from_gripper_held_board(
     spread = np.linalg.svd(turns - turns.mean(axis=0), compute_uv=False) / np.sqrt(len(turns))
     if spread[1] < LEAST_TURN:
         raise CollectError(
-            f"hand-held board: in the {len(views)} usable pictures the gripper has not turned about two axes (spread "
+            f"hand-held board: in the {len(views)} usable pictures the gripper has not rotated about two axes (spread "
             f"about the second {np.degrees(spread[1]):.1f} deg, needed {np.degrees(LEAST_TURN):.1f} deg); "
             "tilt it, or lay the board on the table and use --board-pose"
         )

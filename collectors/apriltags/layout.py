@@ -1,4 +1,4 @@
-"""Layouts of the tags on a rigid body, such as a block with a tag on each face or a sheet with a grid of tags."""
+"""Layouts of the tags on a rigid body, such as a block with a tag on each face or a page with a grid of tags."""
 
 import json
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Files that print sheets of tags in true size: PDF files with vectors, and PNG files with their resolution."""
+"""Files that print pages of tags in true size: PDF files with vectors, and PNG files with their resolution."""
 
 from datetime import UTC, datetime
 from io import BytesIO
@@ -14,14 +14,14 @@ from collectors.apriltags.print_layout import Block, Page
 from svfl_data.system.atomic_io import write_atomically
 
 POINT = 72 / 25.4  # points in a millimetre
-DPI = 300  # pixels per inch of a sheet that is drawn as a picture
+DPI = 300  # pixels per inch of a page that is drawn as a picture
 
 
 def pdf(pages: list[Page]) -> bytes:
-    """Return a PDF file with one page for each sheet. The same sheets give the same bytes.
+    """Return a PDF file with the given pages. The same pages give the same bytes.
 
     Args:
-        pages: The sheets.
+        pages: The pages.
     """
     document = FPDF(unit="mm")
     document.set_creation_date(datetime(2000, 1, 1, tzinfo=UTC))
@@ -45,10 +45,10 @@ def _fill(document: FPDF, blocks: list[Block]) -> None:
 
 
 def picture(page: Page, dpi: int = DPI) -> NDArray[np.uint8]:
-    """Draw a sheet as a grey picture, (H, W) uint8, with the edges of modules rounded to pixels.
+    """Draw a page as a grey picture, (H, W) uint8, with the edges of modules rounded to pixels.
 
     Args:
-        page: Sheet to draw.
+        page: Page to draw.
         dpi: Resolution of the picture in pixels per inch.
     """
     scale = dpi / 25.4
@@ -67,10 +67,10 @@ def picture(page: Page, dpi: int = DPI) -> NDArray[np.uint8]:
 
 
 def png(page: Page, dpi: int = DPI) -> bytes:
-    """Return the bytes of a PNG file of a sheet that states its resolution, so that it prints in true size.
+    """Return the bytes of a PNG file of a page that states its resolution, so that it prints in true size.
 
     Args:
-        page: Sheet to draw.
+        page: Page to draw.
         dpi: Resolution of the picture in pixels per inch.
     """
     file = BytesIO()
@@ -79,10 +79,10 @@ def png(page: Page, dpi: int = DPI) -> bytes:
 
 
 def write(pages: list[Page], path: Path) -> list[Path]:
-    """Write sheets as one PDF file, or as PNG files with one file for each sheet.
+    """Write pages as one PDF file, or as PNG files with one file for each page.
 
     Args:
-        pages: Sheets to write.
+        pages: Pages to write.
         path: File to write. With the suffix ``.pdf`` it is a PDF file, otherwise a PNG file; the names of further PNG
             files get a number.
 

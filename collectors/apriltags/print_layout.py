@@ -1,4 +1,4 @@
-"""Sheets of tags to print, as positions on the paper in millimetres from its upper left corner."""
+"""Pages of tags to print, as positions on the paper in millimetres from its upper left corner."""
 
 import math
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Page:
-    """Content of one sheet of paper.
+    """Content of one page of paper.
 
     Attributes:
         width: Width of the paper, [mm].

@@ -1,4 +1,4 @@
-"""Tracker of a tagged object, which decides whether a pose found in a picture is believed and how old it is."""
+"""Tracker of a tagged object, which decides whether a pose found in a picture is accepted, and measures its age."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from svfl_data.schema.robot import Calibration
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits that a sighting of the object must keep to be believed.
+    """Limits within which a detection of the object is accepted.
 
     Attributes:
         margin: Least decision margin of a tag, in grey levels; tags with a smaller margin are ignored.
@@ -35,7 +35,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Track:
-    """Last believed pose of an object, together with its age.
+    """Last accepted pose of an object, together with its age.
 
     Attributes:
         pose: Position [m], quat_xyzw, base axes, (7,).
@@ -60,7 +60,7 @@ class Tracker:
     """Tracker of one object through the pictures of one or several calibrated cameras.
 
     Attributes:
-        refused: Reasons for which sightings were not believed (``no tag``, ``unclear``, ``edges``), and how often each
+        refused: Reasons for which detections were refused (``no tag``, ``unclear``, ``edges``), and how often each
             occurred.
     """
 
@@ -71,7 +71,7 @@ class Tracker:
             layout: Layout of the tags on the object.
             upright: Whether the object is known to stand upright (z up), such as a block that is pushed, but not one
                 that is lifted.
-            limits: Limits that a sighting must keep to be believed. None takes the defaults of `Limits`.
+            limits: Limits within which a detection is accepted. None takes the defaults of `Limits`.
         """
         self.layout, self.upright, self.limits = layout, upright, limits or Limits()
         self.refused: Counter[str] = Counter()
@@ -89,7 +89,7 @@ class Tracker:
             camera: Calibration of the camera that took the picture.
 
         Returns:
-            The last believed pose with its age at the time of the latest picture, as from `at`. It is None before the
+            The last accepted pose with its age at the time of the latest picture, as from `at`. It is None before the
             object has been seen.
         """
         if (self._seen is None or t_ns >= self._seen[0]) and (found := self._believed(picture, camera)):
@@ -102,7 +102,7 @@ class Tracker:
         return track
 
     def at(self, t_ns: int) -> Track | None:
-        """Return the last believed pose with its age at the time `t_ns` [ns]; None before the object has been seen."""
+        """Return the last accepted pose with its age at the time `t_ns` [ns]; None before the object has been seen."""
         if self._seen is None:
             return None
         seen_ns, track = self._seen

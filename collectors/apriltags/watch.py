@@ -1,4 +1,4 @@
-"""Use of tags during a task: they tell when the task is achieved, and where the object is for a reset.
+"""Use of tags during a task: to detect when the task is achieved, and to locate the object for a reset.
 
 No observation comes from tags.
 """
@@ -73,7 +73,7 @@ class Lifted:
 
 
 class Watch:
-    """Observer of an object's pose while a policy acts, which tells when the task is achieved.
+    """Observer of an object's pose while a policy acts, which detects when the task is achieved.
 
     ```python
     watch = Watch(Tracker(layout, upright=True), {"tags": camera}, Reached(goal, 0.05, 0.03))
@@ -81,7 +81,7 @@ class Watch:
     ```
 
     Attributes:
-        track: Last believed pose of the object with its age at the last look, or None if it has never been seen.
+        track: Last accepted pose of the object with its age at the last look, or None if it has never been seen.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class Watch:
         """Look through the cameras until one sees the object.
 
         Returns:
-            The last believed pose of the object with its age, or None if the object has never been seen.
+            The last accepted pose of the object with its age, or None if the object has never been seen.
         """
         for camera in self.cameras.values():
             t_ns, picture = camera()

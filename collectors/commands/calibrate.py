@@ -38,7 +38,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--printed", type=between(50, 200, "a length in mm"), default=100.0, metavar="MM",
-        help="measured length of the 100 mm line on the printed sheet, mm, between 50 and 200 (default: %(default)g)",
+        help="measured length of the 100 mm line on the printed page, mm, between 50 and 200 (default: %(default)g)",
     )  # fmt: skip
     place = parser.add_mutually_exclusive_group(required=True)
     place.add_argument(

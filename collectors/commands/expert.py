@@ -28,7 +28,7 @@ def add(commands: Commands) -> None:
         "svfl-collect expert --task block_picking --cameras front,top --image-size 128 --out data/two_views\n"
         "svfl-collect expert --task block_picking --robot ur5e_sim --out data/ur5e   # the UR5e instead of the Panda\n"
         "svfl-collect expert --task block_picking --perturb 0.15 --out data/perturbed   # to clone a policy\n"
-        "svfl-collect expert --task block_picking --tags --out data/tagged   # AprilTags tell success\n"
+        "svfl-collect expert --task block_picking --tags --out data/tagged   # AprilTags determine success\n"
         "svfl-collect expert --task block_picking --out data/seen --rerun   # watch it, after starting: rerun\n"
         "svfl-collect expert --task block_picking --executor ray --address head:6379 --workers 64 --out data/large",
     )
@@ -50,8 +50,8 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--perturb", type=between(0, 1, "a number"), default=0.0, metavar="P",
-        help="probability, between 0 and 1, that at an action the gripper begins to be pushed off its way; from such "
-        "demonstrations a policy learns how to correct its errors (default: %(default)g)",
+        help="probability, between 0 and 1, that a random perturbation of the actions (DART) begins at an action; "
+        "from such demonstrations a policy learns to recover from errors (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
         "--tags",
@@ -117,7 +117,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _kind(tags: bool) -> type[ExpertCollector]:
-    """Return the collector class in which AprilTags (extra ``real``) or the true state of the world tell success."""
+    """Return the collector class whose success is determined by AprilTags (extra ``real``) or by the true state."""
     if tags:
         from collectors.sources.tagged_expert import TaggedCollector
 

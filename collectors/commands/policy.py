@@ -16,11 +16,10 @@ def add(commands: Commands) -> None:
         help="record episodes of a trained policy, and print its success rate",
         description="Record episodes of a trained policy, on a robot or in simulated scenes that are in no "
         "demonstration, and print its success rate. Every episode is kept and counted, whether it succeeds or not. The "
-        "cameras on "
-        "whose images the policy was trained must be among --cameras. svfl-train export writes .pt2 files; other "
-        "packages can add further kinds of files (collectors/sources/policy.py). On a robot that is not simulated, "
-        "nobody but a person knows the success: all episodes are marked as no success, which svfl-data relabel "
-        "changes.",
+        "cameras on whose images the policy was trained must be among --cameras. svfl-train export writes .pt2 "
+        "files; other packages can add further kinds of files (collectors/sources/policy.py). On a robot that is not "
+        "simulated, the success is not measured: all episodes are marked as no success, until svfl-data relabel "
+        "changes it.",
         example="svfl-collect policy --task block_picking --checkpoint policy.pt2 --episodes 100 --out data/trained\n"
         "svfl-collect policy --task wiping --robot my_arm --checkpoint policy.pt2 --max-steps 400 --out data/tried",
     )

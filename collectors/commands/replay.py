@@ -1,4 +1,4 @@
-"""``svfl-collect replay``: simulate an episode again and compare it with the record."""
+"""``svfl-collect replay``: simulate an episode again and compare it with the recording."""
 
 import argparse
 
@@ -21,7 +21,7 @@ def add(commands: Commands) -> None:
     add_episode(parser)
     robot = parser.add_argument(
         "--robot", metavar="NAME",
-        help="robot, a simulated one, that carries out the recorded actions (default: the robot of the episode)",
+        help="robot, a simulated one, that executes the recorded actions (default: the robot of the episode)",
     )  # fmt: skip
     complete_with(robot, robots)
     add_json(parser)

@@ -1,4 +1,4 @@
-"""``svfl-collect tags``: write a sheet of tags to print in true size."""
+"""``svfl-collect tags``: write a page of tags to print in true size."""
 
 import argparse
 from pathlib import Path
@@ -12,14 +12,14 @@ def add(commands: Commands) -> None:
     """Add ``tags`` to the commands of the command line."""
     parser = commands.add_parser(
         "tags",
-        help="write a sheet of AprilTags to print: for objects, for a cube, or a board for calibration",
-        description="Write a sheet of AprilTags (PDF or PNG) to be printed in true size. It has cut marks, ids, and a "
+        help="write a page of AprilTags to print: for objects, for a cube, or a board for calibration",
+        description="Write a page of AprilTags (PDF or PNG) to be printed in true size. It has cut marks, ids, and a "
         "line of 100 mm with which the scale of the printer is checked. With --cube and --board, a JSON file of the "
         "same name is written as well, which states where the tags are on the body; the tracker and svfl-collect "
         "calibrate read it.",
         example="svfl-collect tags --count 12 --size 30 --out tags.pdf\n"
         "svfl-collect tags --cube 50 --out block.pdf                  # a tag for each face, as large as fits\n"
-        "svfl-collect tags --cube 50 --printed 99.4 --out block.pdf   # the sheet's line came out at 99.4 mm\n"
+        "svfl-collect tags --cube 50 --printed 99.4 --out block.pdf   # the printed line is 99.4 mm long\n"
         "svfl-collect tags --board 4x5 --size 30 --paper letter --out board.pdf",
     )
     what = parser.add_mutually_exclusive_group()
@@ -49,7 +49,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--printed", type=between(50, 200, "a length in mm"), default=100.0, metavar="MM",
-        help="measured length of the 100 mm line on the printed sheet, mm, between 50 and 200; with --cube, corrects "
+        help="measured length of the 100 mm line on the printed page, mm, between 50 and 200; with --cube, corrects "
         "the size of the tags in the JSON file; for a board, give it to svfl-collect calibrate (default: %(default)g)",
     )  # fmt: skip
     parser.add_argument(
@@ -57,7 +57,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE",
-        help="file to write; its name ends in .pdf or .png; sheets after the first are added to the PDF file, or are "
+        help="file to write; its name ends in .pdf or .png; pages after the first are added to the PDF file, or are "
         "PNG files with a number",
     )  # fmt: skip
     add_json(parser)
@@ -65,7 +65,7 @@ def add(commands: Commands) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Write the sheet and, for a cube or a board, the layout file, and print what was written.
+    """Write the page and, for a cube or a board, the layout file, and print what was written.
 
     Args:
         arguments: Parsed options of the command.
@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> None:
     out, family, first, paper = (getattr(arguments, name) for name in ("out", "family", "first", "paper"))
     size = arguments.size or SIZE_MM
     if out.suffix not in (".pdf", ".png"):
-        raise UsageError(f"--out {out}: a sheet is FILE.pdf or FILE.png")
+        raise UsageError(f"--out {out}: the name of a page must end in .pdf or .png")
     if arguments.printed != RULER and not arguments.cube:
         raise UsageError("--printed corrects the file of a --cube; for a board give it to svfl-collect calibrate")
     layout = None

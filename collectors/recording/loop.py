@@ -12,7 +12,7 @@ from svfl_data.schema.robot import Observation, Policy, Readings, Watcher
 from svfl_data.schema.robot import Robot as Robot  # one of the public names of this package
 
 State = Mapping[str, np.ndarray]
-"""True values that only a simulation knows, by name."""
+"""True values that are known only in a simulation, by name."""
 OBJECT = "object"
 """Name of the state that is the pose of the task's object, (7,): position [m], quat_xyzw, base axes."""
 

@@ -162,7 +162,7 @@ def _connected(address: str | None) -> Any:  # noqa: ANN401 - Ray's module
 def _keep_to_this_machine() -> None:
     """Make a cluster that is started here listen on the loopback interface alone, and require its token.
 
-    By default Ray listens on every interface and obeys everybody. Ray's processes read these settings from their
+    By default Ray listens on every interface and accepts every client. Ray's processes read these settings from their
     environment, and the process that starts them reads the settings when it imports Ray.
     """
     os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # despite the name, 0 means a cluster of one machine

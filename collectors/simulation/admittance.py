@@ -1,4 +1,4 @@
-"""The Cartesian admittance law, which says how far the gripper gives way to a force."""
+"""The Cartesian admittance law, which computes how far the gripper yields to a force."""
 
 import math
 from dataclasses import dataclass

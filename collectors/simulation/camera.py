@@ -1,4 +1,4 @@
-"""The RGB-D camera, which stands still or is mounted on the gripper, and its calibration."""
+"""The RGB-D camera, which is fixed or mounted on the gripper, and its calibration."""
 
 import math
 from collections.abc import Iterable
@@ -79,7 +79,7 @@ CAMERAS = {
         eye=(0.09, 0.0, -0.14), target=(0.0, 0.0, 0.02), up=(-1.0, 0.0, 0.0), mounted=True, fov_deg=60.0, near=0.03
     ),
 }
-"""Cameras by name. Those that stand still look at the workspace centre from 0.8 to 1.2 m, left and right as seen from
+"""Cameras by name. The fixed ones look at the workspace centre from 0.8 to 1.2 m, left and right as seen from
 the robot. The one at the wrist looks at the fingertips from beside the gripper."""
 
 
@@ -131,7 +131,7 @@ class Camera(OwnProcess):
         self._fixed = calibration(config)
         self._view = pybullet.computeViewMatrix(config.eye, config.target, config.up)
         # TinyRenderer samples pixels at their lower left corner. The frustum is shifted by half a pixel, so that the
-        # optical axis goes through the middle of the picture: only then does turning the picture turn the workspace.
+        # optical axis goes through the middle of the picture: only then does rotating the picture rotate the workspace.
         size = 2.0 * config.near * math.tan(0.5 * math.radians(config.fov_deg)) / config.height
         left, bottom = -0.5 * (config.width - 1) * size, -0.5 * (config.height - 1) * size
         self._projection = pybullet.computeProjectionMatrix(
@@ -148,7 +148,7 @@ class Camera(OwnProcess):
 
         Args:
             T_base_tcp: Pose of the TCP now, shape (4, 4), which a camera on the gripper moves with. Not needed for a
-                camera that stands still.
+                fixed camera.
         """
         if T_base_tcp is None or not self.mounted:
             return self._fixed
@@ -162,7 +162,7 @@ class Camera(OwnProcess):
 
         Args:
             T_base_tcp: Pose of the TCP now, shape (4, 4), which a camera on the gripper moves with. Not needed for a
-                camera that stands still.
+                fixed camera.
 
         Returns:
             Frame with the colour, (height, width, 3) uint8 RGB, and the depth along the optical axis, (height, width)

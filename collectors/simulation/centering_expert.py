@@ -16,7 +16,7 @@ ARRIVING = 1  # steps of rest after the last command: at that speed the referenc
 class CollisionExpert:
     """Policy that moves above the block, comes down until a finger meets the block, pushes on and waits to arrive.
 
-    The expert adds up its commands, because the measured height no longer tells the commanded height once the block
+    The expert adds up its commands, because the measured height no longer shows the commanded height once the block
     holds the gripper up.
     """
 

@@ -67,7 +67,7 @@ class CenteringCollector(Simulated):
                 return outcome
             rejected.append(outcome)
         raise CollectError(
-            f"sample {index} (seed {self.seed}): none of {self.attempts} attempts collided as meant: "
+            f"sample {index} (seed {self.seed}): none of {self.attempts} attempts collided as intended: "
             + ", ".join(rejected)
         )
 

@@ -1,7 +1,7 @@
-"""Perturbations: disturbances of the gripper, after which a demonstration shows the way back.
+"""Perturbations of the gripper, so that demonstrations show how to recover from errors.
 
 An expert that never makes an error never shows what to do after an error, and a policy that is cloned from the expert
-cannot recover from its own first error. Therefore the gripper is pushed off its way at random moments while the expert
+cannot recover from its own first error. Therefore the gripper is pushed off its path at random times while the expert
 continues, and the action that the expert meant is kept beside the action that was carried out. The idea is that of DART
 (Laskey, Lee, Fox, Dragan, Goldberg, "DART: Noise Injection for Robust Imitation Learning", CoRL 2017). DART's noise is
 small and acts at every step; with such noise, an expert that waits until it has arrived would never arrive.

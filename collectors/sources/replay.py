@@ -1,4 +1,4 @@
-"""Simulation of a recorded episode again, from its configuration, seed and actions, and comparison with the record."""
+"""Repeated simulation of a recorded episode from its configuration, seed and actions, and comparison of both."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -87,7 +87,7 @@ def replay(episode: Episode, robot: RobotConfig | None = None) -> Replayed:
 
     Args:
         episode: Episode that was recorded in this simulation.
-        robot: Robot that carries out the recorded actions. None means the robot of the episode.
+        robot: Robot that executes the recorded actions. None means the robot of the episode.
 
     Raises:
         DatasetError: If the episode does not come from this simulation.

@@ -19,7 +19,7 @@ from svfl_data.schema.robot import Policy, Watcher
 
 @dataclass(frozen=True)
 class RobotPolicyCollector(Connected):
-    """Collector of a policy's episodes on a robot that is not simulated, where nobody but a person knows the success.
+    """Collector of a policy's episodes on a robot that is not simulated, where only a person can determine the success.
 
     Attributes:
         seed: Seed of the dataset, which changes nothing.
@@ -63,7 +63,7 @@ class RobotPolicyCollector(Connected):
 
 
 def summary(dataset: Dataset) -> tuple[dict[str, Any], list[str]]:
-    """Describe a dataset of a robot where nobody but a person knows the success, as facts and in a line."""
+    """Describe a dataset of a robot where only a person can determine the success, as facts and in a line."""
     count = len(dataset.indices)
     facts = {"path": dataset.path, "task": dataset.info["task"], "episodes": count}
     command = f"svfl-data relabel {dataset.path} --episode N --success yes"

@@ -1,4 +1,4 @@
-"""Collector of demonstrations in simulation whose block wears AprilTags that tell when the task is achieved."""
+"""Collector of demonstrations in simulation whose block has AprilTags that show when the task is achieved."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
@@ -22,7 +22,7 @@ from svfl_data.errors import UsageError
 from svfl_data.schema.robot import Calibration, Policy, Watcher
 
 TAGGED = ("block_picking", "block_pushing")
-"""Names of the tasks whose success is told by a block's pose."""
+"""Names of the tasks whose success is determined by a block's pose."""
 TARGET = (0.55, 0.0, 0.03)
 TAG_CAMERAS = {
     f"tags_{name}": CameraConfig(
@@ -80,7 +80,7 @@ def watched(task: Task, noise: float = 0.0, seed: int = 0, cameras: Mapping[str,
         cameras: Cameras that look at the tags, by name.
 
     Returns:
-        The watch, which tells from the tags when the task is achieved.
+        The watch, which detects from the tags when the task is achieved.
 
     Raises:
         UsageError: If tags cannot tell the success of the task.
@@ -91,7 +91,7 @@ def watched(task: Task, noise: float = 0.0, seed: int = 0, cameras: Mapping[str,
     elif isinstance(task, BlockPicking):
         success = Lifted(task.scene.half + block_picking.LIFTED)
     else:
-        raise UsageError(f"tags tell success of {' and '.join(TAGGED)}, not of {type(task).__name__}")
+        raise UsageError(f"tags can determine the success of {' and '.join(TAGGED)}, not of {type(task).__name__}")
     task.body, layout = wear_tags(task.world.client, task.body, task.scene.half)
     placed = {name: SimulatedTagCamera(task.world, config, noise, seed) for name, config in cameras.items()}
     return Watch(Tracker(layout, upright=isinstance(task, BlockPushing)), placed, success)
@@ -99,7 +99,7 @@ def watched(task: Task, noise: float = 0.0, seed: int = 0, cameras: Mapping[str,
 
 @dataclass(frozen=True)
 class TaggedCollector(ExpertCollector):
-    """Collector of demonstrations whose success is told by tags, as on a real table.
+    """Collector of demonstrations whose success is determined by tags, as on a real table.
 
     An attempt ends when the tags show success. It is a demonstration if the tags show success at its end, whatever the
     true state is. An episode has the stream ``streams/tags/``, and in ``extra/state/achieved`` whether the task truly
@@ -126,7 +126,7 @@ class TaggedCollector(ExpertCollector):
             UsageError: If tags cannot tell the success of the task.
         """
         if self.task not in TAGGED:
-            raise UsageError(f"tags tell success of {' and '.join(TAGGED)}, not of {self.task}")
+            raise UsageError(f"tags can determine the success of {' and '.join(TAGGED)}, not of {self.task}")
 
     def config(self) -> dict[str, Any]:
         """Everything that was set, as JSON values."""

@@ -106,7 +106,7 @@ class Task(ABC):
 
     @abstractmethod
     def expert(self, gripper: Gripper) -> Moves:
-        """Return the actions of a scripted expert that knows the true state.
+        """Return the actions of a scripted expert that uses the true state.
 
         The caller takes the next action after the world has carried out the one before, and stops taking actions when
         the task is achieved or time is up.

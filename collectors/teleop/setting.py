@@ -24,7 +24,8 @@ class Begun:
     Attributes:
         opened: Whether the gripper is open, rather than holding something.
         facts: Facts about the episode that its configuration keeps, JSON values.
-        success: Function that returns whether the task is achieved. Never by default, since only a simulation knows.
+        success: Function that returns whether the task is achieved. Never by default, since it is known only in a
+            simulation.
         state: Function that returns true values to record, as for `collectors.recording.loop.record`.
     """
 
@@ -100,7 +101,7 @@ class Teleoperation(Simulated):
 
 @dataclass(frozen=True)
 class RobotTeleoperation(Connected):
-    """Settings of episodes on a robot that is not simulated: only the person knows when the task is achieved.
+    """Settings of episodes on a robot that is not simulated: only the person can determine when the task is achieved.
 
     Attributes:
         seed: Seed of the dataset, which changes nothing.

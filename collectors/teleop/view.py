@@ -1,4 +1,4 @@
-"""View that a person sees while steering, and the functions that compute it."""
+"""View that a person sees during teleoperation, and the functions that compute it."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class View:
         observation: Latest observation.
         camera: Name of the camera that is shown. None if the robot has no camera.
         calibration: Calibration of that camera. None if it is unknown.
-        workspace: Bounds of the TCP in base, (3, 2), [m]. None if the robot tells none.
+        workspace: Bounds of the TCP in base, (3, 2), [m]. None if the robot has none.
         wrench: Mean of the last readings, tared, (6,), [N] and [N m], base axes. None on a robot without such a sensor.
         contact: Whether the gripper is in contact.
         episode: Number of the episode that is, or will be, recorded.

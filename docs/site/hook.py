@@ -1,4 +1,4 @@
-"""What MkDocs is told when it builds the site (mkdocs.yml): which files are pages, and what is generated.
+"""Hooks of MkDocs for the site (mkdocs.yml): which files are pages, and what is generated.
 
 The site has the paths of the repository, so that one relative link serves both: README.md, docs/, data/README.md and
 notebooks/ lie where they lie here. Generated pages are below ``reference/``.

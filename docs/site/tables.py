@@ -1,6 +1,6 @@
 """Tables that small screens can show: rows of text become blocks whose cells carry the names of their columns.
 
-A table of figures scrolls sideways. In a table of texts nobody would find the end of a row, so `docs/site/site.css`
+A table of figures scrolls sideways. In a table of texts the end of a row would be hidden, so `docs/site/site.css`
 lays out the cells of a row below each other, on small screens or, if the columns are many, always.
 """
 

@@ -1,4 +1,4 @@
-"""Checks of recorded data: small functions that describe in words what is wrong with an episode or a dataset.
+"""Checks of recorded data: functions that describe the errors of an episode or a dataset.
 
 A check takes a valid episode (`svfl_data.schema.validity`) and yields findings. Reading an episode already checks that
 it is valid and that its file is whole. `check_file` turns the errors of reading into findings, too.
@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from svfl_data.checks.between import Between
+from svfl_data.checks.episode_checks import check_episode
 from svfl_data.checks.finding import Finding, Severity
-from svfl_data.checks.judging import check_episode
 from svfl_data.checks.usable import check_usable, sound
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import FormatError, OldVersionError, SvflError
@@ -50,7 +50,7 @@ def check_file(path: Path) -> list[Finding]:
 def check_dataset(dataset: Dataset) -> Iterator[list[Finding]]:
     """Yield everything that is wrong with a dataset: one list of findings per episode, then one for the whole dataset.
 
-    The last list tells what does not fit together between the episodes (`svfl_data.checks.between`), and names
+    The last list states what does not match between the episodes (`svfl_data.checks.between`), and names
     unfinished episodes.
 
     Args:

@@ -1,4 +1,4 @@
-"""Checks that the poses of cameras that move are complete, and that they move as a camera can."""
+"""Checks that the poses of cameras that move are complete, and that their motion is possible."""
 
 from collections.abc import Iterator
 
@@ -35,7 +35,7 @@ def _mounted(episode: Episode, group: str, t_ns: np.ndarray) -> Iterator[Finding
 
 
 def _moving(episode: Episode, path: str, t_ns: np.ndarray, poses: np.ndarray) -> Iterator[Finding]:
-    """Check that a camera does not jump, and that its pose does not stand still while the TCP moves."""
+    """Check that a camera does not jump, and that its pose is not constant while the TCP moves."""
     steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
     elapsed = np.maximum(np.diff(t_ns) / 1e9, 1e-9)
     if len(rows := np.flatnonzero(steps / elapsed > FASTEST_M_PER_S) + 1):
@@ -45,4 +45,4 @@ def _moving(episode: Episode, path: str, t_ns: np.ndarray, poses: np.ndarray) ->
         moved = travel_m(episode, int(t_ns[0]), int(t_ns[-1]))
         if moved is not None and moved > TRAVEL_M:
             words = f"the pose never changes, while the gripper moved by {moved * 1e3:.0f} mm"
-            yield warning(episode, path, 0, f"{words}; a camera that stands still has T_base_camera")
+            yield warning(episode, path, 0, f"{words}; a fixed camera has T_base_camera")

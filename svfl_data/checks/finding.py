@@ -16,7 +16,7 @@ SHOWN = 3  # largest number of places that one finding names
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong, or worth knowing, about one episode or a whole dataset.
+    """One error or notable fact about one episode or a whole dataset.
 
     Attributes:
         episode: File of the episode, or name of the dataset if the finding concerns the whole dataset.

@@ -1,4 +1,4 @@
-"""Checks that the cameras saw something. Images are read one by one, so that at most two of them are in memory."""
+"""Checks that camera images have content. Images are read one by one, so that at most two of them are in memory."""
 
 from collections.abc import Iterator
 

@@ -6,10 +6,10 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from svfl_data.checks.episode_checks import check_images, check_streams
 from svfl_data.checks.finding import Finding
-from svfl_data.checks.judging import check_images, check_streams
+from svfl_data.checks.findings_cache import FindingsCache
 from svfl_data.checks.placing import check_place
-from svfl_data.checks.verdicts import Verdicts
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, SvflError
 from svfl_data.storage.reader import EpisodeReader
@@ -36,9 +36,9 @@ def check_usable(dataset: Dataset, episodes: Sequence[int], uses: Collection[str
     """
     unfit: list[Finding] = []
     doubtful: list[Finding] = []
-    with Verdicts() as verdicts:
+    with FindingsCache() as cache:
         for index in progress(episodes, "checking episodes"):
-            found = [*check_place(dataset, index), *_verdict(dataset.episode(index), uses, verdicts)]
+            found = [*check_place(dataset, index), *_findings(dataset.episode(index), uses, cache)]
             for severity, first in (("error", unfit), ("warning", doubtful)):
                 first += [finding for finding in found if finding.severity == severity][:1]
     if unfit:
@@ -60,10 +60,10 @@ def sound(dataset: Dataset) -> list[int]:
     Episodes that cannot be read are left out.
     """
     found: list[int] = []
-    with Verdicts() as verdicts:
+    with FindingsCache() as cache:
         for index in progress(dataset.indices, "checking episodes"):
             with suppress(SvflError):
-                if all(finding.severity != "error" for finding in _verdict(dataset.episode(index), None, verdicts)):
+                if all(finding.severity != "error" for finding in _findings(dataset.episode(index), None, cache)):
                     found.append(index)
     return found
 
@@ -73,16 +73,16 @@ def _first(findings: Sequence[Finding]) -> str:
     return f"the first: {replace(findings[0], episode=Path(findings[0].episode).name)}"
 
 
-def _verdict(reader: EpisodeReader, uses: Collection[str] | None, verdicts: Verdicts) -> list[Finding]:
+def _findings(reader: EpisodeReader, uses: Collection[str] | None, cache: FindingsCache) -> list[Finding]:
     """Return the findings about the groups that are used; images of cameras that are not used are not looked at."""
     cameras = [camera for camera in reader.cameras if uses is None or f"cameras/{camera}" in uses]
     findings: list[Finding] = []
     for part in (STREAMS, *cameras):
-        found = verdicts.known(reader.seal, part, str(reader.extent))
+        found = cache.known(reader.seal, part, str(reader.extent))
         if found is None:
             episode = reader.load(images=False)
             found = check_streams(episode) if part == STREAMS else check_images(episode, part)
-            verdicts.keep(reader.seal, part, found)
+            cache.keep(reader.seal, part, found)
         findings += found
     return [finding for finding in findings if uses is None or _concerns(finding, uses)]
 

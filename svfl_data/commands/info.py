@@ -34,7 +34,7 @@ def add(commands: Commands) -> None:
         description="Print what a dataset holds: episodes, steps, hours, tasks, instructions, robots, success rate, "
         "sources, streams with rate and unit, cameras with size, rate and place, actions and fields of your own with "
         "unit, axes, bounds and what is assumed, bytes, operators, versions, and the identity: a hash over the seals "
-        "of all episodes, by which runs name the data that they have learned from. With --episode, or if PATH is an "
+        "of all episodes, by which runs identify their training data. With --episode, or if PATH is an "
         "episode file, print the details of one episode.",
         example="svfl-data info data/centering\nsvfl-data info data/centering --episode 3 --json",
     )
@@ -94,7 +94,7 @@ def dataset_lines(
     Args:
         dataset: Dataset to describe.
         found: Summary of the dataset.
-        first: First episode, whose declarations are told; None if it cannot be read.
+        first: First episode, whose declarations are shown; None if it cannot be read.
         strays: Names of files that look like episode files but are not counted, because their names are not exact.
         who: Identity of the dataset.
     """
@@ -131,7 +131,7 @@ def dataset_lines(
 
 
 def _told(episode: EpisodeReader) -> list[Field]:
-    """Return the fields that are told for a dataset: actions, the user's own ones, and those with an assumption."""
+    """Return the fields that are shown for a dataset: actions, the user's own ones, and those with an assumption."""
     declared = [field for path in episode.paths if (field := episode.declarations.at(path))]
     mine = {field.path for field in own(episode.paths, episode.declarations)}
     return [field for field in declared if field.assumed or field.path in mine or field.group == "actions"]

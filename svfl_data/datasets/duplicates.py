@@ -1,4 +1,4 @@
-"""Detection of recordings that occur twice, because test episodes that are copies of training episodes test nothing.
+"""Detection of recordings that occur twice, because copies of training episodes must not be test episodes.
 
 Copies are recognised by what was recorded, not by names or metadata. So a relabelled, merged or renumbered episode is a
 copy, too.

@@ -64,7 +64,7 @@ class Entry:
         streams: Number of rows and mean rate [Hz] of each stream by name. The rate is None with fewer than two rows.
         cameras: Number of rows, mean rate [Hz], image height and image width [px] of each camera by name. The rate is
             None with fewer than two rows.
-        instruction: What was to be done, in words, cut to `LONGEST_SAID` characters; empty if nobody said. A line
+        instruction: What was to be done, in words, cut to `LONGEST_SAID` characters; empty if not given. A line
             without one of these last attributes is of an earlier version and does not count.
         robot: Name of the robot, likewise.
         operator: Who operated the robot, likewise.

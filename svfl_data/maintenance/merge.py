@@ -1,4 +1,4 @@
-"""New datasets from old ones: chosen episodes are copied whole, and the history of each copy tells its origin."""
+"""New datasets from old ones: chosen episodes are copied whole, and the history of each copy states its origin."""
 
 import dataclasses
 import os

@@ -57,7 +57,7 @@ class _Place:
 def upgrade(source: Dataset, destination: Path) -> Upgraded:
     """Make a new dataset of the present version from a dataset of version 1; the old one is not changed.
 
-    Episodes keep their numbers, metadata and places in shards, and their history tells the seal that they had before.
+    Episodes keep their numbers, metadata and places in shards, and their history states the seal that they had before.
     Splits keep their episodes, and stored statistics stay valid. The same dataset always gives the same bytes.
 
     Args:
@@ -75,7 +75,7 @@ def upgrade(source: Dataset, destination: Path) -> Upgraded:
     """
     check_free(destination)
     if destination.resolve().is_relative_to(source.path.resolve()):
-        raise DatasetError(f"{destination} is inside {source.path}, which stays as it is; name another folder")
+        raise DatasetError(f"{destination} is inside {source.path}, which must not be changed; name another folder")
     parts = _parts(source)
     _check_old(source, parts.values())
     made = Upgraded(others=others(source))

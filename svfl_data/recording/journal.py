@@ -3,7 +3,7 @@
 A journal is a sequence of records. Each record has a header (`HEADER`: magic, size of the label, size of the content,
 CRC-32 of both), a label (JSON, `Label`) and a content. The label ``{"meta", "declared"}`` opens the journal. The label
 ``{"path", "dtype", "shape", "start"}`` gives rows of a stream from a certain row on; with ``"constant"`` in place of
-``"start"`` it gives a whole array. ``{"gap": ...}`` declares missing readings, and ``{"fault": ...}`` tells what went
+``"start"`` it gives a whole array. ``{"gap": ...}`` declares missing readings, and ``{"fault": ...}`` states what went
 wrong. ``{"end": ...}`` closes the journal with the final metadata. Nothing is ever overwritten, so an intact record
 stays intact. After a damaged record, reading continues with the next intact one. Since rows are numbered, it is known
 which rows are missing between them.

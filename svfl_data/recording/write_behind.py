@@ -151,7 +151,7 @@ class WriteBehind(OwnProcess):
         if self._when_full == "refuse":
             raise StorageError(
                 f"cannot record to {self._journal.path}: the disk is slower than the data ({self._bytes} bytes wait "
-                f"in memory, {self._most_bytes} may); these rows were not taken"
+                f"in memory, {self._most_bytes} may); these rows were not recorded"
             )
         self._change.wait_for(
             lambda: self._bytes + size <= self._most_bytes or not self._bytes or self._refusal is not None

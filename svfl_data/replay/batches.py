@@ -94,7 +94,7 @@ class Cuts:
         return out
 
     def rotated(self, batch: Batch, elements: np.ndarray) -> Batch:
-        """Rotate or reflect the numbers of each sample; what does not turn stays.
+        """Rotate or reflect the numbers of each sample; what is invariant stays.
 
         Args:
             batch: Values by the names of their arrays, each of shape (B, ..., C).

@@ -93,11 +93,11 @@ class ReplayBuffer:
             action: Path of the action, if `inputs` are given.
             invariant: Paths of inputs, or ``cameras/NAME``, that stay as they are when a transition is rotated: sensors
                 on the gripper, cameras without a pose, and what has no direction. The images of a camera that moves
-                stay without being named; its image axes turn.
+                stay without being named; its image axes are rotated.
 
         Raises:
             UsageError: If the demonstrations do not fit into the capacity, the crops do not fit into the images, an
-                episode is named twice, or transitions are to be rotated, but an input does not say how it turns.
+                episode is named twice, or transitions are to be rotated, but an input does not say how it transforms.
             DatasetError: If there are too few episodes, an episode is unfit for training, lacks the camera or has
                 several while `camera` is None, a stream has another rate than its window, or two episodes differ in
                 task, image size, depth scale, camera, workspace, declarations or action bounds.

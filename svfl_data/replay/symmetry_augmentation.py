@@ -20,8 +20,8 @@ class SymmetryAugmentation:
 
     Quarter turns and their mirror images only change the order of the pixels. Other elements of D_N interpolate colour
     between the four pixels around a point. Depth is taken from the nearest pixel, because a mean of table and block is
-    the depth of neither, and a mean with a pixel without a measurement is not a depth. The corners of a turned crop are
-    filled from the recorded image around the crop, and beyond that image from its nearest border pixel. Vectors are
+    the depth of neither, and a mean with a pixel without a measurement is not a depth. The corners of a rotated crop
+    are filled from the recorded image around the crop, and beyond that image from its nearest border pixel. Vectors are
     rotated and reflected exactly at any angle.
 
     Args:

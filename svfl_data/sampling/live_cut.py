@@ -13,7 +13,7 @@ from svfl_data.schema.input_spec import InputSpec, Window
 from svfl_data.schema.observation import Observation
 from svfl_data.schema.rates import RATE_FACTOR
 
-JUDGED_S = 1.0
+MEASURED_S = 1.0
 """Time after which the rate of a stream is compared with that of its window, [s]."""
 
 
@@ -72,7 +72,7 @@ class LiveCut:
         )  # fmt: skip
 
     def _clock(self, group: str) -> Clock:
-        """Return the clock of a group as if it were declared, because its rate was judged as it came."""
+        """Return the clock of a group as if it were declared, because its rate is checked as the rows arrive."""
         window = self._windows[group]
         return Clock() if window.resample else Clock(window.rate_hz)
 
@@ -82,7 +82,7 @@ class LiveCut:
         now = {path: np.asarray(rows) for path, rows in arrays.items() if path.startswith(f"{group}/")}
         now = {path: rows for path, rows in now.items() if rows.ndim and len(rows) == len(now[clock])}
         past = self._past.get(group)
-        self._judge(group, window, now[clock], past[clock] if past else now[clock][:0])
+        self._check_rate(group, window, now[clock], past[clock] if past else now[clock][:0])
         if past is not None:
             _fill_poses(group, now, past)
             new = now[clock] > past[clock][-1] if len(past[clock]) else np.ones(len(now[clock]), bool)
@@ -94,8 +94,8 @@ class LiveCut:
         self._past[group] = {path: rows[first:].copy() for path, rows in now.items()}
         return now
 
-    def _judge(self, group: str, window: Window, t_ns: np.ndarray, past_ns: np.ndarray) -> None:
-        """Count the new rows of a group, and refuse a rate that is none of a busy machine but another one.
+    def _check_rate(self, group: str, window: Window, t_ns: np.ndarray, past_ns: np.ndarray) -> None:
+        """Count the new rows of a group, and refuse a rate that differs by more than a busy machine explains.
 
         Args:
             group: Group of the rows.
@@ -111,7 +111,7 @@ class LiveCut:
         first, count = self._counted.get(group, (int(new[0]), 0))
         self._counted[group] = first, count + len(new)
         elapsed = (int(new[-1]) - first) / 1e9
-        if elapsed < JUDGED_S:
+        if elapsed < MEASURED_S:
             return
         rate = (count + len(new) - 1) / elapsed
         if not 1 / RATE_FACTOR <= rate / window.rate_hz <= RATE_FACTOR:

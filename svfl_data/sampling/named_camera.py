@@ -47,7 +47,7 @@ def camera_of_dataset(dataset: Dataset, name: str | None) -> str:
         FormatError: If an episode is damaged.
     """
     recorded: dict[str, Collection[str]] = {}
-    for entry in entries(dataset):  # the index knows nothing of a file with an error; what is wrong is found on reading
+    for entry in entries(dataset):  # the index has no entry for a file with an error, which is found on reading
         known: Collection[str] = dataset.episode(entry.index).cameras if entry.error else entry.cameras
         recorded[str(dataset.path / entry.name)] = known
     names = [named_camera(cameras, name, source) for source, cameras in recorded.items()]

@@ -186,7 +186,7 @@ def statistics_file(dataset: Dataset, name: str) -> Path:
 
 
 def _summarised(reader: EpisodeReader) -> dict[str, Field]:
-    """Return the declarations of the arrays that have statistics: rows of numbers, and labels that turn."""
+    """Return the declarations of the arrays that have statistics: rows of numbers, and labels that transform."""
     found = {}
     for path in reader.paths:
         field = reader.declarations.at(path)

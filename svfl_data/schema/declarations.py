@@ -264,7 +264,7 @@ def wrench_stream(name: str, axes: str = "sensor", about: str = "sensor origin",
 
     Args:
         name: Name of the stream.
-        axes: Axes in which force and torque are expressed. Only those of the base turn with the plane.
+        axes: Axes in which force and torque are expressed. Only those of the base rotate with the plane.
         about: Point about which torques are taken.
         doc: Description of the sensor.
 

@@ -28,9 +28,9 @@ class Meta:
         seed: Seed of the dataset. Together with `index` it determines a simulated episode.
         source: Who chose the actions: ``expert``, ``teleop``, ``policy`` or ``robot``.
         success: Whether the task was achieved.
-        instruction: What was to be done, in words, e.g. ``put the cup on the plate``; empty if nobody said.
+        instruction: What was to be done, in words, e.g. ``put the cup on the plate``; empty if not given.
         robot: Name of the robot, e.g. ``panda_sim``; empty if unknown.
-        operator: Who operated the robot, as far as it may be told; empty if nobody did or it is unknown.
+        operator: Who operated the robot, as far as it may be published; empty if unknown or without an operator.
         config: Everything that was set when recording, as JSON values.
         software: Versions of the packages that recorded the episode, by package name.
         transforms: Transforms that turn raw streams into usable ones (tare, filter, compensation), each with its

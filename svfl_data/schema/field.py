@@ -1,4 +1,4 @@
-"""The declaration of one array: what its numbers mean, how they turn, and how the declaration is stored in a file."""
+"""The declaration of one array: what its numbers mean, how they transform, and how it is stored in a file."""
 
 import functools
 import math

@@ -1,4 +1,4 @@
-"""What a declaration says, in words and names for people: names and units of components, meaning, assumptions."""
+"""Description of a declaration in words: names and units of components, meaning, assumptions."""
 
 from collections.abc import Container, Iterable
 from itertools import groupby
@@ -188,7 +188,7 @@ def clock_of(path: str) -> str:
 
 
 def camera_pose(camera: str, paths: Container[str]) -> str:
-    """Return in words where a camera is: empty if it stands still, else ``moves``, ``on the gripper`` or ``no pose``.
+    """Return in words where a camera is: empty if it is fixed, else ``moves``, ``on the gripper`` or ``no pose``.
 
     Args:
         camera: Name of the camera.

@@ -1,4 +1,4 @@
-"""The standard fields: names and meaning of the arrays that tools of this package know.
+"""The standard fields: names and meaning of the arrays that tools of this package use.
 
 An episode may hold further arrays, each declared with the same class (`svfl_data.schema.declarations`). To add a
 standard field to the format, one adds an entry to `FIELDS`.

@@ -22,9 +22,9 @@ class Frame:
         depth: Depth image, shape (H, W), uint16, in units of the camera's depth scale; 0 where there is no measurement.
             None for a camera without depth.
         t_ns: Time at which the images were taken, [ns] of the episode clock. None means the time of the observation.
-        T_base_camera: Pose in base, at this moment, of a camera that moves, shape (4, 4), [m]. None for a camera that
-            stands still, whose pose its calibration has, and where the pose is unknown. NaN also stands for a pose
-            that is unknown at this moment.
+        T_base_camera: Pose in base, at this moment, of a camera that moves, shape (4, 4), [m]. None for a
+            fixed camera, whose pose its calibration has, and where the pose is unknown. NaN also means a pose that is
+            unknown at this time.
 
     Example:
         >>> Frame(np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4), np.uint16)).depth.shape
@@ -40,7 +40,7 @@ class Frame:
     def image_axes(self) -> NDArray[np.float64] | None:
         """Orthogonal matrix from base (x, y) to image (right, up) at this moment, shape (2, 2).
 
-        None if the camera stands still, or its pose is unknown.
+        None if the camera is fixed, or its pose is unknown.
         """
         pose = self.T_base_camera
         return None if pose is None or not np.isfinite(pose).all() else image_axes(pose)

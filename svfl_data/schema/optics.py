@@ -19,7 +19,7 @@ class Calibration:
             seen from above in the axes of the image.
         depth_scale: Metres per unit of depth, [m]; NaN for a camera without depth.
         T_tcp_camera: Pose of a camera that is mounted on the gripper, relative to the TCP, shape (4, 4), [m]. None for
-            a camera that stands still.
+            a fixed camera.
 
     Example:
         >>> Calibration(np.eye(3), np.eye(4), np.eye(2), depth_scale=1e-4).depth_scale

@@ -10,20 +10,20 @@ import numpy as np
 from svfl_data.errors import UsageError
 
 DOUBTFUL, RATE_FACTOR = 1.1, 2.0
-"""Factors between a declared and a found rate. Above the first, the difference is worth a warning. Above the second, it
+"""Factors between a declared and a found rate. Above the first, the difference causes a warning. Above the second, it
 is an error: a unit is wrong, or a driver does something else."""
 FASTEST_HZ = {"observations": 4_000.0, "cameras": 4_000.0, "streams": 50_000.0}
-"""Largest rate of a stream that is believed, [Hz], by the first part of its group.
+"""Largest plausible rate of a stream, [Hz], by the first part of its group.
 
 All other groups have the limit `FASTEST_OTHER_HZ`. Time stamps in microseconds make a stream seem 1,000 times as fast
 as it is, time stamps in milliseconds 10^6 times.
 """
 FASTEST_OTHER_HZ = 200_000.0
 LONGEST_NS = 7 * 24 * 3600 * 10**9
-"""Largest time of the episode clock that is believed, [ns], which is a week. A clock that began with the Unix epoch
+"""Largest plausible time of the episode clock, [ns], which is a week. A clock that began with the Unix epoch
 shows 50 years."""
 FEW = 5
-"""Smallest number of readings from which a rate is judged."""
+"""Smallest number of readings from which a rate is measured."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def rate_fault(found: Found, declared: float | None) -> tuple[Literal["error", "
 
     Returns:
         Class of the fault and its description, such as ``comes at 50 Hz, but 500 Hz was declared``. None if the rates
-        agree, no rate was declared, or there are too few readings to judge.
+        agree, no rate was declared, or there are too few readings to measure a rate.
     """
     if declared is None or found.count < FEW:
         return None

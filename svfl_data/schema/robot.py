@@ -1,4 +1,4 @@
-"""Contract of a robot: what recording, teleoperation, policies and the viewer ask of it."""
+"""Contract of a robot: what recording, teleoperation, policies and the viewer need."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol

@@ -6,7 +6,7 @@ programs would end in a division by zero. An *error* of `svfl_data.checks` is a 
 wrong, such as a stuck sensor; viewers and plots show it, training refuses it. A *warning* is printed, and training goes
 on.
 
-Arrays may lie in memory or on disk. Images are judged by their shapes only, because every pixel value is valid.
+Arrays may lie in memory or on disk. Images are checked by their shapes only, because every pixel value is valid.
 """
 
 import math

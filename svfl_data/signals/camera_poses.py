@@ -1,4 +1,4 @@
-"""Poses of cameras that move, alone or with the gripper, and how their images are turned about the vertical."""
+"""Poses of cameras that move, alone or with the gripper, and how their images are rotated about the vertical."""
 
 from collections.abc import Collection, Mapping
 

@@ -1,8 +1,8 @@
 """The view from straight above, computed from the colour and depth images of cameras in any pose.
 
-Turning or mirroring the workspace about its centre turns or mirrors this view pixel for pixel, as far as the cameras
-have seen the scene. An oblique image does not have this property: there the symmetry of the task is only latent (Wang
-et al., "The surprising effectiveness of equivariant models in domains with latent symmetry", ICLR 2023).
+Rotating or reflecting the workspace about its centre rotates or reflects this view pixel for pixel, as far as the
+cameras have seen the scene. An oblique image does not have this property: there the symmetry of the task is only latent
+(Wang et al., "The surprising effectiveness of equivariant models in domains with latent symmetry", ICLR 2023).
 
 Every pixel of a depth image is a small patch of a surface. The patches are projected onto the plane, and the highest
 patch is drawn (surface splatting: Zwicker et al., SIGGRAPH 2001). A pixel that no patch covers was hidden from the
@@ -133,8 +133,8 @@ class TopView:
         """Draw points into a colour image and a depth image.
 
         Each pixel is the mean of the points in it that lie at most one pixel width below the highest of them. All sums
-        are sums of integers, so that neither the order of the points nor a turn of the scene changes a single bit of
-        them.
+        are sums of integers, so that neither the order of the points nor a rotation of the scene changes a single bit
+        of them.
 
         Args:
             places: Positions of the points, shape (3, P), [m]: right and up from the middle of the view, and down from

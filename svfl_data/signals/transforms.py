@@ -108,7 +108,7 @@ class Gravity:
 
     Attributes:
         mass_kg: Mass below the sensor, [kg].
-        centre_m: Centre of mass relative to the sensor origin, (x, y, z), [m], gripper axes (base axes turned by the
+        centre_m: Centre of mass relative to the sensor origin, (x, y, z), [m], gripper axes (base axes rotated by the
             yaw).
 
     Example:
@@ -135,7 +135,7 @@ class Gravity:
     def apply(self, wrench: np.ndarray, episode: Episode) -> np.ndarray:
         """Return the wrench stream minus the weight at the centre of mass; see `Transform.apply`.
 
-        The centre of mass is turned by the yaw of the latest observation at or before each reading.
+        The centre of mass is rotated by the yaw of the latest observation at or before each reading.
         """
         row = np.searchsorted(episode.t_ns, episode.wrench_t_ns, side="right") - 1
         yaw = episode.proprio[np.maximum(row, 0), 4].astype(np.float64)

@@ -1,1 +1,1 @@
-"""Sealed episode files: writing, examining, judging and reading them."""
+"""Sealed episode files: writing, examining, checking and reading them."""

@@ -1,4 +1,4 @@
-"""Program that asks the HDF5 library what a file holds: places, types, shapes and attributes of its arrays.
+"""Program that reads the content of a file with the HDF5 library: places, types, shapes and attributes of its arrays.
 
 A malicious file can make the library crash, hang or read other files, so this module runs as a separate program, which
 `svfl_data.storage.examination` starts. The program forks for each question. The new process cannot open further files

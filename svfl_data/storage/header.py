@@ -1,4 +1,4 @@
-"""Opening of an episode: its seal is checked, its arrays are located, and its validity is judged, once.
+"""Opening of an episode: its seal is checked, its arrays are located, and its validity is checked, once.
 
 The result is kept in this process, and in the user's private cache (`svfl_data.storage.header_cache`) for later
 processes. HDF5 reads a file only in another process (`svfl_data.storage.examination`), except files that this process
@@ -59,7 +59,7 @@ class Header:
 
 
 def header(extent: Extent, hashed: bool = False) -> Header:
-    """Return the header of an episode; the episode is opened and judged if this process does not know it yet.
+    """Return the header of an episode; the episode is opened and checked if this process has not opened it before.
 
     Args:
         extent: Place of the episode.
@@ -89,7 +89,7 @@ def header(extent: Extent, hashed: bool = False) -> Header:
 
 
 def know_own(extent: Extent) -> None:
-    """Open and judge an episode that this process has just written itself, without an examining process.
+    """Open and check an episode that this process has just written itself, without an examining process.
 
     Args:
         extent: Place of the episode.
@@ -106,7 +106,7 @@ def know_own(extent: Extent) -> None:
         answer = b"".join(examine(Content(descriptor, extent.offset, extent.size - SEAL_SIZE), **NAMES))
     finally:
         os.close(descriptor)
-    _keep(extent, _judged(extent, extent.size - SEAL_SIZE, digest, answer))
+    _keep(extent, _checked(extent, extent.size - SEAL_SIZE, digest, answer))
 
 
 def unsealed_header(extent: Extent) -> Header:
@@ -120,11 +120,11 @@ def unsealed_header(extent: Extent) -> Header:
         FieldError: If a field is missing or does not fit its declaration.
         StorageError: If the examiner cannot be started.
     """
-    return _judged(extent, extent.size, "", examined(extent, extent.size))
+    return _checked(extent, extent.size, "", examined(extent, extent.size))
 
 
 def forget() -> None:
-    """Forget every episode that this process knows, so that each is opened again; the user's cache is kept."""
+    """Forget every episode that this process has opened, so that each is opened again; the user's cache is kept."""
     with _lock:
         _known.clear()
 
@@ -190,11 +190,11 @@ def _remembered(extent: Extent) -> Header | None:
 
 
 def _opened(extent: Extent) -> Header | FormatError | FieldError:
-    """Open an episode that neither this process nor the cache knows; return its header or the error that refuses it."""
+    """Open an episode that is neither in this process nor in the cache; return its header or the error."""
     try:
         digest = checked_seal(extent)
         answer = examined(extent, extent.size - SEAL_SIZE)
-        found = _judged(extent, extent.size - SEAL_SIZE, digest, answer)
+        found = _checked(extent, extent.size - SEAL_SIZE, digest, answer)
     except (FormatError, FieldError) as error:
         return error
     header_cache.remember(extent, digest, answer)
@@ -222,8 +222,8 @@ def examined(extent: Extent, size: int, names: Mapping[str, list[str]] = NAMES) 
         os.close(descriptor)
 
 
-def _judged(extent: Extent, size: int, digest: str, answer: bytes) -> Header:
-    """Judge an episode by the examiner's answer and return its header; every tool can use an episode that passes.
+def _checked(extent: Extent, size: int, digest: str, answer: bytes) -> Header:
+    """Check an episode by the examiner's answer and return its header; every tool can use an episode that passes.
 
     Raises:
         SvflError: If the episode is not valid.

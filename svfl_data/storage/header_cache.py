@@ -2,7 +2,7 @@
 
 Each episode has one small cache file (so no lock can be left behind or time out on a network disk). The name of the
 cache file is a hash of everything that distinguishes the episode file from all others: device, inode, size, times of
-change, and place in a shard. Only valid episodes are kept, and only for the version of the code that judged them. A
+change, and place in a shard. Only valid episodes are kept, and only for the version of the code that checked them. A
 file in the dataset's folder could have been written by anybody; only the user can write to the cache folder. If
 anything goes wrong in this module, the episode is opened as if for the first time.
 """
@@ -17,7 +17,7 @@ from svfl_data.storage.chunks import Extent
 from svfl_data.system.cache_folder import cache_folder, source_hash
 
 PURPOSE = "headers"
-JUDGES = ("schema", "storage", "symmetry.py")
+RULES = ("schema", "storage", "symmetry.py")
 """Files and folders of this package whose code decides whether an episode is valid."""
 ENTRY, ENTRIES, BYTES = 2**22, 20_000, 2**28
 """Largest size of one cache entry [bytes], largest number of entries, and largest size of all entries [bytes].
@@ -82,7 +82,7 @@ def _place(extent: Extent) -> Path | None:
     folder = cache_folder(PURPOSE)
     if folder is None or not extent.identity[1]:
         return None
-    parts = (source_hash(*JUDGES), *extent.identity, extent.file_size, extent.mtime_ns, extent.offset, extent.size)
+    parts = (source_hash(*RULES), *extent.identity, extent.file_size, extent.mtime_ns, extent.offset, extent.size)
     return folder / hashlib.sha256(repr(parts).encode()).hexdigest()[:40]
 
 

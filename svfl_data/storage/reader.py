@@ -1,8 +1,8 @@
 """Lazy reading of one episode: shapes are known at once, numbers are read only when they are asked for.
 
-An episode is judged when it is first opened (`svfl_data.storage.header`). From then on its bytes are read by `pread` at
-known places (`svfl_data.storage.chunks`), and the read is refused if the file has changed meanwhile. A reader holds no
-open file: it can be copied, pickled, and carried through a fork. Reading a whole episode compares its bytes with its
+An episode is checked when it is first opened (`svfl_data.storage.header`). From then on its bytes are read by `pread`
+at known places (`svfl_data.storage.chunks`), and the read is refused if the file has changed meanwhile. A reader holds
+no open file: it can be copied, pickled, and carried through a fork. Reading a whole episode compares its bytes with its
 seal, once in each process. Reading single rows relies on the file being unchanged since its seal was last compared.
 """
 

@@ -1,4 +1,4 @@
-"""One-line errors that say which extra of this package installs a missing library.
+"""One-line errors that state which extra of this package installs a missing library.
 
 Importing `svfl_data` adds an import finder after Python's own finders. Python asks this finder only for modules that no
 other finder has found. The finder raises its error only if a module of our packages does the import, so that other

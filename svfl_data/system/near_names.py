@@ -1,4 +1,4 @@
-"""Words that say what could have been asked instead of a name that does not exist."""
+"""Suggestions in place of a name that does not exist."""
 
 from collections.abc import Collection, Iterable
 

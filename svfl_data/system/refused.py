@@ -1,4 +1,4 @@
-"""One-line messages for errors of the operating system: which file, what the system says, and what the user can do."""
+"""One-line messages for errors of the operating system: the file, the system's message, and what the user can do."""
 
 import errno
 import os

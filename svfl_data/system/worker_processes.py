@@ -1,4 +1,4 @@
-"""Worker processes of this machine: each does one job after the other, and one that dies costs the others nothing."""
+"""Worker processes of this machine, each of which does one job after the other and fails without affecting others."""
 
 import multiprocessing
 import os

@@ -171,12 +171,12 @@ def _motion(shown: EpisodeSource, summary: Summary, prediction: Prediction | Non
 
 def _planar(shown: EpisodeSource, prediction: Prediction | None) -> rrb.Container:
     action = shown[ACTION]
-    thinks = [f"{names.PREDICTION}/{name}" for _, name in COMMANDED_AND_ACHIEVED]
+    predictions = [f"{names.PREDICTION}/{name}" for _, name in COMMANDED_AND_ACHIEVED]
     if prediction is None or prediction.actions is None:
-        thinks = ["", "", ""]
+        predictions = ["", "", ""]
     moves, turn, opening = (
-        [path for path in (names.COMMANDED + suffix, names.ACHIEVED + suffix, thought) if path]
-        for (suffix, _), thought in zip(COMMANDED_AND_ACHIEVED, thinks, strict=True)
+        [path for path in (names.COMMANDED + suffix, names.ACHIEVED + suffix, predicted) if path]
+        for (suffix, _), predicted in zip(COMMANDED_AND_ACHIEVED, predictions, strict=True)
     )
     return rrb.Horizontal(
         plot(shown, moves, "Move, m", *low_high(action[:, 1:4]), legend=NO_LEGEND),

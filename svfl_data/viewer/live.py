@@ -163,7 +163,7 @@ class Live(OwnProcess):
         self._next_s = ended + max(self._period_s, (ended - began) / self._share)
 
     def _send_pose(self, recording: rr.RecordingStream, t_ns: np.ndarray, seen: list[Observation]) -> None:
-        """Send where the gripper and the arm are, as far as the robot tells it."""
+        """Send where the gripper and the arm are, as far as the robot states it."""
         proprio = [one.proprio for one in seen if one.proprio is not None]
         tcp = [one.tcp for one in seen if one.tcp is not None]
         joints = [one.joints for one in seen if one.joints is not None]

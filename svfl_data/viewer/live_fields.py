@@ -15,7 +15,7 @@ from svfl_data.viewer.entities.names import send
 from svfl_data.viewer.entities.plots import send_curve
 
 DRAWN = ("cameras/", "streams/tcp/", "streams/object/", "streams/joints/")
-"""Groups that have a drawing of their own, or are many curves that nobody reads while a robot moves."""
+"""Groups that have a drawing of their own, or are too many curves to read while a robot moves."""
 
 
 class LiveFields:

@@ -87,7 +87,7 @@ def _wrench_lines(shown: EpisodeSource, peak: float) -> list[str]:
 
 
 def _camera_lines(shown: EpisodeSource) -> list[str]:
-    """Return a line for each camera that does not stand still at a known place."""
+    """Return a line for each camera without a fixed known pose."""
     lines = []
     for camera in shown.cameras:
         pose = camera_pose(camera, shown.arrays)

@@ -31,7 +31,7 @@ EYE_DEG, DISTANCE = -75, 1.5
 """Position of the 3-D view's eye: its angle from the side of the camera (the lower edge of the image), [deg], and its
 horizontal distance, in diagonals of the workspace."""
 UNKNOWN_ROOM, MARGIN_M = np.array([[0.2, 0.8], [-0.3, 0.3], [0.0, 0.4]]), 0.2
-"""What the 3-D view shows if there is no workspace and nobody knows where the TCP goes, and the margin around the TCP's
+"""What the 3-D view shows if there is no workspace and the path of the TCP is unknown, and the margin around the TCP's
 way, [m]."""
 IMAGES = {"color": "colour", "depth": "depth, m", "grey": "grey", "grey16": "grey, 16 bits"}
 

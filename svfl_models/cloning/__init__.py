@@ -1,1 +1,1 @@
-"""Behaviour cloning: a policy that learns to do what demonstrations do, and how often it then succeeds."""
+"""Behaviour cloning: training of policies from demonstrations, and measurement of their success."""

@@ -14,7 +14,7 @@ def load_policy(path: Path | str) -> CloningModule:
         path: A ``checkpoint.ckpt`` that ``svfl-train bc`` has written.
 
     Returns:
-        The module; ``.policy`` is the network, ``.deployment`` holds what the policy must know of its demonstrations to
+        The module; ``.policy`` is the network, ``.deployment`` holds what the policy needs of its demonstrations to
         act, and ``.hparams`` holds the configuration that the policy was trained with.
 
     Raises:

@@ -40,7 +40,7 @@ class CloningConfig:
     inputs: Annotated[list[str], option(
         "inputs of your own in the place of --encoder: cameras (cameras/front), windows of streams with number of "
         "readings and rate (streams/wrench/wrench=64@500), arrays below observations/; :invariant at the end for a "
-        "sensor or camera on the gripper that does not turn with the world; images are cropped to their middle",
+        "sensor or camera on the gripper that does not rotate with the scene; images are cropped to their middle",
         metavar="INPUT")] = field(default_factory=list)  # fmt: skip
     action: Annotated[str, option(
         "array with the actions to learn, if --inputs are given", metavar="PATH")] = "actions/action"  # fmt: skip

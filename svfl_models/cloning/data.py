@@ -178,7 +178,7 @@ class CloningData(pl.LightningDataModule):
 
     def _take_own(self, dataset: Dataset, chosen: Sequence[int], config: CloningConfig) -> None:
         """Prepare batches of inputs and an action of the user's own."""
-        symmetric = config.group != "none" or config.rotate  # either must know how each input turns
+        symmetric = config.group != "none" or config.rotate  # either must know how each input transforms
         self.deployment = deployment_of_own(dataset, chosen, config.inputs, config.action, symmetric)
         groups = {one["path"] if one["kind"] == "image" else one["path"].rpartition("/")[0]
                   for one in self.deployment.inputs}  # fmt: skip

@@ -1,4 +1,4 @@
-"""Conditions under which demonstrations were recorded, which a policy trained on them must know in order to act."""
+"""Conditions under which demonstrations were recorded, which a policy trained on them needs in order to act."""
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -162,7 +162,7 @@ def deployment_of_own(
 ) -> DeploymentSpec:
     """Read what demonstrations have in common, for a policy with inputs and an action of the user's own.
 
-    Vectors are learned in the axes of the images of the cameras that stand still, which must all be the same.
+    Vectors are learned in the axes of the images of the fixed cameras, which must all be the same.
 
     Args:
         dataset: Dataset to read the episodes from.

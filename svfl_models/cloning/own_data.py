@@ -124,7 +124,7 @@ def picture(one: RecordedInput, recorded: dict[str, np.ndarray]) -> Tensor:
 
 
 def placed(one: RecordedInput, image: Tensor, recorded: dict[str, np.ndarray], axes: np.ndarray) -> Tensor:
-    """Return the middle squares of images, turned into the axes of the policy if their camera moves.
+    """Return the middle squares of images, rotated into the axes of the policy if their camera moves.
 
     Args:
         one: The input.

@@ -46,8 +46,8 @@ class RecordedInput:
             recorded.
         size: Height and width of the images as recorded, [px].
         depth_scale: Metres per unit of depth.
-        moves: ``pixels`` if images turn with the world, ``turned`` if they do so after they were turned from the axes
-            of their camera, which moves, into the image-aligned axes of the policy, else ``invariant``.
+        moves: ``pixels`` if images rotate with the scene, ``turned`` if they do so after they were rotated from the
+            axes of their camera, which moves, into the image-aligned axes of the policy, else ``invariant``.
         offset: Numbers that are subtracted from the components in base axes: the workspace centre from positions.
     """
 
@@ -64,7 +64,7 @@ class RecordedInput:
 
     @property
     def axes(self) -> str | None:
-        """Path of the matrix that a turned image needs: from base (x, y) to image (right, up), shape (2, 2)."""
+        """Path of the matrix that a rotated image needs: from base (x, y) to image (right, up), shape (2, 2)."""
         return f"{self.path}/image_axes" if self.moves == "turned" else None
 
     @property
@@ -125,14 +125,14 @@ def recorded_input(words: str, reader: EpisodeReader, symmetric: bool) -> Record
 
     Args:
         words: Path, then for a stream the number of readings and the rate, such as ``streams/wrench/wrench=64@500``.
-            With ``:invariant`` at the end, the input does not turn with the world: a sensor on the gripper, or a camera
-            on it whose images are to be taken as they are.
+            With ``:invariant`` at the end, the input does not rotate with the scene: a sensor on the gripper, or a
+            camera on it whose images are to be taken as they are.
         reader: Reader of an episode.
         symmetric: Whether the network is symmetric.
 
     Raises:
         UsageError: If the words are not those of an input, or the episode does not have it.
-        TrainingError: If a symmetric network cannot take the input, because nobody declared how it turns.
+        TrainingError: If a symmetric network cannot take the input, because its transformation is not declared.
     """
     match = WORDS.fullmatch(words)
     if match is None:
@@ -183,7 +183,7 @@ def _parts(declared: Field, row: tuple[int, ...], symmetric: bool, invariant: bo
 
 
 def _offset(declared: Field, parts: Sequence[Part], reader: EpisodeReader) -> tuple[float, ...]:
-    """Return the workspace centre in the places of a position's x and y, about which the world turns."""
+    """Return the workspace centre in the places of a position's x and y, about which the scene rotates."""
     if declared.about != "base origin" or "workspace" not in reader:
         return ()
     offset = np.zeros(sum(len(part.index) for part in parts))

@@ -60,7 +60,7 @@ def with_latent(given: dict[str, Any], arguments: argparse.Namespace) -> dict[st
     """
     if arguments.latent is None:
         if arguments.use:
-            raise UsageError("--use says what to do with a pretrained encoder; name its checkpoint with --latent")
+            raise UsageError("--use is for a pretrained encoder; name its checkpoint with --latent")
         return with_model(given, arguments)
     unused = [name for name in OF_OWN_ENCODERS if name in given] + (["model"] if arguments.model else [])
     if unused:

@@ -26,14 +26,14 @@ def add(commands: Commands) -> None:
         example=EXAMPLE,
         description="Run a policy in the simulation of its task, or in another gymnasium environment, and measure its "
         "success rate. The scenes are in no demonstration; svfl-collect policy with the same seed has the same scenes, "
-        "and records the episodes. With --data, without any simulation: compare the policy's actions with those of "
-        "demonstrations that it has not learned from.",
+        "and records the episodes. With --data, no simulation is run; the policy's actions are compared with those "
+        "of demonstrations that were not used for its training.",
     )  # fmt: skip
     add = parser.add_argument
     add("checkpoint", type=Path, metavar="CHECKPOINT", help="checkpoint.ckpt of svfl-train bc")
     add("--data", type=Path, metavar="FOLDER",
-        help="dataset folder with whose successful demonstrations the actions are compared; of the dataset that the "
-        "policy has learned from, those that it has not (default: run the policy)")  # fmt: skip
+        help="dataset folder with the successful demonstrations to compare with; in the dataset that the policy was "
+        "trained on, only those that were not used (default: run the policy)")  # fmt: skip
     add("--episodes", type=positive, metavar="N",
         help=f"number of episodes to run, or largest number to compare with (default: {EPISODES}, or all of "
         "--data)")  # fmt: skip
@@ -49,7 +49,7 @@ def add(commands: Commands) -> None:
         help=f"file to write, JSON; with --data a report is written beside it (default: {EVALUATION}, or "
         f"{ACTION_ERRORS} with --data, beside the checkpoint)")  # fmt: skip
     add("--logger", nargs="+", choices=TRACKERS, default=[], metavar="NAME",
-        help="experiment trackers to log the success rate and a film of the first episode to, in the run of the "
+        help="experiment trackers to log the success rate and a video of the first episode to, in the run of the "
         "training (default: none)")  # fmt: skip
     add_json(parser)
     parser.set_defaults(command=run)
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
         return
     check_trackers(arguments.logger)
     if arguments.logger and arguments.env:
-        raise UsageError("--logger films the simulation of the task, which --env replaces; leave out one of them")
+        raise UsageError("--logger records a video of the simulation, which --env replaces; leave out one of them")
     from svfl_models.cloning.evaluate import evaluate  # torch, lightning and escnn take seconds to import
 
     found = evaluate(

@@ -1,4 +1,4 @@
-"""The command ``svfl-train info``, which prints what a trained network's file says of it."""
+"""The command ``svfl-train info``, which prints the description in the file of a trained network."""
 
 import argparse
 from collections.abc import Iterator, Mapping
@@ -30,9 +30,10 @@ def add(commands: Commands) -> None:
     """
     parser = commands.add_parser(
         "info", help="print how a network was trained: configuration, inputs, sizes, data, provenance", example=EXAMPLE,
-        description="Print what the file of a trained network says: the program that wrote it, its configuration, "
-        "inputs and cameras, group, sizes and number of parameters, the data with their identity as svfl-data info "
-        "prints it, the commit, versions, machines and commands of its training, and results that lie beside it.",
+        description="Print the description in the file of a trained network: the program that wrote it, its "
+        "configuration, inputs and cameras, group, sizes and number of parameters, the data with their identity as "
+        "svfl-data info prints it, the commit, versions, machines and commands of its training, and the results in the "
+        "same folder.",
     )  # fmt: skip
     parser.add_argument(
         "network", type=Path, metavar="NETWORK",

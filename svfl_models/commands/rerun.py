@@ -1,4 +1,4 @@
-"""The command ``svfl-train rerun``, which does a run again with the settings that its folder holds."""
+"""The command ``svfl-train rerun``, which repeats a run with the settings in its folder."""
 
 import argparse
 from pathlib import Path
@@ -21,14 +21,14 @@ def add(commands: Commands) -> None:
         commands: Commands of ``svfl-train``, to which this one is added.
     """
     parser: Parser = commands.add_parser(
-        "rerun", help="do a training or an experiment again, with the settings in its folder", example=EXAMPLE,
-        description="Do a training or an experiment again with the settings that its folder holds in run.yaml, in a "
-        "folder of its own. The result is the same on the same machine with the same versions.",
+        "rerun", help="repeat a training or an experiment with the settings in its folder", example=EXAMPLE,
+        description="Repeat a training or an experiment with the settings in run.yaml of its folder, and write it to a "
+        "new folder. The result is the same on the same machine with the same versions.",
     )  # fmt: skip
     add = parser.add_argument
     add("run", type=Path, metavar="FOLDER", help="folder of the run to repeat")
     add("--set", action="append", default=[], dest="assignments", metavar="NAME=VALUE",
-        help="value of a setting that is to be another one; can be given several times (default: none)")  # fmt: skip
+        help="new value of a setting; can be given several times (default: none)")  # fmt: skip
     add("--out", type=Path, metavar="FOLDER",
         help="folder to write the new run to (default: that of the run with _rerun at the end)")  # fmt: skip
     parser.set_defaults(command=lambda arguments: run(arguments, commands))

@@ -60,7 +60,7 @@ class Setting:
     Attributes:
         name: Name in files and in Python, such as ``learning_rate``.
         type: Type of its values, with `msgspec.Meta` for the possible ones.
-        default: Value if nobody gives one; `UNSET` if one must be given.
+        default: Value if none is given; `UNSET` if one must be given.
         help: Help text, without the default.
         choices: Possible values; empty if all values of the type are possible.
         partial: Dataclass whose fields the setting, a mapping, replaces; None if it is no such mapping.

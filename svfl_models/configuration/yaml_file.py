@@ -1,4 +1,4 @@
-"""Reading of a YAML file whose values keep the line that they stand in, and writing of settings as YAML."""
+"""Reading of a YAML file whose values keep their line numbers, and writing of settings as YAML."""
 
 import json
 import re

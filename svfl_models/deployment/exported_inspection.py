@@ -1,4 +1,4 @@
-"""What an exported network (``.pt2``) says of itself, read as for use: nothing in it is unpickled."""
+"""Description of an exported network (``.pt2``), read as for use: nothing in it is unpickled."""
 
 from pathlib import Path
 from typing import Any

@@ -1,6 +1,6 @@
-"""What a checkpoint or an exported network says of itself: configuration, inputs, network, data, provenance, results.
+"""Description of a checkpoint or an exported network: configuration, inputs, network, data, provenance, results.
 
-The files may come from anybody. Checkpoints are opened as for use, so that what is told of them is what they do. Texts
+The files may come from anybody. Checkpoints are opened as for use, so that their description is what they do. Texts
 in the answer are those of the file; whoever prints them makes them printable.
 """
 
@@ -69,8 +69,8 @@ class Inspection:
         return msgspec.json.decode(msgspec.json.encode(asdict(self)))
 
 
-class Told(NamedTuple):
-    """What a kind of checkpoint tells in a way of its own; the attributes are those of `Inspection`."""
+class Contents(NamedTuple):
+    """What is read from a checkpoint depending on its kind; the attributes are those of `Inspection`."""
 
     what: str
     program: str
@@ -95,14 +95,15 @@ def inspect(path: Path) -> Inspection:
     content = checkpoint_io.read(path)
     mark = checkpoint_io.mark_of(content) or {}
     kind = mark.get("format")
-    if not isinstance(kind, str) or kind not in TELLERS:
+    if not isinstance(kind, str) or kind not in READERS:
         marked = printable(kind, 40) if mark else "no mark of svfl-train"
-        raise FormatError(f"{path}: not a checkpoint of svfl-train (found {marked}; possible: {', '.join(TELLERS)})")
-    told = TELLERS[kind](path)
+        raise FormatError(f"{path}: not a checkpoint of svfl-train (found {marked}; possible: {', '.join(READERS)})")
+    contents = READERS[kind](path)
     sha256, version = file(path).sha256, f"{kind} {mark.get('format_version')}"
     return Inspection(
-        str(path), told.what, told.program, version, path.stat().st_size, sha256, told.configuration, told.inputs,
-        told.output, told.network, record.of_checkpoint(content, path), results(path, told.configuration, sha256),
+        str(path), contents.what, contents.program, version, path.stat().st_size, sha256, contents.configuration,
+        contents.inputs, contents.output, contents.network, record.of_checkpoint(content, path), results(path,
+        contents.configuration, sha256),
     )  # fmt: skip
 
 
@@ -144,14 +145,14 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _evaluated(evaluation: dict[str, Any]) -> object:
-    """Return the SHA-256 of the checkpoint that an evaluation is of, if it tells."""
+    """Return the SHA-256 of the checkpoint that an evaluation is of, if it states it."""
     inside: object = evaluation
     for name in ("provenance", "data", "checkpoint", "sha256"):
         inside = inside.get(name) if isinstance(inside, dict) else None
     return inside
 
 
-def _centering(path: Path) -> Told:
+def _centering(path: Path) -> Contents:
     module = load_classifier(path)
     config, trunk = configuration(module), module.classifier.trunk
     image = f"{config.image_size} x {config.image_size} px, colour and depth, view {config.view}"
@@ -163,14 +164,14 @@ def _centering(path: Path) -> Told:
         else {"group": config.group, "preset": config.preset, "widths": _widths(config.preset, config.model)}
     )
     output = "scores of four directions" if config.target == "direction" else "offset right and up, [m]"
-    return Told(
+    return Contents(
         "block-centering network", "svfl-train centering", config.plain(),
         {name: forms[name] for name in INPUTS[config.encoder]}, output,
         network | {"parameters": _parameters(module)},
     )  # fmt: skip
 
 
-def _policy(path: Path) -> Told:
+def _policy(path: Path) -> Contents:
     module = load_policy(path)
     deployment, described = module.deployment, module.hparams["network"]
     kept = module.hparams["training"]
@@ -189,13 +190,13 @@ def _policy(path: Path) -> Told:
     group, preset = described.get("group", "D4"), described.get("preset", "default")
     widths = _widths(preset, "cnn" if group == "none" else "svfl")
     network = {"group": group, "preset": preset, "widths": widths, "parameters": _parameters(module)}
-    return Told(
+    return Contents(
         f"policy for {deployment.task}{f' of {deployment.robot}' if deployment.robot else ''}",
         "svfl-train bc", config, inputs, output, network,
     )  # fmt: skip
 
 
-def _latent(path: Path) -> Told:
+def _latent(path: Path) -> Contents:
     module = load_latent(path)
     kept, described = module.hparams["training"], module.hparams["network"]
     config = msgspec.convert(kept, LatentConfig).plain() if kept else {}
@@ -205,13 +206,13 @@ def _latent(path: Path) -> Told:
     }  # fmt: skip
     sizes = module.network.sizes
     network = {"model": described["model"], "sizes": asdict(sizes), "parameters": _parameters(module)}
-    return Told(
+    return Contents(
         "latent model", "svfl-train latent", config, {name: forms[name] for name in MODALITIES},
         f"feature of {sizes.feature} numbers", network,
     )  # fmt: skip
 
 
-TELLERS: dict[str, Callable[[Path], Told]] = {CENTERING: _centering, POLICY: _policy, LATENT: _latent}
+READERS: dict[str, Callable[[Path], Contents]] = {CENTERING: _centering, POLICY: _policy, LATENT: _latent}
 """Functions that open a checkpoint and tell what it holds, by the name of its format."""
 
 

@@ -1,1 +1,1 @@
-"""Tables of many training runs: the runs, done in parallel on all cores or GPUs, and the page that shows them."""
+"""Tables of many training runs: the runs, in parallel on all cores or GPUs, and the page with their results."""

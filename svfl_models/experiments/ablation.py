@@ -30,7 +30,7 @@ VARIANTS = {
     "SVFL, view from above": (SVFL | {"view": "top"}, ("v", "vf")),
     "SVFL, crops only": (SVFL | {"augment": False}, ("v", "vf")),
     "CNN": (CNN, ENCODERS),
-    "CNN, turned and mirrored samples": (CNN | {"rotate": True}, ENCODERS),
+    "CNN, rotated and mirrored samples": (CNN | {"rotate": True}, ENCODERS),
     "CNN, view from above": (CNN | {"view": "top"}, ("v", "vf")),
     "CNN, crops only": (CNN | {"augment": False}, ("v", "vf")),
 }
@@ -110,11 +110,11 @@ def body(results: Results) -> str:
             label = ""
     header = ["network", "test", *(f"{NAMES[encoder]}, {count}" for encoder in ENCODERS for count in counts)]
     return f"""\
-Accuracy, %, by input and number of training samples; empty where a variant is no different. For SVFL a torque is an
-axial vector; polar is the paper's typing, right for rotations and wrong for reflections. To turn and mirror every
-training sample by a random element of D4 is what a plain network can do instead of being symmetric. Seen from above,
-turning the image is turning the scene; seen obliquely, it is so only roughly. Crops only: images are augmented as in
-the paper, without random colours and larger shifts.
+Accuracy, %, by input and number of training samples; empty where a variant does not differ. For SVFL a torque is an
+axial vector; polar is the paper's representation, which is correct for rotations and wrong for reflections. Rotated and
+mirrored samples are transformed by random elements of D4, the usual alternative to a symmetric network. In the view
+from above, rotating the image is rotating the scene; in an oblique view this holds only approximately. Crops only:
+images are augmented as in the paper, without random colours and larger shifts.
 
 {markdown(header, rows)}
 

@@ -48,8 +48,8 @@ def body(results: Results) -> str:
     return f"""\
 The crop of the camera's image is rescaled bilinearly, with the pixels in between averaged, to a square of 64, 32, 16 or
 8 pixels, as in the paper (Kohler et al., CoRL 2023, "Role of Force Feedback When Visual Acuity is Degraded"). The
-paper varies acuity for its policies only, and in a figure without numbers, so there is nothing to print beside ours.
-F sees no image: its accuracy is the same in all columns.
+paper varies acuity for its policies only, and in a figure without numbers, so there are no figures to compare.
+F does not use the image: its accuracy is the same in all columns.
 
 {markdown(["input", "network", "training samples", "test", *(f"{size} px" for size in SIZES)], rows)}
 

@@ -1,7 +1,7 @@
 """The policies of a table of behaviour cloning: by task, network, number of demonstrations and seed.
 
 Each policy is trained and evaluated once. This module is light to import, because a worker unpickles its first run
-before it knows which libraries it needs.
+before it is determined which libraries it needs.
 """
 
 from collections.abc import Sequence
@@ -134,7 +134,9 @@ def runs(
     """
     tasks = [Path(folder).name for folder in data]
     if twice := sorted({task for task in tasks if tasks.count(task) > 1}):
-        raise UsageError(f"--data has several folders called {', '.join(twice)}; a table tells tasks by their names")
+        raise UsageError(
+            f"--data has several folders called {', '.join(twice)}; a table identifies tasks by their names"
+        )
     found = []
     for seed in range(seeds):
         for folder in data:

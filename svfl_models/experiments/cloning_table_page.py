@@ -15,7 +15,7 @@ from svfl_models.experiments.seed_intervals import Interval, difference, interqu
 from svfl_models.training.writing import write_rows, write_text
 
 PICTURES = ("bc_success.png", "bc_curves.png")
-NAMES = {"svfl": "SVFL", "cnn": "CNN", "cnn-rotated": "CNN, turned and mirrored samples"}
+NAMES = {"svfl": "SVFL", "cnn": "CNN", "cnn-rotated": "CNN, rotated and mirrored samples"}
 """Names of the networks on the page; the last one is that of the centering ablation."""
 ERRORS = {"valid_gripper": "gripper wrong, %", "valid_xy_mm": "(dx, dy), mm", "valid_z_mm": "dz, mm"}
 Place = tuple[str, int, str]
@@ -58,8 +58,8 @@ def _success(table: Table) -> str:
                 rows.append([escaped(task), count, NAMES[network], *_rate(table.success(task, count, network))])
     header = ["task", "demonstrations", "network", "success", "95 % interval", "each seed"]
     return (
-        f"{markdown(header, rows)}\n\nEach policy was tried in {table.trials} scenes that no demonstration has, the "
-        f"same for all. {_about_intervals(table)}\n\n![success by task]({PICTURES[0]})"
+        f"{markdown(header, rows)}\n\nEach policy was evaluated in the same {table.trials} scenes, "
+        f"which are in no demonstration. {_about_intervals(table)}\n\n![success by task]({PICTURES[0]})"
     )
 
 
@@ -75,18 +75,18 @@ def _about_intervals(table: Table) -> str:
     """Return what the intervals include, which depends on the number of finished seeds."""
     known = [len(rates) for row in _cells(table) if (rates := table.success(*row)) is not None]
     if not known:
-        return "No policy has been tried yet."
+        return "No policy has been evaluated yet."
     single, several = min(known) == 1, max(known) > 1
     words = []
     if several:
         words.append(
-            "The interval is for newly trained policies in newly drawn scenes: seeds and scenes are drawn again "
+            "The interval is for newly trained policies in new random scenes: seeds and scenes are resampled "
             "(bootstrap, expanded for few seeds)."
         )
     if single:
         words.append(
             f"Of {'rows with ' if several else ''}one seed the spread between seeds is unknown, and the interval "
-            "(Wilson's) is that of this very policy in newly drawn scenes."
+            "(Wilson's) is that of this policy in new random scenes."
         )
     return " ".join(words)
 
@@ -113,8 +113,8 @@ def _differences(table: Table) -> str:
     between, more = _compared(table, networks), _compared(table, demonstrations)
     if not between and not more:
         return ""
-    rows = [[*label, f"{100 * one.value:+.0f}", _points(one), _verdict(one)] for label, one in (*between, *more)]
-    header = ["task", "demonstrations", "network", "difference, points", "95 % interval", "told from noise"]
+    rows = [[*label, f"{100 * one.value:+.0f}", _points(one), _significance(one)] for label, one in (*between, *more)]
+    header = ["task", "demonstrations", "network", "difference, points", "95 % interval", "significant"]
     return f"## Differences\n\n{markdown(header, rows)}{_falls(more)}"
 
 
@@ -132,7 +132,7 @@ def _points(found: Interval) -> str:
     return f"{100 * found.low:+.0f} to {100 * found.high:+.0f}"
 
 
-def _verdict(found: Interval) -> str:
+def _significance(found: Interval) -> str:
     if not found.between_seeds:
         return "unknown (one seed)"
     return "yes" if found.excludes_zero else "no"
@@ -145,7 +145,8 @@ def _falls(compared: Sequence[Compared]) -> str:
         return ""
     told = [f"{task} {name} {counts}" for (task, counts, name), one in fell if one.between_seeds and one.excludes_zero]
     return (
-        f"\n\nLess success with more demonstrations in {len(fell)} of {len(compared)} cases; told from noise: "
+        f"\n\nThe success rate is lower with more demonstrations in {len(fell)} of {len(compared)} cases; "
+        f"significant: "
         f"{'; '.join(told) or 'none'}."
     )
 

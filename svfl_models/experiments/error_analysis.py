@@ -167,8 +167,8 @@ def _readings(found: Mapping[str, Predictions]) -> str:
     if not words:
         return ""
     return (
-        f"As many errors would come from reading the direction with a normal error of {', '.join(words)} degrees "
-        "(standard deviation)."
+        "The same number of errors would result from a normally distributed error of the direction of "
+        f"{', '.join(words)} degrees (standard deviation)."
     )
 
 

@@ -50,11 +50,11 @@ def body(results: Results) -> str:
                 row.append(f"{cell.seconds.mean:.0f}" if cell.seconds else "-")
             rows.append(row)
     return f"""\
-C_N has N rotations, D_N the mirrors besides; `none` is the CNN baseline whose parameters are matched to
+C_N has N rotations, D_N also N reflections; `none` is the CNN baseline whose parameters are matched to
 those of D4. All groups have the preset's number of fields: a field has as many channels as the group has elements, so
-networks of larger groups are wider. On a pixel grid only quarter turns and flips are exact (C4, D4); turns by less
-are approximate for images and exact for force. Time is that of a training with one thread, mean over the seeds; it
-depends on the machine and on what else it does.
+networks of larger groups are wider. On a pixel grid only quarter turns and reflections are exact (C4, D4); other
+rotations are approximate for images and exact for force. Time is that of a training with one thread, mean over the
+seeds; it depends on the machine and its load.
 
 {markdown(header, rows)}
 

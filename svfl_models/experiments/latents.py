@@ -89,16 +89,16 @@ def body(results: Results) -> str:
     rate = max(latent.learning_rate for latent in _latents(results))
     return f"""\
 Accuracy, %, by number of training samples. SVFL is symmetric under D4, CNN is its parameter-matched CNN baseline;
-both see image and wrench window and learn from nothing but the training samples. The latent encoders see image,
-wrench window and proprioception (the gripper's pose and opening) and make one vector of them, from which a linear layer
-scores the four directions. It reads each number in units of its deviation over the training samples.
+both see image and wrench window and are trained on the training samples only. The latent encoders see image,
+wrench window and proprioception (the gripper's pose and opening) and encode them into one vector, from which a
+linear layer scores the four directions. Its inputs are divided by their standard deviations over the training samples.
 
 {_uses(dict.fromkeys(latent.use for latent in _latents(results)), rate, first.learning_rate)}
 
 {markdown(header, lines)}
 
-Learned: numbers that the training may change. Time: of a training with {counts[-1]} samples, one thread; it depends on
-the machine and on what else it does.
+Learned: number of trained parameters. Time: of a training with {counts[-1]} samples, one thread; it depends on
+the machine and its load.
 
 ![accuracy against training samples](latents.png)
 
@@ -106,8 +106,8 @@ the machine and on what else it does.
 
 {markdown(["encoder", "pretrained on", "checkpoint", "SHA-256"], _sources(results))}
 
-{_other_data(results)}The latents' inputs keep the scales of the pretraining; SVFL and CNN take theirs from the very
-samples that they learn from.
+{_other_data(results)}The latents' inputs are normalised with the scales of the pretraining, those of SVFL and CNN with
+the scales of their own training samples.
 
 {_epochs(results)}
 """
@@ -119,7 +119,7 @@ def _other_data(results: Results) -> str:
     other = sorted({latent.data for latent in _latents(results)} - {data})
     if not other:
         return ""
-    return f"The samples are of {escaped(data)}, the pretraining saw others: {', '.join(map(escaped, other))}. "
+    return f"The samples are of {escaped(data)}, the pretraining used others: {', '.join(map(escaped, other))}. "
 
 
 def _epochs(results: Results) -> str:
@@ -156,9 +156,9 @@ def _uses(uses: Iterable[str], encoder_rate: float, head_rate: float) -> str:
     """Return a list in Markdown that explains each use of an encoder that occurs in the experiment."""
     words = {
         "frozen": f"""\
-- frozen: the encoder stays as its pretraining left it, and only the linear layer learns. {VIEWS} crops of every sample
-  are encoded once; they are not recoloured, since the encoder has not learned that colours mean nothing.""",
-        "fine-tuned": f"- fine-tuned: the encoder learns, too, at a rate of {encoder_rate:g}; "
+- frozen: the encoder is not changed after its pretraining, and only the linear layer is trained. {VIEWS} crops of
+  every sample are encoded once; their colours are not changed, since the encoder was not trained with such changes.""",
+        "fine-tuned": f"- fine-tuned: the encoder is also trained, at a rate of {encoder_rate:g}; "
         f"the layer at {head_rate:g}.",
         "from-scratch": "- from scratch: likewise with random weights, all else being equal: the gain of pretraining.",
     }

@@ -126,12 +126,12 @@ def _about_intervals(counts: set[int]) -> str:
     words = []
     if max(counts) > 1:
         words.append(
-            "The interval is for networks trained anew and for new samples: seeds and samples are drawn again "
+            "The interval is for newly trained networks and new samples: seeds and samples are resampled "
             "(bootstrap, expanded for few seeds)."
         )
     if min(counts) == 1:
         words.append(
-            "With one seed the spread between seeds is unknown, and the interval (Wilson's) is that of this very "
+            "With one seed the spread between seeds is unknown, and the interval (Wilson's) is that of this "
             "network for new samples."
         )
     return " ".join(words)

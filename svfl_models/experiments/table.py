@@ -64,7 +64,7 @@ same samples.
 
 {markdown(["input", "network", "accuracy, %", *(f"{count} samples" for count in counts)], rows)}
 
-{_verdict(results)}
+{_against_paper(results)}
 
 ![accuracy against training samples, on the larger test set](table.png)
 
@@ -164,7 +164,7 @@ def _ours(cell: Cell, test: str) -> str:
     return f"**{words}**" if good and cell.config.model == "svfl" else words
 
 
-def _verdict(results: Results) -> str:
+def _against_paper(results: Results) -> str:
     """Return a text that says how many of the SVFL cells reach the paper's accuracy."""
     symmetric = results.find(group=MODELS["svfl"])
     sentences = []

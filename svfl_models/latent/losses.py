@@ -127,7 +127,7 @@ class Objective:
         if not self._counts("mismatch"):
             return found
         pairs = mismatched(batch["episode"], batch["step"], batch["touching"], frames, min(self.negatives, frames))
-        if len(pairs.image) == 0:  # a batch without contact has no pairs that can be told apart
+        if len(pairs.image) == 0:  # a batch without contact has no pairs that can be distinguished
             return found | {"mismatch": Term(own.sum() * 0, self.negatives)}
         foreign = {
             name: numbers[pairs.wrench if name == "wrench" else pairs.image] for name, numbers in seen.parts.items()

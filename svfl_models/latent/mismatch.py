@@ -1,4 +1,4 @@
-"""Pairs of frames with the wrench of another moment, which a network must tell from frames with their own wrench."""
+"""Pairs of frames with the wrench of another time, to be distinguished from frames with their own wrench."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What a network must know of an action: how its components transform, and the bounds of its commands."""
+"""What a network needs of an action: how its components transform, and the bounds of its commands."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -151,8 +151,8 @@ def parts_of(field: Field, symmetric: bool) -> tuple[Part, ...]:
         return field.parts
     if symmetric:
         raise TrainingError(
-            f"{field.path} has no planar parts, so it does not say how it turns; a plain network (group none) takes it "
-            "if samples are not rotated"
+            f"{field.path} has no planar parts, so it does not declare how it transforms; a plain network (group none) "
+            "takes it if samples are not rotated"
         )
     last = field.shape[-1] if len(field.shape) > 1 else 1
     return (Part("invariant", tuple(range(int(last)))),)

@@ -65,7 +65,7 @@ class VisionEncoder(nn.Module):
 
 
 class InvariantVision(nn.Module):
-    """Image encoder for images that do not turn with the world, such as those of a camera on the gripper.
+    """Image encoder for images that do not rotate with the scene, such as those of a camera on the gripper.
 
     A plain network maps the image to invariants, and a map of the layer factory makes features of them.
 

@@ -56,8 +56,8 @@ class Actor(nn.Module):
 
     Each hidden layer is half as wide as the layer before it, but has at least `NARROWEST` units. The mean consists of
     the parts of the action. The components of a vector, such as dx and dy, share one standard deviation, which is
-    invariant: two separate ones would have to change places when the world is turned by a quarter, which invariants
-    cannot do (see `squashed_gaussian`).
+    invariant: two separate ones would have to change places when the scene is rotated by a quarter turn, which
+    invariants cannot do (see `squashed_gaussian`).
 
     Args:
         layers: Layer factory that the actor is built from.

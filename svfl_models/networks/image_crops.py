@@ -81,7 +81,7 @@ def crop_at(image: Tensor, corner: Tensor, side: int) -> Tensor:
 
 
 def turned(image: Tensor, matrix: Tensor) -> Tensor:
-    """Turn or mirror the contents of square images about their middle, with bilinear interpolation.
+    """Rotate or reflect the contents of square images about their middle, with bilinear interpolation.
 
     Args:
         image: Images, shape (B, C, H, H).

@@ -23,9 +23,9 @@ class ImageInput:
     Attributes:
         name: Key of the images in a batch, shape (B, channels, H, H).
         channels: Number of channels: 4 for colour and depth, 3 for colour, 1 for grey or depth alone.
-        moves: How the image transforms: ``pixels`` if it turns with the world (a camera that stands still, or an image
-            that was turned into the axes of the base), ``invariant`` if it does not (a camera on the gripper whose
-            images are taken as they are, because it turns with the gripper).
+        moves: How the image transforms: ``pixels`` if it rotates with the scene (a fixed camera, or an image
+            that was rotated into the axes of the base), ``invariant`` if it does not (a camera on the gripper whose
+            images are taken as they are, because it rotates with the gripper).
     """
 
     name: str = "image"

@@ -5,7 +5,7 @@ appendix C). The tanh of each component commutes with permutations and sign chan
 else: only quarter turns and flips map the square of permitted (dx, dy) onto itself. The distribution of a symmetric
 actor is therefore symmetric under the pixel-exact part of its group, C4 or D4. Under the other elements only the mean
 and the standard deviations before the tanh are symmetric. dx and dy must have the same standard deviation: a quarter
-turn exchanges dx and dy, and the distribution of actions in a turned world must be the turned distribution.
+turn exchanges dx and dy, and the distribution of actions in a rotated scene must be the rotated distribution.
 """
 
 import math

@@ -1,1 +1,1 @@
-"""Groups, representations and equivariant layers, and the test that a network has its symmetry."""
+"""Groups, representations and equivariant layers, and the test that a network is equivariant."""

@@ -62,7 +62,7 @@ def equivariance_error(
     size = float(output.norm())
     if size == 0:
         raise ValueError(
-            "the output is zero everywhere, which every action leaves alone: this check would prove nothing"
+            "the output is zero everywhere, which every action leaves unchanged: this check would be without effect"
         )
     return [
         float((function(act_on_batch(g, batch, own)) - act_on_output(g, output)).norm()) / size

@@ -1,4 +1,4 @@
-"""Lightning plugin that writes checkpoints whole or not at all, and reads them without running anything in them."""
+"""Lightning plugin that writes checkpoints completely or not at all, and reads them without executing code in them."""
 
 import io
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Settings that every training has beside its configuration, and that do not tell one run from another."""
+"""Settings that every training has beside its configuration, and that do not distinguish runs."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field

@@ -1,4 +1,4 @@
-"""Writing of text, JSON, tables and figures, whole or not at all, and reading of tables."""
+"""Writing of text, JSON, tables and figures, completely or not at all, and reading of tables."""
 
 import csv
 import io

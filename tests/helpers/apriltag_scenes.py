@@ -1,4 +1,4 @@
-"""Pictures of tags with a known truth: a printed sheet seen by a camera, without a renderer."""
+"""Pictures of tags with a known truth: a printed page seen by a camera, without a renderer."""
 
 import cv2
 import numpy as np
@@ -26,12 +26,12 @@ def board_picture(T_camera_board, intrinsics, noise=2.0, seed=0):
     metre = 1e-3 / scale
     board = np.array([[metre, 0.0, (0.5 - left) * metre], [0.0, -metre, (bottom - 0.5) * metre], [0.0, 0.0, 1.0]])
     H = intrinsics @ T_camera_board[:3, [0, 1, 3]] @ board
-    sheet = picture(page, DPI).astype(np.float32)
+    printed = picture(page, DPI).astype(np.float32)
     fine = 3
     up = np.array([[fine, 0.0, (fine - 1) / 2], [0.0, fine, (fine - 1) / 2], [0.0, 0.0, 1.0]])
     size = (640 * fine, 480 * fine)
     seen = cv2.warpPerspective(
-        sheet, up @ H, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=130
+        printed, up @ H, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=130
     )
     seen = cv2.resize(seen, (640, 480), interpolation=cv2.INTER_AREA)
     noisy = 0.8 * seen + 20 + np.random.default_rng(seed).normal(0.0, noise, seen.shape)

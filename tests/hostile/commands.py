@@ -10,7 +10,7 @@ ALL = EPISODE | {"shard", "index"}
 ONE_FILE = frozenset({"episode", "damage"})
 ORDER = frozenset({"order"})
 """Read by what trains: time stamps that do not ascend; ``order_aside`` are those that no training reads."""
-JUDGED = frozenset({"order", "order_aside"})
+CHECKED = frozenset({"order", "order_aside"})
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ def _data(name: str, *words: str, reads: frozenset[str] = ALL, **options) -> Com
 
 
 TINY = ("--preset", "tiny", "--epochs", "1")
-JUDGED_LATER = "it copies bytes as they are; what they hold is judged by whoever reads the copy"
-COPIES = {"episode": JUDGED_LATER, "split": JUDGED_LATER}
+CHECKED_LATER = "it copies bytes as they are; what they hold is checked by whoever reads the copy"
+COPIES = {"episode": CHECKED_LATER, "split": CHECKED_LATER}
 LISTED = {"episode": TOLD, "damage": TOLD, "folder": TOLD}
 ONE = {"folder": ENTRIES}
 COMMANDS = (
@@ -65,9 +65,9 @@ COMMANDS = (
     _data("info_json", "info", "data", "--json", spared=LISTED),
     _data("info_episode", "info", "data", "--episode", "0", reads=EPISODE | {"shard"}, spared=ONE),
     _data("info_file", "info", FILE, reads=ONE_FILE),
-    _data("validate", "validate", "data", reads=ALL | JUDGED),
-    _data("validate_json", "validate", "data", "--json", reads=ALL | JUDGED),
-    _data("validate_file", "validate", FILE, reads=ONE_FILE | JUDGED),
+    _data("validate", "validate", "data", reads=ALL | CHECKED),
+    _data("validate_json", "validate", "data", "--json", reads=ALL | CHECKED),
+    _data("validate_file", "validate", FILE, reads=ONE_FILE | CHECKED),
     _data("plot", "plot", "data", "--episode", "0", "--out", "out/p.png", reads=EPISODE | {"shard"}, spared=ONE),
     _data("plot_file", "plot", FILE, "--out", "out/p.png", reads=ONE_FILE),
     _data("topdown", "topdown", "data", "--episode", "0", "--out", "out/t.png", reads=EPISODE | {"shard"}, spared=ONE),

@@ -26,7 +26,7 @@ from collectors.simulation.urdf import QUARTER, Solid, UrdfCylinder, joint, link
 class Link:
     """A link of the arm by its row in the table of Denavit-Hartenberg parameters, in the standard convention.
 
-    The frame of the link has the axis of its own joint as z. The next joint's frame is at (a, 0, d), turned about x.
+    The frame of the link has the axis of its own joint as z. The next joint's frame is at (a, 0, d), rotated about x.
 
     Attributes:
         name: Name of the link.

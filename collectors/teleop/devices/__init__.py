@@ -1,1 +1,1 @@
-"""Devices that a person steers with: keyboard, gamepad, SpaceMouse, and a recorded script."""
+"""Devices with which a person controls the gripper: keyboard, gamepad, SpaceMouse, and a recorded script."""

@@ -1,4 +1,4 @@
-"""Device that a person steers with, and the commands that it can give."""
+"""Device with which a person controls the gripper, and the commands that it can give."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence

@@ -18,9 +18,9 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser(
         "upgrade",
         help="make a new dataset of the present episode format from an old one",
-        description=f"Make a new dataset of episode format {FORMAT_VERSION} from one of format 1.0, which stays as it "
-        "is. Episodes keep their numbers, metadata and places in shards; splits, statistics, failed attempts and "
-        "unfinished recordings are taken along. The history of every episode tells the seal (checksum) that it had "
+        description=f"Make a new dataset of episode format {FORMAT_VERSION} from one of format 1.0, which is not "
+        "changed. Episodes keep their numbers, metadata and places in shards; splits, statistics, failed attempts and "
+        "unfinished recordings are copied. The history of every episode states the seal (checksum) that it had "
         "before. Arrays outside extra/ that format 1.0 did not define are left out and named. The command ends with an "
         "error, and writes nothing, if an episode is damaged.",
         example="svfl-data upgrade data/centering data/centering_2",

@@ -1,7 +1,7 @@
 """What a replay buffer keeps of an episode and gives in a batch, for any inputs and any action.
 
 A specification (`svfl_data.replay.specs.replay_spec`, `svfl_data.replay.specs.recorded_spec`) says it once as a
-`Layout`. Episodes, batches, rotations and saved files follow the layout, and know nothing of particular cameras or
+`Layout`. Episodes, batches, rotations and saved files follow the layout, and do not depend on particular cameras or
 sensors.
 """
 
@@ -29,7 +29,7 @@ class Array:
         dtype: NumPy dtype as a text.
         parts: Parts of the components of the last axis that are rotated and reflected; empty if the array stays.
         offset: Numbers that are subtracted from the components before they are rotated and added afterwards, because
-            positions turn about the centre of the workspace. Empty if there is nothing to subtract.
+            positions rotate about the centre of the workspace. Empty if there is nothing to subtract.
     """
 
     name: str

@@ -18,11 +18,12 @@ class RecordedInputs:
         fields: Declarations of the images, windows, vectors and the action, sorted by path, with the sizes that were
             recorded.
         constants: Calibration of the cameras by path, as nested tuples.
-        centre: Workspace centre, base (x, y), [m], about which positions turn; None if the episodes have no workspace.
+        centre: Workspace centre, base (x, y), [m], about which positions rotate; None if the episodes have no
+            workspace.
         invariant: Paths of arrays, or ``cameras/NAME``, that stay when a transition is rotated: sensors on the gripper,
             cameras without a pose, and what has no direction.
         moving: Names of the cameras that move and whose poses are known, in the order of the inputs. Their images stay
-            when a transition is rotated; their image axes at each frame turn.
+            when a transition is rotated; their image axes at each frame are rotated.
     """
 
     task: str

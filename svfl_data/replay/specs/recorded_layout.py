@@ -15,7 +15,7 @@ LONGEST = 100_000
 SMOOTH = ("color", "grey")
 """Images that are interpolated where pixels do not move onto pixels; of depth and labels the nearest pixel is taken."""
 AXES_PARTS = (Part("vector", (0, 1)),)
-"""Parts of image axes, which turn in the axes of the base only: both rows, image right and up, are vectors there."""
+"""Parts of image axes, which are rotated in base axes only: both rows, image right and up, are vectors there."""
 
 
 def layout_of(spec: RecordedInputs, config: ReplayConfig) -> Layout:
@@ -26,8 +26,8 @@ def layout_of(spec: RecordedInputs, config: ReplayConfig) -> Layout:
         config: Settings of the replay buffer.
 
     Raises:
-        UsageError: If transitions are to be rotated, but something does not say how it turns; or `config` gives frames
-            or a window, which are those of the paper's inputs.
+        UsageError: If transitions are to be rotated, but something does not say how it transforms; or `config` gives
+            frames or a window, which are those of the paper's inputs.
     """
     if config.frames != 1 or config.window != ReplayConfig.window:
         raise UsageError("frames and window of the configuration are the paper's; say them in the inputs (InputSpec)")
@@ -56,7 +56,7 @@ def layout_of(spec: RecordedInputs, config: ReplayConfig) -> Layout:
 def _axes(spec: RecordedInputs, camera: str, rotate: bool) -> np.ndarray | None:
     """Return the matrix from base (x, y) to the image of a camera, (2, 2); None if its images stay.
 
-    A camera that moves turns with the world, so its images stay, and the matrix of each frame turns.
+    A camera that moves rotates with the scene, so its images stay, and the matrix of each frame is rotated.
     """
     name = f"cameras/{camera}"
     if name in spec.invariant or camera in spec.moving:
@@ -65,7 +65,7 @@ def _axes(spec: RecordedInputs, camera: str, rotate: bool) -> np.ndarray | None:
         return np.array(spec.constants[f"{name}/image_axes"])
     if rotate:
         raise UsageError(
-            f"rotate: {name} has no fixed pose in base with image axes, so nobody knows how its images turn; "
+            f"rotate: {name} has no fixed pose in base with image axes, so it is unknown how its images rotate; "
             f"invariant=[{name!r}] leaves them as they are"
         )
     return None
@@ -82,11 +82,11 @@ def _array(field: Field, spec: RecordedInputs, rotate: bool) -> Array:
         return plain
     if not field.parts or np.dtype(field.dtype).kind != "f":
         way = "do without" if field.path == spec.action else f"invariant=[{field.path!r}] leaves it as it is"
-        raise UsageError(f"rotate: {field.path} ({field.dtype}) does not declare how it turns (parts); {way}")
+        raise UsageError(f"rotate: {field.path} ({field.dtype}) does not declare how it transforms (parts); {way}")
     if field.about != "base origin":
         return Array(field.path, row, field.dtype, field.parts)
     if spec.centre is None:
-        raise UsageError(f"rotate: {field.path} is measured from the base origin; its turns need a workspace")
+        raise UsageError(f"rotate: {field.path} is measured from the base origin; its rotation needs a workspace")
     offset = np.zeros(row[-1])
     for part in field.parts:
         if part.kind == "vector":

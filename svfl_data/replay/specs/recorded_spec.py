@@ -118,7 +118,7 @@ class RecordedSpec(RecordedInputs):
             config: Settings of the replay buffer.
 
         Raises:
-            UsageError: If transitions are to be rotated, but something does not say how it turns.
+            UsageError: If transitions are to be rotated, but something does not say how it transforms.
         """
         return layout_of(self, config)
 
@@ -211,7 +211,7 @@ def _declared(episode: Episode, path: str) -> Field:
 
 
 def _fixed_poses(moving: Collection[str]) -> list[str]:
-    """Return the paths of the constants that only a camera that stands still has."""
+    """Return the paths of the constants that only a fixed camera has."""
     return [f"cameras/{camera}/{leaf}" for camera in moving for leaf in ("T_base_camera", "image_axes")]
 
 

@@ -1,4 +1,4 @@
-"""Completion of command lines by a shell, which asks the programs themselves for the possible words."""
+"""Completion of command lines by a shell, which gets the possible words from the programs."""
 
 import os
 

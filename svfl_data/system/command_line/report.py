@@ -30,11 +30,11 @@ def report(as_json: bool, facts: Mapping[str, Any], *lines: object) -> None:
         say(*lines)
 
 
-def json_text(value: Any) -> str:  # noqa: ANN401 - any value that `as_json` knows
+def json_text(value: Any) -> str:  # noqa: ANN401 - any value that `as_json` supports
     r"""Return a value as JSON in ASCII, so that text from files cannot take over a terminal.
 
     Args:
-        value: Value that `as_json` knows.
+        value: Value that `as_json` supports.
 
     Example:
         >>> print(json_text({"name": "a\x7fb"}))

@@ -26,7 +26,7 @@ def log_camera(
     T_base_camera: np.ndarray,
     size: tuple[int, int],
 ) -> None:
-    """Log the pose and the field of view of a camera that stands still, and the outline of the crop that networks see.
+    """Log the pose and the field of view of a fixed camera, and the outline of the crop that networks see.
 
     Args:
         recording: Recording to log to.

@@ -120,7 +120,7 @@ def send_gripper(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, pro
 
 
 def send_tcp(recording: rr.RecordingStream, root: str, t_ns: np.ndarray, pose: np.ndarray) -> None:
-    """Log the measured poses of the TCP; the wrench is then drawn at the TCP, because nobody said where its sensor is.
+    """Log the measured poses of the TCP, at which the wrench is drawn because the position of its sensor is unknown.
 
     Args:
         recording: Recording to log to.

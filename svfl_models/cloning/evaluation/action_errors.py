@@ -1,4 +1,4 @@
-"""Measures how far a policy's actions are from those of demonstrations that it has not learned from, without simulator.
+"""Measures how far a policy's actions are from those of held-out demonstrations, without simulator.
 
 The actions are those that a training learns (the expert's where they were recorded), and the observations are cut as in
 training, so that on the demonstrations that a training holds out the errors are those of its last validation.

@@ -1,4 +1,4 @@
-"""Refuses recordings that do not have what a policy has learned from."""
+"""Refuses recordings that differ from the training data of a policy."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Films a policy at work, and logs an evaluation to the experiment trackers of the training."""
+"""Records a video of a policy, and logs an evaluation to the experiment trackers of the training."""
 
 import io
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Provenance of experiments: each start is recorded in the folder, and the page tells it and that of the runs."""
+"""Provenance of experiments: each start is recorded in the folder, and the page shows it and that of the runs."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Measures how well a model tells frames with their own wrench from frames with another, by the distance in time."""
+"""Measures how well a model distinguishes frames with their own wrench from frames with the wrench of another time."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ PAIRS = 200
 
 
 @dataclass(frozen=True)
-class Told:
+class PairScores:
     """Result for the mismatched pairs of one kind.
 
     Attributes:
@@ -33,7 +33,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Alignment:
-    """Judgement of a model on matched and mismatched pairs of image and wrench.
+    """Evaluation of a model on matched and mismatched pairs of image and wrench.
 
     Attributes:
         accepted: Share of all frames that the model accepts with their own wrench, 0..1.
@@ -45,14 +45,14 @@ class Alignment:
 
     accepted: float
     accepted_touching: float | None
-    by_gap: dict[int, Told]
-    other_episodes: Told | None
+    by_gap: dict[int, PairScores]
+    other_episodes: PairScores | None
 
 
 def alignment(network: LatentNetwork, frames: Frames, encoded: Encoded, seed: int) -> Alignment:
     """Evaluate frames with the wrenches of other frames.
 
-    Pairs of two frames that are both free of contact are left out, because their wrenches cannot be told apart.
+    Pairs of two frames that are both free of contact are left out, because their wrenches cannot be distinguished.
 
     Args:
         network: The latent model, in eval mode.
@@ -68,21 +68,21 @@ def alignment(network: LatentNetwork, frames: Frames, encoded: Encoded, seed: in
     touching = own[frames.touching]
     rng = torch.Generator().manual_seed(seed)
 
-    def told(wanted: Tensor) -> Told | None:
+    def scores_of(wanted: Tensor) -> PairScores | None:
         pairs = (allowed & wanted).nonzero()
         if not len(pairs):
             return None
         image, wrench = pairs[torch.randperm(len(pairs), generator=rng)[:PAIRS]].T
         foreign = _shown(network, encoded, image, wrench)
         scores, truth = torch.cat([own[image], foreign]), torch.arange(2 * len(image)) < len(image)
-        return Told(len(image), float((foreign < 0.5).float().mean()), auroc(scores.numpy(), truth.numpy()))
+        return PairScores(len(image), float((foreign < 0.5).float().mean()), auroc(scores.numpy(), truth.numpy()))
 
-    by_gap = {gap: told(same & (apart == gap)) for gap in GAPS}
+    by_gap = {gap: scores_of(same & (apart == gap)) for gap in GAPS}
     return Alignment(
         accepted=float((own > 0.5).float().mean()),
         accepted_touching=float((touching > 0.5).float().mean()) if len(touching) else None,
         by_gap={gap: one for gap, one in by_gap.items() if one is not None},
-        other_episodes=told(~same),
+        other_episodes=scores_of(~same),
     )
 
 

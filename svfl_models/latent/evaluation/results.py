@@ -34,7 +34,7 @@ class Evaluation:
         reconstruction: Fidelity of decoded and predicted images.
         contact: Scores of the contact of the frame.
         next_contact: Scores of the contact between a frame and the next.
-        alignment: Judgement on matched and mismatched pairs of image and wrench.
+        alignment: Evaluation on matched and mismatched pairs of image and wrench.
         next_gripper: Errors of the predicted next proprioception.
         probes: Scores of the linear probes of features.
         missing: Scores for each subset of the modalities.

@@ -79,7 +79,8 @@ class Session:
     Attributes:
         started: Time of the start, UTC, as in ISO 8601.
         command: Command line, in which secrets are replaced by ``***``; `FROM_PYTHON` if there was none.
-        commit: Hash of the git commit of the source; empty if it is no checkout, and the version of ``svfl`` tells.
+        commit: Hash of the git commit of the source; empty if it is no checkout; then only the version of ``svfl`` is
+            known.
         clean: Whether the source is that of the commit; None if there is no commit, or git does not tell.
         packages: Versions of Python and of the installed `LIBRARIES`, by name.
         host: Machine.

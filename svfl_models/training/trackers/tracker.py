@@ -1,4 +1,4 @@
-"""What a tracker is to a training."""
+"""Interface of a tracker."""
 
 from collections.abc import Mapping
 from pathlib import Path

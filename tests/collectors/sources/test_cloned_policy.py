@@ -102,8 +102,8 @@ def test_what_the_viewer_says_that_it_would_do_is_what_it_did(checkpoint):
     collector = PolicyCollector(5, "block_picking", checkpoint)
     episode = collector(2)
     collector.opened.close()
-    thought = predictions.load(checkpoint)(episode)
-    np.testing.assert_allclose(thought.actions[:-1] / SCALE, episode.action / SCALE, atol=1e-4)
+    prediction = predictions.load(checkpoint)(episode)
+    np.testing.assert_allclose(prediction.actions[:-1] / SCALE, episode.action / SCALE, atol=1e-4)
 
 
 def test_a_loaded_policy_says_what_its_network_says(checkpoint, file):

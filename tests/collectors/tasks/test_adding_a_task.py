@@ -1,4 +1,4 @@
-"""A new task is its file and a line: the one that the documentation adds works everywhere."""
+"""A new task needs its file and one line: the task that the documentation adds works everywhere."""
 
 import re
 import sys

@@ -104,7 +104,7 @@ def test_irregular_streams_are_jittery_not_full_of_gaps():
     assert "jitter" in found.words
 
 
-def test_actions_are_judged_by_the_bounds_that_their_array_declares():
+def test_actions_are_checked_by_the_bounds_that_their_array_declares():
     arrays = fresh()
     arrays["actions/action"][6, 2] = 0.04
     assert findings(dict(arrays), declarations=[planar_action(0.05, 0.2)]) == []

@@ -103,7 +103,7 @@ def test_episodes_with_and_without_poses_are_not_mixed(tmp_path):
         spec.require_equal(other, "the buffer", "the environment")
 
 
-def test_the_stream_that_poses_follow_from_is_judged_as_what_is_used(tmp_path):
+def test_the_stream_that_poses_follow_from_is_checked_as_what_is_used(tmp_path):
     """By samples too: with times that run backwards, the latest pose before a frame would be any."""
     episode = moving_episode(0)
     backwards = episode.arrays["streams/tcp/t_ns"].copy()

@@ -67,7 +67,7 @@ def test_the_writer_refuses_the_same(spoil, field, words, tmp_path):
     assert not dataset.own_files()
 
 
-def test_images_are_judged_by_shape_only():
+def test_images_are_checked_by_shape_only():
     class Unread:
         """Gives no number away."""
 

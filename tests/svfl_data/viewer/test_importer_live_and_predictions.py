@@ -153,8 +153,8 @@ def test_predicted_direction_is_drawn_with_its_probability_beside_the_true_one(t
     episode = make_episode(steps=3)
     shares = np.full((4, 4), 0.1)
     shares[:, 2] = 0.7
-    thought = Prediction("tiny", "front", np.zeros((4, 8, 8, 3), np.uint8), shares)
-    show.save(show.content([(EpisodeSource.of(episode), thought)]), tmp_path / "a.rrd")
+    prediction = Prediction("tiny", "front", np.zeros((4, 8, 8, 3), np.uint8), shares)
+    show.save(show.content([(EpisodeSource.of(episode), prediction)]), tmp_path / "a.rrd")
     camera = "scene/cameras/front"
     t_ns, vectors = logged(tmp_path / "a.rrd", f"{camera}/predicted", "Arrows2D:vectors")
     np.testing.assert_array_equal(t_ns, episode.t_ns)
@@ -172,8 +172,8 @@ def test_what_a_policy_would_do_is_drawn_and_where_it_looks(tmp_path):
     episode = make_episode(steps=3, size=20)
     actions = np.arange(20.0).reshape(4, 5)
     crop = np.array([[2, 3, 18, 19]]) + np.arange(4)[:, None]
-    thought = Prediction("tiny", "front", np.zeros((4, 8, 8, 3), np.uint8), actions=actions, crop=crop)
-    show.save(show.content([(EpisodeSource.of(episode), thought)]), tmp_path / "a.rrd")
+    prediction = Prediction("tiny", "front", np.zeros((4, 8, 8, 3), np.uint8), actions=actions, crop=crop)
+    show.save(show.content([(EpisodeSource.of(episode), prediction)]), tmp_path / "a.rrd")
     for part, columns in (("move", slice(1, 4)), ("turn", slice(4, 5)), ("opening", slice(0, 1))):
         t_ns, values = logged(tmp_path / "a.rrd", f"network/{part}", "Scalars:scalars")
         np.testing.assert_array_equal(t_ns, episode.t_ns)

@@ -106,7 +106,7 @@ def test_the_file_of_a_policy_says_what_it_was_made_for(deployment, tmp_path):
     assert json.loads(facts) == {"depth_scale": 1e-4, "camera": "front", "wrench_hz": pytest.approx(500)}
 
 
-def test_a_long_episode_is_thought_of_in_pieces(deployment, episode):
+def test_a_long_episode_is_predicted_in_pieces(deployment, episode):
     module = policy(deployment)
     whole, pieces = (of_module(module, "policy", at_once)(episode) for at_once in (len(episode) + 1, 3))
     np.testing.assert_allclose(whole.actions, pieces.actions, atol=1e-6)

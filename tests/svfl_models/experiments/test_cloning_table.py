@@ -232,12 +232,14 @@ def test_the_page_says_what_is_known(runs, tmp_path, finished):
     assert f"24 policies, {finished} of them finished: seeds 0 to 1;" in page
     assert page.count("| picking | 10 | SVFL | 75.0% |") == (1 if finished else 0)
     assert page.count("| pushing | 10 | SVFL minus CNN | +50 |") == (finished == 24)
-    assert page.count("| pushing | 10 | SVFL minus CNN, turned and mirrored samples | +50 |") == (finished == 24)
+    assert page.count("| pushing | 10 | SVFL minus CNN, rotated and mirrored samples | +50 |") == (finished == 24)
     assert ("## All tasks" in page) == (finished > 0)
-    assert ("No policy has been tried" in page) == (finished == 0)
+    assert ("No policy has been evaluated" in page) == (finished == 0)
     assert ("spread between seeds is unknown" in page) == (finished == 7)
-    assert ("seeds and scenes are drawn again" in page) == (finished == 24)
-    assert "Less success" not in page  # the pretended results do not depend on the number of demonstrations
+    assert ("seeds and scenes are resampled" in page) == (finished == 24)
+    assert (
+        "The success rate is lower" not in page
+    )  # the pretended results do not depend on the number of demonstrations
 
 
 def tell(run, *success):
@@ -249,13 +251,13 @@ def tell(run, *success):
 @pytest.mark.parametrize(
     ("fewer", "more", "told"), [([4, 4, 4], [0, 0, 0], "picking CNN 10 minus 5"), ([4, 0, 3], [1, 2, 2], "none")]
 )
-def test_the_page_tells_a_fall_from_noise(tmp_path, fewer, more, told):
+def test_the_page_says_which_decreases_are_significant(tmp_path, fewer, more, told):
     runs = cloning_table.runs(BASE, ["data/picking"], [5, 10], 3, TRIALS, tmp_path / "out", ["cnn"])
     for run in runs:
         count = (fewer if run.config.episodes == 5 else more)[run.config.seed]
         tell(run, *[index < count for index in range(TRIALS)])
     page = page_of(runs, tmp_path / "out")
-    assert f"Less success with more demonstrations in 1 of 1 cases; told from noise: {told}." in page
+    assert f"The success rate is lower with more demonstrations in 1 of 1 cases; significant: {told}." in page
     assert "SVFL" not in page
     assert "all networks" not in page
 

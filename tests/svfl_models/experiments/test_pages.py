@@ -95,7 +95,7 @@ def test_every_seed_and_its_interval_are_on_the_page(tmp_path):
     for cell in results.cells:
         each = [f"{100 * run.result['test_accuracy']:.1f}" for run in cell.runs]
         assert f"| {', '.join(each)} |" in said
-    assert "seeds and samples are drawn again" in said
+    assert "seeds and samples are resampled" in said
     assert "one seed" not in said
 
 
@@ -106,7 +106,7 @@ def test_of_one_seed_the_page_gives_the_interval_of_its_samples_and_says_so(tmp_
     low, high = wilson(round(100 * accuracy), 100)
     assert f"| {100 * accuracy:.1f} | {100 * low:.0f} to {100 * high:.0f} | {100 * accuracy:.1f} |" in said
     assert "the spread between seeds is unknown" in said
-    assert "drawn again" not in said
+    assert "resampled" not in said
 
 
 def test_without_a_finished_run_there_are_no_seeds(tmp_path):
@@ -130,7 +130,7 @@ def test_the_pretraining_is_described_as_it_was(tmp_path, data, other):
     for name, config in configs.items():
         pretend.train(config, tmp_path / name, None)
     said = latents.body(Results(configs, tmp_path))
-    assert ("the pretraining saw others: data/picking." in said) == other
+    assert ("the pretraining used others: data/picking." in said) == other
     assert "newtons" not in said
     assert "took as long as this many epochs of its head: PoE 3." in said  # 150 epochs in the time of 500
 

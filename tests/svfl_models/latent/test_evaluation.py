@@ -35,7 +35,7 @@ def checkpoint(data, tmp_path_factory):
     return trained(data, tmp_path_factory.mktemp("poe") / "run")
 
 
-def test_only_held_out_episodes_are_judged(checkpoint):
+def test_only_held_out_episodes_are_evaluated(checkpoint):
     module = load_latent(checkpoint)
     given = material(module, None, 40, 0)
     evaluated, learned = ({one.index for one in part.recordings} for part in (given.evaluated, given.learned))
@@ -44,7 +44,7 @@ def test_only_held_out_episodes_are_judged(checkpoint):
     assert not evaluated & learned
 
 
-def test_another_dataset_is_judged_whole_and_a_moved_one_is_not(checkpoint, data, tmp_path):
+def test_another_dataset_is_evaluated_whole_and_a_moved_one_is_not(checkpoint, data, tmp_path):
     module = load_latent(checkpoint)
     other = written(tmp_path / "other", [lifting(index) for index in range(3)], task="block_pushing")
     given = material(module, other, 40, 0)

@@ -37,7 +37,7 @@ def test_a_sum_is_the_mean_times_the_elements_of_a_sequence():
     torch.testing.assert_close(Objective({"kl": 0.5}, []).weighted("kl", kl), 0.5 * kl.mean)
 
 
-def test_pictures_are_judged_by_the_density_of_a_normal_distribution():
+def test_pictures_are_scored_by_the_density_of_a_normal_distribution():
     drawn, net = batch(), network("concat")
     shown = net.picture(net(drawn).states.state)
     found = Objective(ALL, []).terms(net, drawn)

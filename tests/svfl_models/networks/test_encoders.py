@@ -21,7 +21,7 @@ from tests.helpers.lifetime import TRIED, assert_equivariant_for_life, named, pa
 
 D4 = GROUPS["D4"]
 every_group = pytest.mark.parametrize("group", TRIED, ids=named)
-twins = pytest.mark.parametrize("group", [D4, GROUPS["none"]], ids=named)
+network_and_baseline = pytest.mark.parametrize("group", [D4, GROUPS["none"]], ids=named)
 
 
 def vision_encoder(group=D4, size=64):
@@ -73,7 +73,7 @@ def test_vision_features_are_equivariant_at_every_image_size(size):
     assert_equivariant(vision_encoder(size=size), image, D4, act_on_hidden(D4), function=part_of("image"))
 
 
-@twins
+@network_and_baseline
 @pytest.mark.parametrize("size", IMAGE_SIZES)
 def test_vision_gives_one_vector_that_sees_every_part_of_the_image(group, size):
     image = torch.randn(4, 4, size, size, requires_grad=True)
@@ -148,7 +148,7 @@ def test_the_published_reshape_slip_is_caught(group):
         assert_equivariant(encoder, wrenches(), group, act_on_hidden(group), function=part_of("wrench"))
 
 
-@twins
+@network_and_baseline
 @pytest.mark.parametrize("window", [1, 7, 64, 128])
 def test_every_reading_reaches_the_output(group, window):
     encoder = ForceEncoder(layer_factory(group), WRENCH_PARTS, window, width=8, heads=2, latent=6)
@@ -183,7 +183,7 @@ def test_proprio_features_are_equivariant_for_life(group, grippers):
     )
 
 
-@twins
+@network_and_baseline
 def test_a_gripper_after_half_a_turn_is_the_same_gripper(group, grippers):
     """Its two fingers are alike; after a quarter turn they are not where they were."""
     encoder, proprio = proprio_encoder(group), grippers["proprio"]
@@ -203,7 +203,7 @@ def test_a_turned_scene_is_not_a_turned_gripper(grippers):
     assert not torch.allclose(encoder(gripper), moved, atol=1e-2)
 
 
-@twins
+@network_and_baseline
 def test_every_component_of_the_gripper_reaches_the_output(group, grippers):
     proprio = grippers["proprio"].clone().requires_grad_()
     VectorEncoder(layer_factory(group), (8, 8, 8), latent=8)(proprio).square().sum().backward()

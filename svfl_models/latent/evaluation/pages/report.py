@@ -69,7 +69,7 @@ def page(found: Evaluation, pictures: list[Path]) -> str:
     left_out = "".join(f"- Not evaluated: {markdown(line)}.\n" for line in found.left_out)
     provenance = "" if found.provenance is None else f"\n{section(found.provenance)}"
     shown = "\n".join(f"![{path.stem}]({path.name})" for path in pictures)
-    return f"""# What {found.model} is worth after {found.steps:,} steps
+    return f"""# Evaluation of {found.model} after {found.steps:,} steps
 
 - Checkpoint: {markdown(found.checkpoint)}.
 - Evaluated: {found.episodes} {markdown(found.of)}; {found.frames} frames, each episode followed from its first.

@@ -1,4 +1,4 @@
-"""Validate, reading and training are one judgement: they say the same of every kind of finding, in one line."""
+"""Validate, reading and training say the same of every kind of finding, in one line."""
 
 import re
 from dataclasses import replace
@@ -8,7 +8,7 @@ import pytest
 from torch.utils.data import DataLoader
 
 from svfl_data.checks import check_dataset, check_usable
-from svfl_data.checks.verdicts import Verdicts
+from svfl_data.checks.findings_cache import FindingsCache
 from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import DatasetError, FieldError, SvflError
 from svfl_data.replay import ReplayBuffer, ReplayConfig
@@ -115,7 +115,7 @@ def test_only_what_is_used_counts(tmp_path):
         check_usable(dark, [0, 1])
 
 
-def test_verdicts_are_kept_by_content_and_looked_at_no_image_again(tmp_path, monkeypatch):
+def test_findings_are_kept_by_content_and_no_image_is_checked_again(tmp_path, monkeypatch):
     monkeypatch.setenv("SVFL_CACHE_DIR", str(tmp_path / "cache"))
     dataset = written(tmp_path / "d", saturation)
     outcomes = []
@@ -124,12 +124,12 @@ def test_verdicts_are_kept_by_content_and_looked_at_no_image_again(tmp_path, mon
             outcomes.append(check_usable(dataset, episodes))
         except DatasetError as error:
             outcomes.append(str(error))
-        monkeypatch.setattr("svfl_data.checks.judging.IMAGE_CHECKS", (None,) * (len(outcomes) > 1))
+        monkeypatch.setattr("svfl_data.checks.episode_checks.IMAGE_CHECKS", (None,) * (len(outcomes) > 1))
     assert outcomes[0] is None
     assert outcomes[1] == outcomes[2]
     assert re.search(SATURATED, outcomes[1])
     assert not list(dataset.path.glob(".*")), "nothing in the dataset's folder"
-    (kept,) = (tmp_path / "cache" / "verdicts").iterdir()
+    (kept,) = (tmp_path / "cache" / "findings").iterdir()
     for damage in (b"", b"SQLite format 3\0" + bytes(200), b"x" * 5000):
         kept.write_bytes(damage)
         monkeypatch.undo()
@@ -138,15 +138,15 @@ def test_verdicts_are_kept_by_content_and_looked_at_no_image_again(tmp_path, mon
             check_usable(dataset, [0, 1])
 
 
-def test_other_rules_judge_again(tmp_path, monkeypatch):
+def test_other_rules_check_again(tmp_path, monkeypatch):
     monkeypatch.setenv("SVFL_CACHE_DIR", str(tmp_path / "cache"))
-    with Verdicts() as verdicts:
-        verdicts.keep("a seal", "streams", [])
-    with Verdicts() as verdicts:
-        assert verdicts.known("a seal", "streams", "e") == []
-        assert verdicts.known("a seal", "front", "e") is None
-        monkeypatch.setattr("svfl_data.checks.verdicts.source_hash", lambda *names: "others")
-        assert verdicts.known("a seal", "streams", "e") is None
+    with FindingsCache() as cache:
+        cache.keep("a seal", "streams", [])
+    with FindingsCache() as cache:
+        assert cache.known("a seal", "streams", "e") == []
+        assert cache.known("a seal", "front", "e") is None
+        monkeypatch.setattr("svfl_data.checks.findings_cache.source_hash", lambda *names: "others")
+        assert cache.known("a seal", "streams", "e") is None
 
 
 def test_filter_keeps_the_sound_ones(tmp_path, monkeypatch, capsys):
@@ -203,6 +203,6 @@ def test_inputs_that_are_not_used_do_not_matter(encoder, tmp_path):
 def test_no_image_is_read_where_none_is_used(tmp_path, monkeypatch):
     dataset = written(tmp_path / "d")
     monkeypatch.setattr("svfl_data.sampling.frames.Frames.of", None)
-    monkeypatch.setattr("svfl_data.checks.judging.IMAGE_CHECKS", None)
+    monkeypatch.setattr("svfl_data.checks.episode_checks.IMAGE_CHECKS", None)
     assert load_centering(dataset.path, inputs=("wrench",)).image.size == 0
     Samples(dataset, cameras=[])

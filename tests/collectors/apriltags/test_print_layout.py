@@ -1,4 +1,4 @@
-"""Sheets have true sizes, in vectors and pixels, and every tag on them is found."""
+"""Printed pages have true sizes, in vectors and pixels, and every tag on them is found."""
 
 import itertools
 import re
@@ -84,7 +84,7 @@ def test_a_png_says_its_resolution():
     assert data[at + 8] == 1
 
 
-def test_the_command_writes_sheet_and_layout(tmp_path, capsys):
+def test_the_command_writes_page_and_layout(tmp_path, capsys):
     collect("--cube", 50, "--out", tmp_path / "block.pdf")
     layout = Layout.read(tmp_path / "block.json")
     assert len(layout.tags) == 6
@@ -95,7 +95,7 @@ def test_the_command_writes_sheet_and_layout(tmp_path, capsys):
     assert "tags of 30 mm" in capsys.readouterr().out
 
 
-def test_the_sheet_of_a_cube_says_where_each_tag_belongs(tmp_path):
+def test_the_page_of_a_cube_says_where_each_tag_belongs(tmp_path):
     """In words that do not run into each other, however small the tags."""
     for edge, family in ((50, "tag36h11"), (18.75, "tagStandard41h12"), (5, "tag36h11")):
         collect("--cube", edge, "--family", family, "--out", tmp_path / "cube.pdf")
@@ -126,7 +126,7 @@ def test_a_printer_that_shrinks_shrinks_the_tags_and_not_the_cube(tmp_path):
 
 
 @pytest.mark.parametrize("family", CORRECTED)
-def test_boards_of_all_families_are_read_from_their_sheets(family):
+def test_boards_of_all_families_are_read_from_their_pages(family):
     page, cell = board_page(family, 2, 2, 25.0, 1, "a4"), cell_mm(family, 25.0)
     layout = Layout.grid(2, 2, 0.025, 1e-3 * cell, 1, family)
     found = TagDetector(family)(picture(page, DPI))
