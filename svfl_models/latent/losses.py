@@ -14,6 +14,7 @@ from svfl_models.latent.mismatch import mismatched
 from svfl_models.latent.networks.decoder import DEPTH_UNIT
 from svfl_models.latent.networks.gaussian import Gaussian
 from svfl_models.latent.networks.network import LatentNetwork, LatentOutput
+from svfl_models.latent.networks.portion import Portion
 from svfl_models.symmetry.actions import Batch
 
 SIGMA = math.sqrt(0.1)
@@ -64,19 +65,28 @@ class Objective:
             raise TrainingError(f"no term {', '.join(unknown)}; there are {', '.join(TERMS)}")
         self.weights, self.summed, self.negatives = weights, set(summed), negatives
 
-    def terms(self, network: LatentNetwork, batch: Batch) -> dict[str, Term]:
+    def terms(self, network: LatentNetwork, batch: Batch, portion: Portion | None = None) -> dict[str, Term]:
         """Compute all terms of positive weight.
 
         Args:
             network: The latent model.
             batch: A batch of `data.Sequences`.
+            portion: Sequences of the batch that this process computes; None for all. The terms of portions, weighted
+                by their numbers of sequences, have the terms of the batch as their mean.
 
         Returns:
             Terms by name, in the order of `config.TERMS`.
         """
-        seen = network(batch)
-        made = (self._pictures, self._divergences, self._next_step, self._pairs)
-        found = {name: term for make in made for name, term in make(network, batch, seen).items()}
+        whole = len(batch["episode"])
+        portion = portion or Portion(0, whole, whole)
+        own = {name: values[portion.start : portion.stop] for name, values in batch.items()}
+        seen = network(own, portion)
+        found = {
+            **self._pictures(network, batch, own, seen, portion),
+            **self._divergences(seen),
+            **self._next_step(network, own, seen),
+            **self._pairs(network, batch, own, seen, portion),
+        }
         return {name: found[name] for name in TERMS if name in found and self._counts(name)}
 
     def weighted(self, name: str, term: Term) -> Tensor:
@@ -86,22 +96,26 @@ class Objective:
     def _counts(self, *names: str) -> bool:
         return any(self.weights.get(name, 0) > 0 for name in names)
 
-    def _pictures(self, network: LatentNetwork, batch: Batch, seen: LatentOutput) -> dict[str, Term]:
+    def _pictures(
+        self, network: LatentNetwork, batch: Batch, own: Batch, seen: LatentOutput, portion: Portion
+    ) -> dict[str, Term]:
         if not self._counts("image", "depth"):
             return {}
-        image = batch["image"].flatten(0, 1)
+        image = own["image"].flatten(0, 1)
         unit = image.new_tensor([1.0, 1.0, 1.0, DEPTH_UNIT])[:, None, None]
         target = (image - network.inputs.normalization.mean("image")[:, None, None]) / unit
         error = network.decoder(seen.states.state.flatten(0, 1)) - target
-        color, depth = error.split([3, 1], dim=1)  # its backward pass is one concatenation, that of indices is four passes
+        color, depth = error.split(
+            [3, 1], dim=1
+        )  # its backward pass is one concatenation, that of indices is four passes
         valid = image[:, 3:] > 0
-        frames, pixels = batch["image"].shape[1], image[0, 0].numel()
-        return {
-            "image": Term(_nats(color.square().sum(), color.numel()) / color.numel(), 3 * frames * pixels),
-            "depth": Term(_nats((depth * valid).square().sum(), valid.sum()) / valid.sum().clamp(min=1), frames * pixels),
-        }
+        frames, pixels = own["image"].shape[1], image[0, 0].numel()
+        color_nats = _nats(color.square().sum(), color.numel()) / color.numel()
+        measured = (batch["image"][:, :, 3] > 0).sum().clamp(min=1)
+        depth_nats = _nats((depth * valid).square().sum(), valid.sum()) / measured * portion.scale
+        return {"image": Term(color_nats, 3 * frames * pixels), "depth": Term(depth_nats, frames * pixels)}
 
-    def _divergences(self, network: LatentNetwork, batch: Batch, seen: LatentOutput) -> dict[str, Term]:
+    def _divergences(self, seen: LatentOutput) -> dict[str, Term]:
         kl = seen.states.posterior.kl(seen.states.prior)
         found = {"kl": Term(kl.mean(), kl[0].numel())}
         if (posterior := seen.encoding.posterior) is not None:
@@ -109,31 +123,46 @@ class Objective:
             found["expert_kl"] = Term(experts.mean(), experts[0].numel() * kl.shape[1])
         return found
 
-    def _next_step(self, network: LatentNetwork, batch: Batch, seen: LatentOutput) -> dict[str, Term]:
-        error = (seen.next_proprio - network.inputs.proprio(batch["proprio"][:, 1:])).square()
+    def _next_step(self, network: LatentNetwork, own: Batch, seen: LatentOutput) -> dict[str, Term]:
+        error = (seen.next_proprio - network.inputs.proprio(own["proprio"][:, 1:])).square()
         return {
-            "reward": _entropy(seen.reward, batch["reward"]),
-            "next_contact": _entropy(seen.next_contact, batch["next_contact"]),
+            "reward": _entropy(seen.reward, own["reward"]),
+            "next_contact": _entropy(seen.next_contact, own["next_contact"]),
             "next_proprio": Term(error.mean(), error[0].numel()),
         }
 
-    def _pairs(self, network: LatentNetwork, batch: Batch, seen: LatentOutput) -> dict[str, Term]:
-        frames = batch["contact"].shape[1]
-        own = seen.encoding.alignment.unflatten(0, (-1, frames))
+    def _pairs(
+        self, network: LatentNetwork, batch: Batch, own: Batch, seen: LatentOutput, portion: Portion
+    ) -> dict[str, Term]:
+        frames = own["contact"].shape[1]
+        aligned = seen.encoding.alignment.unflatten(0, (-1, frames))
         found = {
-            "contact": _entropy(seen.encoding.contact.unflatten(0, (-1, frames)), batch["contact"]),
-            "alignment": _entropy(own, torch.ones_like(own)),
+            "contact": _entropy(seen.encoding.contact.unflatten(0, (-1, frames)), own["contact"]),
+            "alignment": _entropy(aligned, torch.ones_like(aligned)),
         }
         if not self._counts("mismatch"):
             return found
         pairs = mismatched(batch["episode"], batch["step"], batch["touching"], frames, min(self.negatives, frames))
-        if len(pairs.image) == 0:  # a batch without contact has no pairs that can be distinguished
-            return found | {"mismatch": Term(own.sum() * 0, self.negatives)}
+        first, after = (int((pairs.image < frames * end).sum()) for end in (portion.start, portion.stop))
+        if first == after:  # without contact in a batch, no pairs of it can be distinguished
+            return found | {"mismatch": Term(aligned.sum() * 0, self.negatives)}
+        image, wrench = (numbers[first:after] for numbers in (pairs.image, pairs.wrench))
         foreign = {
-            name: numbers[pairs.wrench if name == "wrench" else pairs.image] for name, numbers in seen.parts.items()
+            name: _wrench_parts(network, batch, seen, portion, wrench)
+            if name == "wrench"
+            else part[image - frames * portion.start]
+            for name, part in seen.parts.items()
         }
-        logits = network.encoder.join(foreign).alignment
-        return found | {"mismatch": Term(_entropy(logits, torch.zeros_like(logits)).mean, self.negatives)}
+        logits = network.encoder.join(foreign, Portion(first, after, len(pairs.image))).alignment
+        rejected = functional.softplus(logits).sum() / len(pairs.image) * portion.scale
+        return found | {"mismatch": Term(rejected, self.negatives)}
+
+
+def _wrench_parts(network: LatentNetwork, batch: Batch, seen: LatentOutput, portion: Portion, frames: Tensor) -> Tensor:
+    """Return what the encoder makes of the wrenches of frames of the whole batch."""
+    if portion.stop - portion.start == portion.whole:
+        return seen.parts["wrench"][frames]
+    return network.encoder.part("wrench", network.inputs.wrench(batch["wrench"].flatten(0, 1)[frames]))
 
 
 def _entropy(logits: Tensor, target: Tensor) -> Term:

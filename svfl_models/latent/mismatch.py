@@ -37,7 +37,8 @@ def mismatched(episode: Tensor, step: Tensor, touching: Tensor, gap: int, per_se
         per_sequence: Number of frames to draw from each sequence, at most T.
 
     Returns:
-        The pairs. Frames are numbered through the whole batch: frame t of sequence b has the number b T + t.
+        The pairs, in the order of the sequences that give the image. Frames are numbered through the whole batch:
+        frame t of sequence b has the number b T + t.
     """
     sequences, frames = step.shape
     drawn = torch.rand(sequences, frames).argsort(dim=1)[:, :per_sequence]  # always on the CPU

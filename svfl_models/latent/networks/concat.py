@@ -1,13 +1,12 @@
 """Concatenation: an encoder that joins one vector per modality and applies a linear layer."""
 
-from collections.abc import Mapping
-
 import torch
 from torch import Tensor, nn
 
-from svfl_models.latent.config import MODALITIES, Sizes
+from svfl_models.latent.config import Sizes
 from svfl_models.latent.inputs import PROPRIO
 from svfl_models.latent.networks.encoder import Encoder, Encoding, Parts, all_of
+from svfl_models.latent.networks.portion import Portion
 from svfl_models.latent.networks.trunks import ImageTrunk, WrenchTrunk, perceptron
 
 
@@ -33,12 +32,12 @@ class ConcatEncoder(Encoder):
         self.contact = nn.Linear(sizes.feature, 1)
         self.alignment = nn.Linear(sizes.feature, 1)
 
-    def parts(self, inputs: Mapping[str, Tensor]) -> Parts:
-        """Return the vector of each modality, shape (B, C) with C from `Sizes.concat`."""
-        all_of(inputs)
-        return {name: self.trunks[name](inputs[name]) for name in MODALITIES}
+    def part(self, name: str, values: Tensor) -> Tensor:
+        """Return the vector of a modality, shape (B, C) with C from `Sizes.concat`."""
+        part: Tensor = self.trunks[name](values)
+        return part
 
-    def join(self, parts: Parts) -> Encoding:
+    def join(self, parts: Parts, portion: Portion | None = None) -> Encoding:
         """Apply the layer norm and the linear layers to the joined vectors."""
         feature = self.bottleneck(self.norm(torch.cat(all_of(parts), dim=-1)))
         return Encoding(feature, contact=self.contact(feature)[:, 0], alignment=self.alignment(feature)[:, 0])

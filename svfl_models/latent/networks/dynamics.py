@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from svfl_models.latent.config import Sizes
 from svfl_models.latent.networks.gaussian import Gaussian
+from svfl_models.latent.networks.portion import Portion
 from svfl_models.latent.networks.trunks import perceptron
 
 ACTION = 5
@@ -60,23 +61,24 @@ class LatentDynamics(nn.Module):
         self.posterior_z1 = perceptron(sizes.feature + before, hidden, 2 * sizes.z1)
         self.next_z2 = perceptron(sizes.z1 + before, hidden, 2 * sizes.z2)
 
-    def forward(self, feature: Tensor, action: Tensor) -> States:
+    def forward(self, feature: Tensor, action: Tensor, portion: Portion | None = None) -> States:
         """Compute the latent states of sequences.
 
         Args:
             feature: Feature of each frame, shape (B, T, F).
             action: Actions between the frames, each component -1..1, shape (B, T - 1, 5).
+            portion: Part of a batch that the sequences are; None for a whole batch.
         """
         posterior = Gaussian.of(self.first_z1(feature[:, 0]))
         posteriors, priors = [posterior], [Gaussian.standard_like(posterior.mean)]
-        z1s = [self._value(posterior)]
-        z2s = [self._value(Gaussian.of(self.first_z2(z1s[0])))]
+        z1s = [self._value(posterior, portion)]
+        z2s = [self._value(Gaussian.of(self.first_z2(z1s[0])), portion)]
         for step in range(1, feature.shape[1]):
             before = torch.cat([z2s[-1], action[:, step - 1]], dim=-1)
             priors.append(Gaussian.of(self.prior_z1(before)))
             posteriors.append(Gaussian.of(self.posterior_z1(torch.cat([feature[:, step], before], dim=-1))))
-            z1s.append(self._value(posteriors[-1]))
-            z2s.append(self._value(Gaussian.of(self.next_z2(torch.cat([z1s[-1], before], dim=-1)))))
+            z1s.append(self._value(posteriors[-1], portion))
+            z2s.append(self._value(Gaussian.of(self.next_z2(torch.cat([z1s[-1], before], dim=-1))), portion))
         return States(torch.stack(z1s, 1), torch.stack(z2s, 1), _stacked(posteriors), _stacked(priors))
 
     def imagine(self, z2: Tensor, action: Tensor) -> Tensor:
@@ -97,8 +99,8 @@ class LatentDynamics(nn.Module):
             states.append(torch.cat([z1, z2], dim=-1))
         return torch.stack(states, 1)
 
-    def _value(self, one: Gaussian) -> Tensor:
-        return one.sample() if self.training else one.mean
+    def _value(self, one: Gaussian, portion: Portion | None = None) -> Tensor:
+        return one.sample(portion) if self.training else one.mean
 
 
 def _stacked(steps: list[Gaussian]) -> Gaussian:

@@ -8,6 +8,7 @@ from torch import Tensor, nn
 from svfl_data.errors import TrainingError
 from svfl_models.latent.config import MODALITIES
 from svfl_models.latent.networks.gaussian import Gaussian
+from svfl_models.latent.networks.portion import Portion
 
 SLOPE = 0.2
 """Slope of LeakyReLU below zero (VTT's published code)."""
@@ -39,12 +40,21 @@ class Encoder(nn.Module):
     processing either again.
     """
 
-    def parts(self, inputs: Mapping[str, Tensor]) -> Parts:
-        """Process each modality of `inputs` alone; they come from `Inputs` and have one leading dimension."""
+    def part(self, name: str, values: Tensor) -> Tensor:
+        """Process one modality alone; the values come from `Inputs` and have one leading dimension."""
         raise NotImplementedError
 
-    def join(self, parts: Parts) -> Encoding:
-        """Join the processed modalities."""
+    def parts(self, inputs: Mapping[str, Tensor]) -> Parts:
+        """Process each modality of `inputs` alone."""
+        return {name: self.part(name, inputs[name]) for name in MODALITIES if name in inputs}
+
+    def join(self, parts: Parts, portion: Portion | None = None) -> Encoding:
+        """Join the processed modalities.
+
+        Args:
+            parts: What `parts` returns.
+            portion: Part of a batch that the observations are, for random draws; None for a whole batch.
+        """
         raise NotImplementedError
 
     def forward(self, inputs: Mapping[str, Tensor]) -> Encoding:

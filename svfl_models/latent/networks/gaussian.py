@@ -7,6 +7,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from svfl_models.latent.networks.portion import Portion
+
 SMALLEST = 1e-4
 """Smallest variance that a network can output. It keeps the precision of an expert finite, so that the other experts of
 a product always have an influence."""
@@ -35,9 +37,14 @@ class Gaussian:
         """Return Gaussians of mean 0 and variance 1 with the shape, type and device of `numbers`."""
         return cls(torch.zeros_like(numbers), torch.ones_like(numbers))
 
-    def sample(self) -> Tensor:
-        """Draw one value of each component, differentiable with respect to mean and variance."""
-        return self.mean + self.variance.sqrt() * torch.randn_like(self.mean)
+    def sample(self, portion: Portion | None = None) -> Tensor:
+        """Draw one value of each component, differentiable with respect to mean and variance.
+
+        Args:
+            portion: Part of a batch that the distributions belong to; None for a whole batch.
+        """
+        noise = torch.randn_like(self.mean) if portion is None else portion.normal(self.mean)
+        return self.mean + self.variance.sqrt() * noise
 
     def kl(self, other: "Gaussian") -> Tensor:
         """Return the Kullback-Leibler divergence KL(self || other) of each component, shape (..., Z), [nat]."""

@@ -15,6 +15,7 @@ from svfl_models.latent.networks.decoder import DEPTH_UNIT, Decoder
 from svfl_models.latent.networks.dynamics import ACTION, LatentDynamics, States
 from svfl_models.latent.networks.encoder import Encoder, Encoding, Parts
 from svfl_models.latent.networks.poe import PoEEncoder
+from svfl_models.latent.networks.portion import Portion
 from svfl_models.latent.networks.trunks import perceptron
 from svfl_models.latent.networks.vtt import VTTEncoder
 from svfl_models.symmetry.actions import Batch
@@ -73,17 +74,18 @@ class LatentNetwork(nn.Module):
         """Encode physical observations with one leading dimension; PoE accepts any subset of the modalities."""
         return self.encoder(self.inputs(batch, [name for name in ("image", "wrench", "proprio") if name in batch]))
 
-    def forward(self, batch: Batch) -> LatentOutput:
+    def forward(self, batch: Batch, portion: Portion | None = None) -> LatentOutput:
         """Compute the encodings, latent states and predictions of sequences.
 
         Args:
             batch: Physical values: ``image`` (B, T, 4, 64, 64), ``wrench`` (B, T, 64, 6), ``proprio`` (B, T, 5) and
                 ``action`` (B, S, 5), see `data.Sequences`.
+            portion: Part of a batch that the sequences are; None for a whole batch.
         """
         inputs, action = self.inputs(batch), self.inputs.action(batch["action"])
         parts = self.encoder.parts({name: values.flatten(0, 1) for name, values in inputs.items()})
-        encoding = self.encoder.join(parts)
-        states = self.dynamics(encoding.feature.unflatten(0, batch["proprio"].shape[:2]), action)
+        encoding = self.encoder.join(parts, portion)
+        states = self.dynamics(encoding.feature.unflatten(0, batch["proprio"].shape[:2]), action, portion)
         now, after = states.state[:, :-1], states.state[:, 1:]
         following = self.next_step(torch.cat([now, action], dim=-1))
         reward = self.reward(torch.cat([now, action, after], dim=-1))

@@ -1,7 +1,5 @@
 """Product of experts: each modality gives a Gaussian of the feature, and their product is the joint distribution."""
 
-from collections.abc import Mapping
-
 from torch import Tensor, nn
 
 from svfl_data.errors import TrainingError
@@ -9,6 +7,7 @@ from svfl_models.latent.config import MODALITIES, Sizes
 from svfl_models.latent.inputs import PROPRIO
 from svfl_models.latent.networks.encoder import Encoder, Encoding, Parts
 from svfl_models.latent.networks.gaussian import Gaussian, product
+from svfl_models.latent.networks.portion import Portion
 from svfl_models.latent.networks.trunks import ImageTrunk, WrenchTrunk, perceptron
 
 
@@ -36,9 +35,10 @@ class PoEEncoder(Encoder):
         self.contact = nn.Linear(sizes.feature, 1)
         self.alignment = nn.Linear(sizes.feature, 1)
 
-    def parts(self, inputs: Mapping[str, Tensor]) -> Parts:
-        """Return the raw mean and variance of each expert, shape (B, 2 F), for the modalities that are given."""
-        return {name: self.trunks[name](inputs[name]) for name in MODALITIES if name in inputs}
+    def part(self, name: str, values: Tensor) -> Tensor:
+        """Return the raw mean and variance of an expert, shape (B, 2 F)."""
+        part: Tensor = self.trunks[name](values)
+        return part
 
     def experts(self, parts: Parts) -> dict[str, Gaussian]:
         """Return the distribution of each expert by modality, and that of the prior as ``prior``.
@@ -51,9 +51,9 @@ class PoEEncoder(Encoder):
         claimed = {name: Gaussian.of(numbers) for name, numbers in parts.items()}
         return {**claimed, "prior": Gaussian.standard_like(next(iter(claimed.values())).mean)}
 
-    def join(self, parts: Parts) -> Encoding:
+    def join(self, parts: Parts, portion: Portion | None = None) -> Encoding:
         """Multiply the distributions of the experts and compute the outputs from the product."""
         posterior = product(list(self.experts(parts).values()))
-        feature = self.norm(posterior.sample() if self.training else posterior.mean)
+        feature = self.norm(posterior.sample(portion) if self.training else posterior.mean)
         contact, alignment = self.contact(feature)[:, 0], self.alignment(feature)[:, 0]
         return Encoding(feature, contact=contact, alignment=alignment, posterior=posterior)

@@ -1,7 +1,5 @@
 """Visuo-tactile transformer: self-attention between patches of the image and pieces of the wrench window."""
 
-from collections.abc import Mapping
-
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -10,6 +8,7 @@ from svfl_data.errors import TrainingError
 from svfl_models.latent.config import Sizes
 from svfl_models.latent.inputs import IMAGE_SIZE, PROPRIO, WINDOW
 from svfl_models.latent.networks.encoder import SLOPE, Encoder, Encoding, Parts, all_of
+from svfl_models.latent.networks.portion import Portion
 
 
 class VTTEncoder(Encoder):
@@ -55,14 +54,13 @@ class VTTEncoder(Encoder):
         self.alignment = nn.Linear(sizes.dim, 1)
         self.contact = nn.Linear(sizes.dim, 1)
 
-    def parts(self, inputs: Mapping[str, Tensor]) -> Parts:
-        """Return the n tokens of each modality, shape (B, n, D)."""
-        image, wrench, proprio = all_of(inputs)
-        return {
-            "image": self._patches(image),
-            "wrench": self.wrench(wrench.reshape(len(wrench), -1, self.readings * 6)),
-            "proprio": self.proprio(proprio)[:, None],
-        }
+    def part(self, name: str, values: Tensor) -> Tensor:
+        """Return the n tokens of a modality, shape (B, n, D)."""
+        if name == "image":
+            return self._patches(values)
+        layer: nn.Linear = getattr(self, name)
+        tokens: Tensor = layer(values.reshape(len(values), -1, layer.in_features))
+        return tokens
 
     def _patches(self, image: Tensor) -> Tensor:
         # The convolution's own backward pass takes ten times as long, because its kernel and stride are 16 pixels.
@@ -71,7 +69,7 @@ class VTTEncoder(Encoder):
         flat = patches.permute(0, 2, 4, 1, 3, 5).flatten(3).flatten(1, 2)  # (B, h w, 4 size size)
         return functional.linear(flat, self.image.weight.flatten(1), self.image.bias)
 
-    def join(self, parts: Parts) -> Encoding:
+    def join(self, parts: Parts, portion: Portion | None = None) -> Encoding:
         """Apply self-attention to all tokens and compute the outputs from them."""
         tokens = self.norm(self.blocks(self.tokens(parts)))
         return Encoding(

@@ -132,4 +132,6 @@ def test_attention_is_that_of_pytorch():
 def test_patches_are_those_of_the_convolution():
     encoder, image = VTTEncoder(SIZES), torch.randn(2, 4, 64, 64)
     tokens = encoder.parts({"image": image, "wrench": torch.zeros(2, 64, 6), "proprio": torch.zeros(2, 6)})["image"]
-    assert (tokens - encoder.image(image).flatten(2).transpose(1, 2)).abs().max() < 1e-4  # sums of 1,024 products in another order
+    assert (
+        tokens - encoder.image(image).flatten(2).transpose(1, 2)
+    ).abs().max() < 1e-4  # sums of 1,024 products in another order
