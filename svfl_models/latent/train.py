@@ -38,7 +38,7 @@ from svfl_models.training.writing import write_json
 PROGRAM = "latent"
 NEEDS = Needs(
     wide=True,
-    alone="latent states and mismatched pairs are drawn for a whole batch at once, which processes that share it cannot",
+    alone="x",
 )
 
 

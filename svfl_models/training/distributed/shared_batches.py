@@ -1,6 +1,6 @@
 """Lightning strategy of processes that each take their rows of the same batch."""
 
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from lightning.fabric.plugins.environments import LightningEnvironment
@@ -24,13 +24,22 @@ def share(rows: int, rank: int, processes: int) -> slice:
     return slice(rows * rank // processes, rows * (rank + 1) // processes)
 
 
+@runtime_checkable
+class WholeBatches(Protocol):
+    """A module whose rows are not independent, which is given whole batches and computes its own rows itself."""
+
+    def take_rows(self, rows: slice, whole: int) -> None:
+        """Note which rows of the next batch, of `whole` rows, this process computes."""
+
+
 class SharedBatches(DDPStrategy):
     """Distributed data parallel training whose steps are those of one process, apart from rounding.
 
     Every process makes every batch as a whole, with the same random numbers, and keeps its share of the rows. A loss is
     a mean over rows, so each is weighted by its share before the gradients are averaged. In this way neither the order
     of the samples nor the random crops depend on the number of processes. Lightning's own way splits the samples before
-    they are batched, and gives other batches, and counts some samples twice where they cannot be split evenly.
+    they are batched, and gives other batches, and counts some samples twice where they cannot be split evenly. A module
+    with `WholeBatches` keeps the whole batch and is told its rows.
 
     The process group must exist, and each process must have been started by the caller.
 
@@ -49,7 +58,15 @@ class SharedBatches(DDPStrategy):
         rows = len(next(iter(batch.values())))
         mine = share(rows, self.rank, self.count)
         self.weight = 1.0 if rows < self.count else (mine.stop - mine.start) * self.count / rows
+        if isinstance(self.lightning_module, WholeBatches):
+            self.lightning_module.take_rows(mine, rows)
+            return super().batch_to_device(batch, device, dataloader_idx)
         return super().batch_to_device({name: values[mine] for name, values in batch.items()}, device, dataloader_idx)
+
+    def configure_ddp(self) -> None:
+        """Expect that each step uses every parameter, but for modules whose losses may leave out terms."""
+        self._ddp_kwargs["find_unused_parameters"] = isinstance(self.lightning_module, WholeBatches)
+        super().configure_ddp()
 
     def training_step(self, *arguments: Any, **named: Any) -> Tensor:  # noqa: ANN401 - as Lightning declares it
         """Return the loss of this process's rows, weighted by their share of the batch."""
