@@ -26,8 +26,6 @@ class Fit:
         out: Folder that the checkpoint is written to.
         placement: Devices, number format and threads.
         resumed: Checkpoint of an interrupted training to continue. None starts a new training.
-        each_epoch: Whether a checkpoint is written after each epoch. If false, it is written only after epochs with a
-            validation.
         deciding: Callbacks that decide how the training goes on, such as when it stops; they can be pickled.
         how: Further arguments of Lightning's Trainer, such as the number of epochs and how often to validate.
     """
@@ -35,7 +33,6 @@ class Fit:
     out: Path
     placement: Placement
     resumed: Path | None = None
-    each_epoch: bool = True
     deciding: Sequence[pl.Callback] = ()
     how: dict[str, Any] = field(default_factory=dict)
 
@@ -62,7 +59,7 @@ class Fit:
             dirpath=self.out,
             filename=Path(run_folder.CHECKPOINT).stem,
             enable_version_counter=False,
-            save_on_train_epoch_end=True if self.each_epoch else None,
+            save_on_train_epoch_end=True,
         )
         trainer = pl.Trainer(
             strategy=strategy or "auto",

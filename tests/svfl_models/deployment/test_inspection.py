@@ -17,7 +17,6 @@ from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.train import train_centering
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
-from svfl_models.cloning.metrics import MetricsFile
 from svfl_models.cloning.train import train_cloning
 from svfl_models.deployment.inspection import inspect
 from svfl_models.latent import config as presets
@@ -25,6 +24,7 @@ from svfl_models.latent.checkpoint import load_latent
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.train import train_latent
 from svfl_models.training import run_folder
+from svfl_models.training.progress import MetricsFile
 from svfl_models.training.provenance import session
 from svfl_models.training.provenance.commit import Commit
 from svfl_models.training.provenance.record import KEY, of_checkpoint, plain, recorded

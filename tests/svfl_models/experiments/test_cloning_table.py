@@ -18,7 +18,6 @@ from svfl_models import cli
 from svfl_models.cloning import evaluate, train
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.evaluate import Evaluation
-from svfl_models.cloning.metrics import MetricsFile
 from svfl_models.commands import bc_table
 from svfl_models.configuration.program import command_line
 from svfl_models.experiments import cloning_table, cloning_table_page
@@ -26,6 +25,7 @@ from svfl_models.experiments.cloning_table import Table
 from svfl_models.experiments.runs.folder import held
 from svfl_models.experiments.runs.grid import Grid
 from svfl_models.training import run_folder
+from svfl_models.training.progress import MetricsFile
 from svfl_models.training.provenance.record import record, recorded
 from svfl_models.training.provenance.session import Session
 from tests.helpers.demonstrations import demonstrations
