@@ -4,14 +4,14 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from svfl_models.configuration.setting import option, plain_values
-from svfl_models.networks.inputs import CROP, IMAGE_SIZES
-from svfl_models.networks.presets import PRESETS, Widths, widths_of
+from svfl_models.networks.inputs import CROP, IMAGE_SIZES, view_help
+from svfl_models.networks.presets import PRESET_HELP, PRESETS, Widths, widths_of
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.training.schedules import SCHEDULES
 
 ENCODERS = ("v", "f", "p", "vf", "vp", "vfp")
 LOSSES = ("action", "likelihood")
-VIEWS = ("gripper", "camera")
+VIEWS = ("camera", "gripper")
 NETWORKS: dict[str, dict[str, Any]] = {
     "svfl": {"group": "D4", "rotate": False},
     "cnn": {"group": "none", "rotate": False},
@@ -48,7 +48,7 @@ class CloningConfig:
         "symmetry group of the network: C for rotations, D for rotations and reflections, and the number of rotations; "
         "none for no symmetry, the baseline of the paper (CNN) that has about as many parameters",
         choices=tuple(GROUPS))] = "D4"  # fmt: skip
-    preset: Annotated[str, option("sizes of the network's layers", choices=tuple(PRESETS))] = "default"
+    preset: Annotated[str, option(PRESET_HELP, choices=tuple(PRESETS))] = "default"
     widths: Annotated[dict[str, Any], option(
         "layers whose sizes differ from those of the preset: numbers of fields of the vision encoder's six layers "
         "(vision), of the force encoder (force) and its attention heads (heads), of the three layers for vectors "
@@ -61,9 +61,7 @@ class CloningConfig:
         "image's shorter side; 64/76 in the paper", gt=0, le=1)] = CROP  # fmt: skip
     camera: Annotated[str, option(
         "camera whose images are used; must be given if there are several", metavar="NAME")] | None = None  # fmt: skip
-    view: Annotated[str, option(
-        "centre of the network's images: the gripper, or the middle of the camera image",
-        choices=VIEWS)] = "gripper"  # fmt: skip
+    view: Annotated[str, option(view_help(VIEWS), choices=VIEWS)] = "gripper"
     augment: Annotated[bool, option(
         "change colours and depth of training images at random, and shift crops further than in the paper; without it "
         "there are only the random crops of the paper")] = True  # fmt: skip

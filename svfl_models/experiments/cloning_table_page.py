@@ -58,7 +58,7 @@ def _success(table: Table) -> str:
                 rows.append([escaped(task), count, NAMES[network], *_rate(table.success(task, count, network))])
     header = ["task", "demonstrations", "network", "success", "95 % interval", "each seed"]
     return (
-        f"{markdown(header, rows)}\n\nEach policy was tried in {table.trials} scenes that no demonstration has, the "
+        f"{markdown(header, rows)}\n\nEach policy was tried in {table.test_episodes} scenes that no demonstration has, the "
         f"same for all. {_about_intervals(table)}\n\n![success by task]({PICTURES[0]})"
     )
 
@@ -210,14 +210,14 @@ def _how(table: Table, command: str) -> str:
 
 def _write_runs(table: Table, file: Path) -> Path:
     rows: list[list[object]] = [
-        ["task", "network", "demonstrations", "seed", "success", "trials", *ERRORS, "epochs", "seconds"]
+        ["task", "network", "demonstrations", "seed", "success", "test_episodes", *ERRORS, "epochs", "seconds"]
     ]
     for run in table.runs:
         for _, found in [one for one in table.find(run.task, run.config.episodes, run.network) if one[0] is run]:
             said = [f"{found[name]:.4g}" for name in ERRORS]
             config = run.config
             rows.append(
-                [run.task, run.network, config.episodes, config.seed, sum(found["success"]), table.trials, *said,
+                [run.task, run.network, config.episodes, config.seed, sum(found["success"]), table.test_episodes, *said,
                  found["epochs"], f"{found['seconds']:.0f}"]
             )  # fmt: skip
     write_rows(file, rows)

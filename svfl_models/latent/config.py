@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 from svfl_data.errors import TrainingError
 from svfl_models.configuration.setting import option, plain_values
+from svfl_models.networks.presets import PRESET_HELP
 
 MODELS = ("vtt", "poe", "concat")
 MODALITIES = ("image", "wrench", "proprio")
@@ -135,10 +136,11 @@ class LatentConfig:
 
     data: Annotated[str, option("dataset folder of svfl-collect expert", metavar="FOLDER")]
     model: Annotated[str, option(
-        "kind of latent model: vtt is a transformer, poe a product of experts, concat concatenates features",
+        "kind of network: vtt is a transformer, poe a product of experts, concat concatenates features",
         choices=MODELS)]  # fmt: skip
     preset: Annotated[str, option(
-        "publication whose layer sizes and loss weights are used; balanced are this package's own",
+        f"{PRESET_HELP} and the weights of its loss terms, from the publication that it is called after; balanced are "
+        "this package's own",
         choices=tuple(PRESETS))] = "svfl_2023"  # fmt: skip
     steps: Annotated[int, option("number of optimiser steps", ge=1)] = 10_000
     batch_size: Annotated[int, option(

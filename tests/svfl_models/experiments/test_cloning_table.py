@@ -49,7 +49,7 @@ sys.exit(cli.main(sys.argv[1:]))
 
 def pretend(run):
     """What a finished run leaves."""
-    Quick(run.config, run.folder, run.trials)()
+    Quick(run.config, run.folder, run.test_episodes)()
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def tried(monkeypatch):
 
 
 def words(data, out, *more):
-    few = ("--episodes", 6, "--seeds", 2, "--trials", TRIALS, "--preset", "tiny", "--epochs", 2)
+    few = ("--episodes", 6, "--seeds", 2, "--test-episodes", TRIALS, "--preset", "tiny", "--epochs", 2)
     few += ("--networks", "svfl", "cnn")
     return [str(word) for word in ("bc-table", "--data", data, *few, "--out", out, *more)]
 
@@ -109,7 +109,7 @@ def test_what_is_finished_is_not_done_again_and_the_order_is_kept(runs, tmp_path
     for run in runs[:3]:
         pretend(run)
     assert Grid(tmp_path, {run.folder.name: run for run in runs}).unfinished() == [run.folder.name for run in runs[3:]]
-    assert replace(runs[0], trials=TRIALS + 1).outcome() is None  # tried less often than is asked for now
+    assert replace(runs[0], test_episodes=TRIALS + 1).outcome() is None  # tried less often than is asked for now
 
 
 @pytest.mark.parametrize("finished", [True, False])
@@ -145,9 +145,9 @@ def test_an_interrupted_policy_goes_on_after_its_last_whole_epoch(one, tried, mo
     one()
     assert epochs == [0, 1]
     assert one.words() == "100% of 4"
-    replace(one, trials=6)()
-    assert len(epochs) == 2  # more trials need no training
-    assert replace(one, trials=6).words() == "100% of 6"
+    replace(one, test_episodes=6)()
+    assert len(epochs) == 2  # more test episodes need no training
+    assert replace(one, test_episodes=6).words() == "100% of 6"
 
 
 @pytest.mark.parametrize(
@@ -287,7 +287,7 @@ def test_the_page_says_where_the_policies_and_their_data_come_from(data, tmp_pat
 
 
 def test_the_command_line_is_what_gives_the_numbers():
-    given = "bc-table --data a b --episodes 10 50 --seeds 2 --trials 20 --epochs 7 --view camera --set widths.latent=9"
+    given = "bc-table --data a b --episodes 10 50 --seeds 2 --test-episodes 20 --epochs 7 --view camera --set widths.latent=9"
     seen = []
     program = replace(bc_table.PROGRAM, run=lambda values, _: seen.append(values))
     arguments = cli.build_parser().parse_args([*given.split(), "--workers", "3", "--out", "c"])
