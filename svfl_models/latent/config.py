@@ -14,6 +14,7 @@ from typing import Annotated, Any
 from svfl_data.errors import TrainingError
 from svfl_models.configuration.setting import option, plain_values
 from svfl_models.networks.presets import PRESET_HELP
+from svfl_models.training.schedules import SCHEDULES
 
 MODELS = ("vtt", "poe", "concat")
 MODALITIES = ("image", "wrench", "proprio")
@@ -158,7 +159,10 @@ class LatentConfig:
     mixed: Annotated[bool, option(
         "allow episodes of different tasks, or with different limits of the actions")] = False  # fmt: skip
     checkpoint_every: Annotated[int, option("number of optimiser steps between two checkpoints", ge=1)] = 250
-    learning_rate: Annotated[float, option("constant learning rate of Adam", gt=0)] = 1e-4
+    learning_rate: Annotated[float, option("learning rate of Adam at the start of the training", gt=0)] = 1e-4
+    schedule: Annotated[str, option(
+        "course of the learning rate: cosine falls to zero along a cosine over the training, whose --steps cannot be "
+        "raised afterwards, constant stays", choices=SCHEDULES)] = "constant"  # fmt: skip
     sizes: Annotated[dict[str, Any], option(
         "layers whose sizes differ from those of the preset", partial=Sizes)] = field(default_factory=dict)  # fmt: skip
     weights: Annotated[dict[str, float], option(
