@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.utils.data import BatchSampler, DataLoader, Dataset, RandomSampler, Sampler, SequentialSampler
 
-from svfl_data.errors import TrainingError
+from svfl_data.errors import FormatError, TrainingError
 from svfl_data.sampling.centering_samples import CenteringSamples
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.networks.image_crops import centre_crop, crop_side, random_crop, scaled
@@ -165,8 +165,19 @@ class CenteringData(pl.LightningDataModule):
         return {"random": torch.get_rng_state()}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Continue with the random numbers of a checkpoint."""
-        self.order.resumed = state_dict["random"]
+        """Continue with the random numbers of a checkpoint.
+
+        Raises:
+            FormatError: If the checkpoint holds something else in their place.
+        """
+        state = state_dict.get("random")
+        try:
+            torch.Generator().set_state(state)
+        except (RuntimeError, TypeError) as error:
+            raise FormatError(
+                "the checkpoint holds no random numbers to continue with; choose another --out"
+            ) from error
+        self.order.resumed = state
 
     def encode(self, trunk: Callable[[Batch], Tensor]) -> None:
         """Replace the samples by the features that a trunk computes from them, for a trunk that is not trained.

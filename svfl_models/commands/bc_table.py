@@ -13,7 +13,7 @@ from svfl_models.configuration.setting import option, settings_of
 
 EXAMPLE = (
     "svfl-train bc-table --data data/perturbed/block_picking data/perturbed/block_pushing --workers 2\n"
-    "svfl-train bc-table --data data/perturbed/block_picking --episodes 10 25 50 --seeds 1 --test-episodes 50 --out out/curve"
+    "svfl-train bc-table --data data/block_picking --episodes 10 25 50 --seeds 1 --test-episodes 50 --out out/curve"
 )
 RECIPE = (
     "encoder", "camera", "view", "preset", "widths", "image_size", "crop", "augment", "noise", "loss", "valid",
@@ -33,7 +33,7 @@ class Table:
     )] = field(default_factory=lambda: [CloningConfig.episodes])  # fmt: skip
     seeds: Annotated[int, option("number of seeds; the seeds are 0 to N-1", ge=1)] = 3
     test_episodes: Annotated[int, option(
-        "number of test episodes that each policy is evaluated in, the same ones for every policy", ge=1)] = 100  # fmt: skip
+        "number of test episodes for each policy, the same ones for all", ge=1)] = 100  # fmt: skip
     networks: Annotated[list[str], option(
         "networks to compare: svfl, cnn, and cnn-rotated, which is a CNN whose training samples are rotated and "
         "mirrored at random",

@@ -58,8 +58,8 @@ def _success(table: Table) -> str:
                 rows.append([escaped(task), count, NAMES[network], *_rate(table.success(task, count, network))])
     header = ["task", "demonstrations", "network", "success", "95 % interval", "each seed"]
     return (
-        f"{markdown(header, rows)}\n\nEach policy was tried in {table.test_episodes} scenes that no demonstration has, the "
-        f"same for all. {_about_intervals(table)}\n\n![success by task]({PICTURES[0]})"
+        f"{markdown(header, rows)}\n\nEach policy was tried in {table.test_episodes} scenes that no demonstration has, "
+        f"the same for all. {_about_intervals(table)}\n\n![success by task]({PICTURES[0]})"
     )
 
 

@@ -149,6 +149,15 @@ def test_a_damaged_checkpoint_is_one_line(tmp_path, monkeypatch):
         train_centering(SMALL, tmp_path / "run", console=QUIET)
 
 
+@pytest.mark.parametrize("state", [None, "text", torch.zeros(3), torch.zeros(5056, dtype=torch.uint8)])
+def test_a_checkpoint_without_random_numbers_is_one_line(state, tmp_path, monkeypatch):
+    interrupt(SMALL, tmp_path / "run", monkeypatch, 1)
+    checkpoint = tmp_path / "run" / run_folder.CHECKPOINT
+    torch.save(torch.load(checkpoint, weights_only=True) | {"CenteringData": {"random": state}}, checkpoint)
+    with pytest.raises(FormatError, match="no random numbers"):
+        train_centering(SMALL, tmp_path / "run", console=QUIET)
+
+
 def test_a_run_of_an_experiment_continues(tmp_path, monkeypatch):
     train_centering(SMALL, tmp_path / "whole", console=QUIET)
     interrupt(SMALL, tmp_path / "cut", monkeypatch, 5)

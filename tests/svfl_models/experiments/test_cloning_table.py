@@ -287,7 +287,10 @@ def test_the_page_says_where_the_policies_and_their_data_come_from(data, tmp_pat
 
 
 def test_the_command_line_is_what_gives_the_numbers():
-    given = "bc-table --data a b --episodes 10 50 --seeds 2 --test-episodes 20 --epochs 7 --view camera --set widths.latent=9"
+    given = (
+        "bc-table --data a b --episodes 10 50 --seeds 2 --test-episodes 20 --epochs 7 --view camera "
+        "--set widths.latent=9"
+    )
     seen = []
     program = replace(bc_table.PROGRAM, run=lambda values, _: seen.append(values))
     arguments = cli.build_parser().parse_args([*given.split(), "--workers", "3", "--out", "c"])

@@ -119,10 +119,12 @@ def test_a_training_can_be_made_longer(config, tmp_path):
 def rates(config, out, monkeypatch):
     """The learning rate of each step of a training."""
     found = []
+
+    def note(self, trainer, *_):
+        found.append(trainer.optimizers[0].param_groups[0]["lr"])
+
     with monkeypatch.context() as patched:
-        patched.setattr(
-            StepsBar, "on_train_batch_start", lambda _, trainer, *__: found.append(trainer.optimizers[0].param_groups[0]["lr"])
-        )
+        patched.setattr(StepsBar, "on_train_batch_start", note)
         train.train_latent(config, out)
     return found
 
