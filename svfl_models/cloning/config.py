@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+from svfl_data.errors import UsageError
+from svfl_data.schema.input_spec import WINDOW
 from svfl_models.configuration.setting import option, plain_values
 from svfl_models.networks.inputs import CROP, IMAGE_SIZES, view_help
 from svfl_models.networks.presets import PRESET_HELP, PRESETS, Widths, widths_of
@@ -42,6 +44,8 @@ class CloningConfig:
         "readings and rate (streams/wrench/wrench=64@500), arrays below observations/; :invariant at the end for a "
         "sensor or camera on the gripper that does not turn with the world; images are cropped to their middle",
         metavar="INPUT")] = field(default_factory=list)  # fmt: skip
+    window: Annotated[int, option(
+        "number of readings per wrench window; --inputs name windows of their own", ge=1)] = WINDOW  # fmt: skip
     action: Annotated[str, option(
         "array with the actions to learn, if --inputs are given", metavar="PATH")] = "actions/action"  # fmt: skip
     group: Annotated[str, option(
@@ -90,6 +94,13 @@ class CloningConfig:
         "seed of the choice of held-out episodes, the initial weights, the batches and the crops",
         ge=0)] = 0  # fmt: skip
 
+    def __post_init__(self) -> None:
+        if self.inputs and self.window != WINDOW:
+            raise UsageError(
+                f"--window {self.window} and --inputs contradict each other; inputs name their own windows, such as "
+                f"streams/wrench/wrench={self.window}@500"
+            )
+
     @property
     def model(self) -> str:
         """Kind of network in the terms of the paper: ``cnn`` if `group` is ``none``, otherwise ``svfl``."""
@@ -97,7 +108,7 @@ class CloningConfig:
 
     def network(self) -> dict[str, Any]:
         """Return the arguments of `policy.Policy`, as plain values, with the sizes of all layers."""
-        plain = {name: getattr(self, name) for name in ("encoder", "group", "image_size", "crop")}
+        plain = {name: getattr(self, name) for name in ("encoder", "group", "image_size", "window", "crop")}
         return plain | {"widths": widths_of(self.preset, self.group, self.widths).plain()}
 
     def plain(self) -> dict[str, Any]:

@@ -16,8 +16,8 @@ EXAMPLE = (
     "svfl-train bc-table --data data/block_picking --episodes 10 25 50 --seeds 1 --test-episodes 50 --out out/curve"
 )
 RECIPE = (
-    "encoder", "camera", "view", "preset", "widths", "image_size", "crop", "augment", "noise", "loss", "valid",
-    "epochs", "batch_size", "learning_rate", "schedule",
+    "encoder", "camera", "view", "preset", "widths", "image_size", "window", "crop", "augment", "noise", "loss",
+    "valid", "epochs", "batch_size", "learning_rate", "schedule",
 )  # fmt: skip
 """Settings that all policies share."""
 

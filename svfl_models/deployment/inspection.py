@@ -178,7 +178,7 @@ def _policy(path: Path) -> Told:
     size = module.policy.trunk.image_size
     forms = {
         "v": ("image", _image(f"{size} x {size} px, colour and depth, view {module.view}", deployment.camera)),
-        "f": ("wrench", f"{described.get('window', 64)} readings"),
+        "f": ("wrench", f"{module.policy.trunk.window} readings"),
         "p": ("proprio", "5 numbers"),
     }
     inputs = {one.path: f"{one.kind} {_shape(one.shape)}" for one in of_plain(deployment.inputs)}
