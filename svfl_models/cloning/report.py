@@ -134,8 +134,8 @@ def _course(history: History) -> str:
     if last - lowest <= (WORSE - 1) * abs(lowest):
         return ""
     return (
-        f" The loss on held-out demonstrations was lowest after {best} epochs ({lowest:.4g}) and has risen to "
-        f"{last:.4g} since."
+        f" The loss on held-out demonstrations was lowest after {best} epoch{'s' * (best > 1)} ({lowest:.4g}) and has "
+        f"risen to {last:.4g} since."
     )
 
 

@@ -160,7 +160,7 @@ def _uses(uses: Iterable[str], encoder_rate: float, head_rate: float) -> str:
   are encoded once; they are not recoloured, since the encoder has not learned that colours mean nothing.""",
         "fine-tuned": f"- fine-tuned: the encoder learns, too, at a rate of {encoder_rate:g}; "
         f"the layer at {head_rate:g}.",
-        "from-scratch": "- from scratch: likewise with random weights, all else being equal: the gain of pretraining.",
+        "from-scratch": "- from scratch: the encoder learns from random weights, all else as for fine-tuned ones.",
     }
     return "\n".join(words[use] for use in uses)
 

@@ -163,7 +163,9 @@ def _attention(found: Evaluation) -> Table | None:
                 (f"{looker}, layer {layer + 1}", name, *(percent(values[layer]) for values in groups.values()))
                 for layer in picked
             ]
-    note = "Mean over heads; `asked` are the tokens of contact and alignment. By contact: the last layer alone."
+    note = "Mean over heads; `asked` are the tokens of contact and alignment."
+    if one.mass_contact or one.mass_free:
+        note += " By contact: the last layer alone."
     return Table("Attention mass", ("token that looks", "frames", *one.tokens), rows, note)
 
 
