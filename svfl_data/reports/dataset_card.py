@@ -180,7 +180,8 @@ def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, p
         f"# {markdown(name)}",
         "",
         f"{_counted(found.episodes, 'episode')} of {' and '.join(map(markdown, found.tasks))}: "
-        f"{_counted(found.steps, 'step')}, {found.seconds / 60:.3g} minutes, {found.bytes / 1e6:.3g} MB. Source: {_listed(found.sources)}.",
+        f"{_counted(found.steps, 'step')}, {found.seconds / 60:.3g} minutes, {found.bytes / 1e6:.3g} MB. "
+        f"Source: {_listed(found.sources)}.",
         *(["", f"Instruction: {_listed(found.instructions)}."] if found.instructions else []),
         *(["", f"Robot: {_listed(found.robots)}."] if found.robots else []),
         "",

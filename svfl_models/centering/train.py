@@ -11,6 +11,7 @@ from pathlib import Path
 
 import lightning.pytorch as pl
 import numpy as np
+import torch
 from lightning.pytorch.callbacks import EarlyStopping
 from rich.console import Console
 
@@ -96,7 +97,7 @@ def train_centering(
 
     with run_folder.held(out):
         beside = {"separate_test": separate_test and str(separate_test)} | settings_of_run(hardware, loggers)
-        resumed = run_folder.claim_or_resume(out, PROGRAM, config.plain(), beside, load_classifier)
+        resumed = run_folder.claim_or_resume(out, PROGRAM, config.plain(), beside, _check)
         metrics = KeptMetrics(out / run_folder.METRICS, COLUMNS)
         start = time.monotonic()
         if module.frozen:
@@ -124,6 +125,12 @@ def train_centering(
             write_report(out, config, result, metrics.rows, provenance.sessions, placement.plain())
             trackers.picture("confusion_matrix", out / run_folder.CONFUSION)
     return result
+
+
+def _check(checkpoint: Path) -> None:
+    """Refuse a damaged checkpoint, without a change of the random numbers that a frozen trunk's crops depend on."""
+    with torch.random.fork_rng(devices=[]):
+        load_classifier(checkpoint)
 
 
 def data_records(config: TrainingConfig, separate_test: Path | str | None = None) -> dict[str, DataRecord]:

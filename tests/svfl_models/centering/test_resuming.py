@@ -67,8 +67,8 @@ def outcome(out):
     del result["result"]["seconds"]
     kept = {name: state for name, state in found["callbacks"].items() if "Stopping" in name}
     return (
-        {"weights": found["state_dict"], "adam": found["optimizer_states"], "rule": kept, **found["CenteringData"]},
-        (rows, result, (out / run_folder.PREDICTIONS).read_text()),
+        {"weights": found["state_dict"], "adam": found["optimizer_states"], **found["CenteringData"]},
+        (rows, result, str(kept), (out / run_folder.PREDICTIONS).read_text()),
     )
 
 

@@ -255,7 +255,7 @@ def test_the_page_tells_a_fall_from_noise(tmp_path, fewer, more, told):
         count = (fewer if run.config.episodes == 5 else more)[run.config.seed]
         tell(run, *[index < count for index in range(TRIALS)])
     page = page_of(runs, tmp_path / "out")
-    assert f"Less success with more demonstrations in 1 of 1 cases; told from noise: {told}." in page
+    assert f"Less success with more demonstrations in 1 of 1 case; told from noise: {told}." in page
     assert "SVFL" not in page
     assert "all networks" not in page
 
