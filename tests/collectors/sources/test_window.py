@@ -24,7 +24,7 @@ from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.evaluate import evaluate
 from svfl_models.cloning.evaluation import other_environments
 from svfl_models.cloning.evaluation.action_errors import action_errors
-from svfl_models.deployment import predictions
+from svfl_models.deployment import policy_predictions, predictions
 from svfl_models.networks.action_space import PLANAR
 from svfl_models.programs import exported_policy
 from svfl_models.training import run_folder
@@ -73,7 +73,8 @@ def test_it_acts_on_the_last_readings_of_its_window(trained, monkeypatch):
         np.testing.assert_allclose(episode.action[step] / SCALE, said / SCALE, atol=1e-4)
     thought = predictions.load(checkpoint)(episode)
     np.testing.assert_allclose(thought.actions[:-1] / SCALE, episode.action / SCALE, atol=1e-4)
-    np.testing.assert_allclose(predictions.load(file)(episode).actions, thought.actions, atol=1e-5)
+    exported = policy_predictions.of_program(policy, "policy")(episode)
+    np.testing.assert_allclose(exported.actions / SCALE, thought.actions / SCALE, atol=1e-4)
     found = evaluate(checkpoint, 2, seed=5, console=QUIET)
     assert (found.success[1], found.steps[1]) == (episode.meta.success, len(episode))
 
