@@ -170,10 +170,10 @@ class CenteringData(pl.LightningDataModule):
         Raises:
             FormatError: If the checkpoint holds something else in their place.
         """
-        state = state_dict.get("random")
         try:
+            state = torch.as_tensor(state_dict.get("random"))
             torch.Generator().set_state(state)
-        except (RuntimeError, TypeError) as error:
+        except (RuntimeError, TypeError, ValueError) as error:
             raise FormatError(
                 "the checkpoint holds no random numbers to continue with; choose another --out"
             ) from error

@@ -93,8 +93,9 @@ class LatentModule(pl.LightningModule):
         adam = torch.optim.Adam(self.parameters(), lr=self.learning_rate)
         course = scheduler(adam, self.schedule, self.length)
         if self.earlier_optimisation is not None:
-            for one, state in zip((adam, course), self.earlier_optimisation, strict=True):
-                one.load_state_dict(state)
+            of_adam, of_course = self.earlier_optimisation
+            adam.load_state_dict(of_adam)
+            course.load_state_dict(of_course)
         return {"optimizer": adam, "lr_scheduler": {"scheduler": course, "interval": "step"}}
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:

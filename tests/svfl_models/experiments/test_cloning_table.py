@@ -1,6 +1,5 @@
 """The table of clonings: every policy once, in any number of sittings, and a page that says what was found."""
 
-import json
 import os
 import re
 import signal
@@ -29,6 +28,7 @@ from svfl_models.training.progress import MetricsFile
 from svfl_models.training.provenance.record import record, recorded
 from svfl_models.training.provenance.session import Session
 from tests.helpers.demonstrations import demonstrations
+from tests.helpers.experiment_pages import pretend, tell
 from tests.helpers.patience import PATIENCE
 from tests.helpers.pretend import is_running
 from tests.helpers.pretend_cloning import Diverging, Endless, Quick
@@ -45,11 +45,6 @@ from {Endless.__module__} import Endless
 cloning_table.Run = Endless
 sys.exit(cli.main(sys.argv[1:]))
 """
-
-
-def pretend(run):
-    """What a finished run leaves."""
-    Quick(run.config, run.folder, run.test_episodes)()
 
 
 @pytest.fixture
@@ -238,12 +233,6 @@ def test_the_page_says_what_is_known(runs, tmp_path, finished):
     assert ("spread between seeds is unknown" in page) == (finished == 7)
     assert ("seeds and scenes are drawn again" in page) == (finished == 24)
     assert "Less success" not in page  # the pretended results do not depend on the number of demonstrations
-
-
-def tell(run, *success):
-    """What a finished run leaves that succeeded in these trials."""
-    pretend(run)
-    (run.folder / run_folder.EVALUATION).write_text(json.dumps({"success": success}))
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,7 @@ from svfl_models.experiments import cloning_table, cloning_table_page, error_ana
 from svfl_models.experiments.cloning_table import Table
 from svfl_models.experiments.results import Results
 from tests.helpers import pretend
-from tests.svfl_models.experiments.test_cloning_table import tell
-from tests.svfl_models.experiments.test_pages import ABOUT, DOWN, UP, network
+from tests.helpers.experiment_pages import ABOUT, DOWN, UP, network, tell
 
 TRIALS = 4
 BASE = CloningConfig("", preset="tiny", epochs=2)
