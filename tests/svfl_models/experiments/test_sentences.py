@@ -149,7 +149,7 @@ def cloned(tmp_path, tasks, episodes, seeds, networks, done):
 @pytest.mark.parametrize(("done", "told"), [(lambda run: None, False), (lambda run: 0, True), (lambda run: 2, True)])
 def test_intervals_are_explained_where_there_are_some(done, told, tmp_path):
     said = cloned(tmp_path, ["picking"], [5], 2, ["svfl"], done)
-    assert ("No policy has been tried yet" in said) != told
+    assert ("No policy has been evaluated yet" in said) != told
     assert ("seeds and scenes are resampled" in said) == told
     assert "Each policy was tried" not in said
     assert "one seed" not in said
