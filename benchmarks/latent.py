@@ -77,7 +77,8 @@ def measured(model: str, preset: str, precision: str, steps: int, sequences: int
     torch.manual_seed(0)
     config = LatentConfig("", model, preset)
     module = LatentModule(config.network(), config.objective())
-    adam: Any = module.configure_optimizers()
+    configured: Any = module.configure_optimizers()
+    adam = configured["optimizer"] if isinstance(configured, dict) else configured
     batches = [batch(sequences) for _ in range(10)]
 
     def step(number: int) -> float:

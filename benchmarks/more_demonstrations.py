@@ -30,7 +30,11 @@ def runs_of(arguments: argparse.Namespace) -> dict[str, list[Run]]:
     for name, (episodes, epochs) in SETTINGS.items():
         one = CloningConfig(str(arguments.data), episodes, epochs=epochs, **NETWORKS[arguments.network])
         found[name] = [
-            Run(replace(one, seed=seed), arguments.out / RUNS / f"{episodes}x{epochs}_seed{seed}", arguments.trials)
+            Run(
+                replace(one, seed=seed),
+                arguments.out / RUNS / f"{episodes}x{epochs}_seed{seed}",
+                arguments.test_episodes,
+            )
             for seed in arguments.seeds
         ]
     return found
@@ -57,7 +61,9 @@ def main() -> None:
     parser.add_argument("--data", type=Path, required=True, help="demonstrations of one task, at least 50")
     parser.add_argument("--network", choices=tuple(NETWORKS), default="cnn")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2], metavar="S")
-    parser.add_argument("--trials", type=int, default=50, metavar="N", help="scenes in which each policy is tried")
+    parser.add_argument(
+        "--test-episodes", type=int, default=50, metavar="N", help="scenes in which each policy is tried"
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
     arguments = parser.parse_args()
     runs = runs_of(arguments)

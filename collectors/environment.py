@@ -27,7 +27,7 @@ from collectors.tasks import TASKS, task_class
 from collectors.tasks.gripper import Gripper, Moves
 from collectors.tasks.task import MAX_STEPS, POLICY_ATTEMPT, Task, attempt_seed
 from svfl_data.errors import UsageError
-from svfl_data.schema.input_spec import InputSpec
+from svfl_data.schema.input_spec import WINDOW, InputSpec
 from svfl_data.schema.robot import Calibration, Observation
 from svfl_data.signals.top_view import EYE_M
 from svfl_data.system.own_process import OwnProcess
@@ -41,8 +41,8 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
     - ``image`` (4, H, W): RGB in 0..1, then depth in [m], which is 0 where nothing was seen. The image is that of
       `camera` or, if `view` is "top", the same image reprojected to the view from straight above, with the depth
       measured down from `eye`.
-    - ``wrench`` (64, 6): the last 64 readings at 500 Hz, the latest one last, tared, [N] and [N m], base axes, about
-      the sensor origin.
+    - ``wrench`` (64, 6): the last 64 (`window`) readings at 500 Hz, the latest one last, tared, [N] and [N m], base
+      axes, about the sensor origin.
     - ``proprio`` (5,): gripper opening 0..1, TCP x, y, z [m], yaw [rad], in base.
 
     With `inputs`, an observation is instead a dictionary of what `svfl_data.sampling.samples.Samples` gives for the
@@ -79,6 +79,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         camera: str | None = None,
         robot: str | None = None,
         inputs: InputSpec | None = None,
+        window: int = WINDOW,
     ) -> None:
         """Open the simulated world of a task.
 
@@ -96,6 +97,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
                 of `world`, which is the Panda by default.
             inputs: What is observed, by dataset path, in place of the paper's three arrays: cameras, windows of streams
                 and vectors. Without `world`, the world has the cameras of these inputs.
+            window: Number of readings of ``wrench``.
 
         Raises:
             UsageError: If no task, view, camera or robot has that name, or the world has several cameras and none is
@@ -117,7 +119,7 @@ class Environment(OwnProcess, gymnasium.Env[Any, NDArray[np.float32]]):
         self._steps = 0
         self._seen: Observation | None = None
         self._observations = (
-            PaperObservations(self.world, self.camera, view, eye)
+            PaperObservations(self.world, self.camera, view, eye, window)
             if inputs is None
             else InputObservations(self.world, inputs)
         )
@@ -255,7 +257,8 @@ def make(task: str, world: WorldConfig | None = None, **options: Any) -> Environ
         task: Name of the task, one of `collectors.TASKS`.
         world: Configuration of the world: physics, arm, sensors and cameras. None means ``WorldConfig()``, whose
             numbers are the paper's where the paper gives them.
-        options: Further arguments of `Environment`: `view`, `eye`, `render_mode`, `camera` and `robot`.
+        options: Further arguments of `Environment`: `view`, `eye`, `render_mode`, `camera`, `robot`, `inputs` and
+            `window`.
 
     Raises:
         UsageError: If no task, view, camera or robot has that name, or no camera is named where there are several.

@@ -25,7 +25,7 @@ class PaperObservations:
         space: Space of what is returned.
     """
 
-    def __init__(self, world: World, camera: str, view: View, eye: float) -> None:
+    def __init__(self, world: World, camera: str, view: View, eye: float, window: int = WINDOW) -> None:
         """Prepare for a world.
 
         Args:
@@ -33,9 +33,10 @@ class PaperObservations:
             camera: Name of the camera of ``image``.
             view: View of ``image``.
             eye: Height from which the view "top" looks down, base z, [m].
+            window: Number of readings of ``wrench``.
         """
         self._world, self._camera, self._view, self._eye = world, camera, view, eye
-        self._cut = LiveCut(paper_inputs(camera))
+        self._cut = LiveCut(paper_inputs(camera, window=window))
         seen = world.config.cameras[camera]
         high = np.ones((4, seen.height, seen.width), np.float32)
         high[3] = 2**16 * seen.depth_scale
@@ -43,7 +44,7 @@ class PaperObservations:
         self.space = spaces.Dict(
             {
                 "image": spaces.Box(np.zeros_like(high), high, dtype=np.float32),
-                "wrench": spaces.Box(-np.inf, np.inf, (WINDOW, 6), np.float32),
+                "wrench": spaces.Box(-np.inf, np.inf, (window, 6), np.float32),
                 "proprio": spaces.Box(-reach, reach, dtype=np.float32),
             }
         )

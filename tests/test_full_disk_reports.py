@@ -44,7 +44,7 @@ def words(program, folder, out, number):
     if program == "latent-eval":
         given = [folder / "poe" / "checkpoint.ckpt", "--episodes", 1, "--seed", number]
     elif program == "bc-table":
-        given = ["--data", folder / "block_picking", "--episodes", 6, "--seeds", number, "--trials", 4,
+        given = ["--data", folder / "block_picking", "--episodes", 6, "--seeds", number, "--test-episodes", 4,
                  "--preset", "tiny", "--epochs", 2, "--copy-report-to", out / "docs"]  # fmt: skip
     else:
         given = ["--data", folder / "centering", "--test-samples", 8, "--train-samples", 8, "--epochs", 1,

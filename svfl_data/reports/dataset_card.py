@@ -123,7 +123,7 @@ def distributions(facts: Sequence[Facts]) -> Figure:
         facts: Facts about the episodes, at least one.
     """
     figure = Figure(figsize=(11, 2.8), layout="constrained")
-    labelled = any(fact.direction >= 0 for fact in facts)
+    labelled = "labels" in _drawn(facts)
     felt = [fact for fact in facts if fact.peak_n is not None]
     axes = np.atleast_1d(figure.subplots(1, 1 + bool(felt) + labelled))
     _histogram(axes[0], facts, "seconds", "duration, s")
@@ -138,6 +138,16 @@ def distributions(facts: Sequence[Facts]) -> Figure:
         axis.set_ylabel("episodes")
         axis.spines[["top", "right"]].set_visible(False)
     return figure
+
+
+def _drawn(facts: Sequence[Facts]) -> list[str]:
+    """Return what the histograms of the episodes show."""
+    known = {
+        "duration": True,
+        "largest force": any(fact.peak_n is not None for fact in facts),
+        "labels": any(fact.direction >= 0 for fact in facts),
+    }
+    return [name for name, is_known in known.items() if is_known]
 
 
 def _histogram(axis: Axes, facts: Sequence[Facts], name: str, label: str) -> None:
@@ -169,8 +179,9 @@ def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, p
     lines = [
         f"# {markdown(name)}",
         "",
-        f"{found.episodes} episodes of {' and '.join(map(markdown, found.tasks))}: {found.steps} steps, "
-        f"{found.seconds / 60:.3g} minutes, {found.bytes / 1e6:.3g} MB. Source: {_listed(found.sources)}.",
+        f"{_counted(found.episodes, 'episode')} of {' and '.join(map(markdown, found.tasks))}: "
+        f"{_counted(found.steps, 'step')}, {found.seconds / 60:.3g} minutes, {found.bytes / 1e6:.3g} MB. "
+        f"Source: {_listed(found.sources)}.",
         *(["", f"Instruction: {_listed(found.instructions)}."] if found.instructions else []),
         *(["", f"Robot: {_listed(found.robots)}."] if found.robots else []),
         "",
@@ -187,11 +198,11 @@ def card(dataset: Dataset, found: Summary, facts: Sequence[Facts], shown: int, p
         *_about_streams(found, first),
         "## Distributions",
         "",
-        f"![Histograms of duration, largest force and labels]({quote(pictures[1])})",
+        f"![Histograms of {' and '.join(_drawn(facts))}]({quote(pictures[1])})",
         "",
         f"## Episode {shown}, of median duration",
         "",
-        f"![Images, force, torque, gripper and actions of episode {shown}]({quote(pictures[0])})",
+        f"![Episode {shown} over time]({quote(pictures[0])})",
         "",
         "## How to read it",
         "",
@@ -220,13 +231,17 @@ def _figures(dataset: Dataset, found: Summary, facts: Sequence[Facts]) -> Iterat
         labels = Counter(DIRECTIONS[fact.direction] for fact in facts if 0 <= fact.direction < len(DIRECTIONS))
         yield "labels", _listed(labels)
     kinds = Counter(severity for fact in facts for severity in fact.findings)
-    yield "svfl-data validate", f"{kinds['error']} errors, {kinds['warning']} warnings"
+    yield "svfl-data validate", f"{_counted(kinds['error'], 'error')}, {_counted(kinds['warning'], 'warning')}"
     splits = sorted(file.stem for file in (dataset.path / SPLITS).glob("*.json") if "." not in file.stem)
     yield "splits", ", ".join(map(markdown, splits)) or "none"
     yield "seed", markdown(dataset.info.get("seed"))
     yield "identity (SHA-256 over the seals)", str(identity(dataset))
     yield "format", _listed(found.format_versions)
     yield "software", _listed(found.recorded_with) if found.recorded_with else "unknown"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def _range(values: Sequence[float]) -> str:

@@ -12,9 +12,10 @@ def wilson(successes: int, trials: int, z: float = 1.959964) -> tuple[float, flo
         z: Quantile of the standard normal distribution; the default gives an interval of 95 %.
 
     Returns:
-        Lower and upper end of the interval, from 0 to 1.
+        Lower and upper end of the interval, from 0 to 1; the success rate lies between them, rounding included.
     """
     rate, share = successes / trials, z * z / trials
     centre = rate + share / 2
     reach = math.sqrt(share * (rate * (1 - rate) + share / 4))
-    return max(0.0, (centre - reach) / (1 + share)), min(1.0, (centre + reach) / (1 + share))
+    low, high = (centre - reach) / (1 + share), (centre + reach) / (1 + share)
+    return max(0.0, min(low, rate)), min(1.0, max(high, rate))

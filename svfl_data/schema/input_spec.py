@@ -125,14 +125,15 @@ class InputSpec:
         return asdict(self)
 
 
-def paper_inputs(camera: str = "", rate_hz: float | None = None) -> InputSpec:
+def paper_inputs(camera: str = "", rate_hz: float | None = None, window: int = WINDOW) -> InputSpec:
     """Return the specification of the paper's inputs: a camera, the wrench window and proprioception.
 
     Args:
         camera: Name of the camera; empty if no images are taken.
         rate_hz: Rate of the wrench readings, [Hz]; None accepts every rate.
+        window: Number of readings of the wrench window.
     """
-    return InputSpec((camera,) if camera else (), windows={WRENCH: Window(WINDOW, rate_hz)}, vectors=(PROPRIO,))
+    return InputSpec((camera,) if camera else (), windows={WRENCH: Window(window, rate_hz)}, vectors=(PROPRIO,))
 
 
 def _is_number(dtype: str) -> bool:

@@ -105,7 +105,7 @@ def check(
     network = copy.deepcopy(module.classifier).to(PRECISIONS[precision].dtype).eval()
     own = network.group
     group = group or (GROUPS["D4"] if own == GROUPS["none"] else own)
-    crops = Crops(samples, INPUTS[config.encoder], config.image_size)[list(range(len(samples)))]
+    crops = Crops(samples, INPUTS[config.encoder], config.image_size, crop=config.crop)[list(range(len(samples)))]
     batch = {name: crops[name].to(PRECISIONS[precision].dtype) for name in INPUTS[config.encoder]}
     act_on_output: Action = act_on_scores if network.target == "direction" else act_on_parts(OFFSET_PARTS)
 

@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 from svfl_data.sampling.centering_samples import VIEWS, View
 from svfl_models.configuration.setting import option, plain_values
-from svfl_models.networks.inputs import CROP, IMAGE_SIZES, INPUTS
-from svfl_models.networks.presets import PRESETS, Widths, widths_of
+from svfl_models.networks.inputs import CROP, IMAGE_SIZES, INPUTS, view_help
+from svfl_models.networks.presets import PRESET_HELP, PRESETS, Widths, widths_of
 from svfl_models.symmetry.groups import GROUPS, TORQUES
 from svfl_models.training.schedules import SCHEDULES
 
@@ -75,7 +75,7 @@ class TrainingConfig:
     seed: Annotated[int, option(
         "seed of the choice of training samples, the initial weights, the batches and the crops",
         ge=0)] = 0  # fmt: skip
-    preset: Annotated[str, option("sizes of the network's layers", choices=tuple(PRESETS))] = "default"
+    preset: Annotated[str, option(PRESET_HELP, choices=tuple(PRESETS))] = "default"
     target: Annotated[str, option(
         "quantity to predict: one of four directions, or the offset in m", choices=TARGETS)] = "direction"  # fmt: skip
     torque: Annotated[str, option(
@@ -83,9 +83,7 @@ class TrainingConfig:
         choices=TORQUES)] = "axial"  # fmt: skip
     camera: Annotated[str, option(
         "camera whose images are used; must be given if there are several", metavar="NAME")] | None = None  # fmt: skip
-    view: Annotated[View, option(
-        "viewpoint of the images: camera as recorded, or top as seen from straight above",
-        choices=VIEWS)] = "camera"  # fmt: skip
+    view: Annotated[View, option(view_help(VIEWS), choices=VIEWS)] = "camera"
     image_size: Annotated[int, option(
         "height and width of the network's images, px", choices=IMAGE_SIZES)] = 64  # fmt: skip
     augment: Annotated[bool, option(

@@ -1,14 +1,15 @@
 """Batches for block centering: samples in memory, cropped as in the paper and scaled to the network's image size."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import lightning.pytorch as pl
 import numpy as np
 import torch
 from torch import Tensor
-from torch.utils.data import BatchSampler, DataLoader, Dataset, RandomSampler, SequentialSampler
+from torch.utils.data import BatchSampler, DataLoader, Dataset, RandomSampler, Sampler, SequentialSampler
 
-from svfl_data.errors import TrainingError
+from svfl_data.errors import FormatError, TrainingError
 from svfl_data.sampling.centering_samples import CenteringSamples
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.networks.image_crops import centre_crop, crop_side, random_crop, scaled
@@ -95,8 +96,40 @@ class Features(Dataset[Batch]):
         return {"feature": self.features[view, index]} | {name: values[index] for name, values in self.labels.items()}
 
 
+class ResumableShuffle(Sampler[list[int]]):
+    """Sampler of shuffled batches, which uses PyTorch's random numbers and continues them in a resumed training.
+
+    Args:
+        rows: Number of samples.
+        batch_size: Number of samples per batch; the last batch of an epoch may have fewer.
+
+    Attributes:
+        resumed: State of the random numbers at the end of the epoch after which the training was interrupted, which is
+            restored once; None if there is nothing to restore.
+    """
+
+    def __init__(self, rows: int, batch_size: int) -> None:
+        self.batches = BatchSampler(RandomSampler(range(rows)), batch_size, drop_last=False)
+        self.resumed: Tensor | None = None
+
+    def __len__(self) -> int:
+        return len(self.batches)
+
+    def __iter__(self) -> Iterator[list[int]]:
+        """Yield the indices of the batches of one epoch."""
+        if self.resumed is not None:
+            torch.set_rng_state(self.resumed)
+            torch.empty((), dtype=torch.int64).random_()  # as PyTorch's loader draws before each epoch
+            self.resumed = None
+        yield from self.batches
+
+
 class CenteringData(pl.LightningDataModule):
     """Training and test batches of block centering.
+
+    Its state in a checkpoint is that of PyTorch's random numbers at the end of an epoch, which the order of the samples
+    and their crops depend on. A training that is resumed there gives the same result, bit for bit, as an uninterrupted
+    one.
 
     Args:
         train: Samples to train on.
@@ -125,7 +158,26 @@ class CenteringData(pl.LightningDataModule):
         self.crops += [Crops(some, inputs, size, crop=config.crop) for some in held_out]
         self.train_set: Crops | Features = self.crops[0]
         self.held_out: Sequence[Crops | Features] = self.crops[1:]
-        self.batch_size = config.batch_size
+        self.order = ResumableShuffle(len(train), config.batch_size)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return the state of the random numbers, for the checkpoint."""
+        return {"random": torch.get_rng_state()}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Continue with the random numbers of a checkpoint.
+
+        Raises:
+            FormatError: If the checkpoint holds something else in their place.
+        """
+        try:
+            state = torch.as_tensor(state_dict.get("random"))
+            torch.Generator().set_state(state)
+        except (RuntimeError, TypeError, ValueError) as error:
+            raise FormatError(
+                "the checkpoint holds no random numbers to continue with; choose another --out"
+            ) from error
+        self.order.resumed = state
 
     def encode(self, trunk: Callable[[Batch], Tensor]) -> None:
         """Replace the samples by the features that a trunk computes from them, for a trunk that is not trained.
@@ -138,9 +190,7 @@ class CenteringData(pl.LightningDataModule):
 
     def train_dataloader(self) -> DataLoader[Batch]:
         """Return a loader of shuffled training batches with random crops."""
-        return DataLoader(
-            self.train_set, sampler=BatchSampler(RandomSampler(self.train_set), self.batch_size, False), batch_size=None
-        )
+        return DataLoader(self.train_set, sampler=self.order, batch_size=None)
 
     def val_dataloader(self) -> list[DataLoader[Batch]]:
         """Return a loader of the test samples and, if there are any, one of the validation samples.

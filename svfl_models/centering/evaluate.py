@@ -64,13 +64,13 @@ def evaluate(module: CenteringModule, samples: CenteringSamples, config: Trainin
     Args:
         module: The network; it is left in eval mode.
         samples: Samples to evaluate on.
-        config: Configuration that gives the inputs and the image size of the network.
+        config: Configuration that gives the inputs, the image size and the crop of the network.
 
     Returns:
         The predictions together with the samples.
     """
     module.eval()
-    crops = Crops(samples, INPUTS[config.encoder], config.image_size)
+    crops = Crops(samples, INPUTS[config.encoder], config.image_size, crop=config.crop)
     on_device = (module.transfer_batch_to_device(batch, module.device, 0) for batch in in_order(crops))
     output = torch.cat([module(batch).cpu() for batch in on_device])
     guess = output.numpy() if output.shape[-1] == 2 else None

@@ -113,7 +113,7 @@ def page(config: TrainingConfig, result: Result, sessions: Sequence[Session] = (
 | | accuracy |
 | --- | --- |
 | **{config.test_samples} test samples, final weights** | **{result.test_accuracy:.1%}** |
-| the same, best epoch | {result.best_test_accuracy:.1%} |
+| the same, best of the tested epochs | {result.best_test_accuracy:.1%} |
 {_separate(result)}{_paper(config)}
 {_stopping(config, result)} The best epoch is chosen on the test samples and is optimistic; the headline is the
 accuracy of the weights that the training ended with.{_same_task(config)}
@@ -181,9 +181,12 @@ def _stopping(config: TrainingConfig, result: Result) -> str:
     if not config.patience:
         return f"The training lasted {result.epochs} epochs, whatever the test accuracy."
     if result.epochs < config.epochs:
+        watched, paper = "test accuracy", ", as in the paper"
+        if config.valid_samples:
+            watched, paper = "accuracy on the validation samples", ""
         return (
-            f"The training stopped after {result.epochs} of at most {config.epochs} epochs, when the test accuracy had "
-            f"not improved for {config.patience}, as in the paper."
+            f"The training stopped after {result.epochs} of at most {config.epochs} epochs, when the {watched} had "
+            f"not improved for {config.patience}{paper}."
         )
     return f"The training lasted all {result.epochs} epochs that it was allowed."
 

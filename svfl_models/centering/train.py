@@ -1,4 +1,7 @@
-"""Trains a block-centering classifier: loads and splits the samples, fits, tests and writes the report."""
+"""Trains a block-centering classifier: loads and splits the samples, fits, tests and writes the report.
+
+An interrupted training can be resumed.
+"""
 
 import time
 from collections.abc import Sequence
@@ -8,6 +11,7 @@ from pathlib import Path
 
 import lightning.pytorch as pl
 import numpy as np
+import torch
 from lightning.pytorch.callbacks import EarlyStopping
 from rich.console import Console
 
@@ -16,6 +20,7 @@ from svfl_data.sampling.centering_samples import CenteringSamples, View, load_ce
 from svfl_data.sampling.named_camera import camera_of_dataset
 from svfl_data.sampling.split import train_test_split
 from svfl_data.system.progress import progress_console
+from svfl_models.centering.checkpoint import load_classifier
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.data import CenteringData, check_samples
 from svfl_models.centering.evaluate import evaluate, write_predictions
@@ -27,7 +32,7 @@ from svfl_models.networks.inputs import INPUTS
 from svfl_models.training import run_folder
 from svfl_models.training.hardware import Hardware, needs_of
 from svfl_models.training.placement import Placement, placed
-from svfl_models.training.progress import MetricsFile, ProgressLine
+from svfl_models.training.progress import COLUMNS, KeptMetrics, ProgressLine
 from svfl_models.training.provenance.callback import ProvenanceRecord
 from svfl_models.training.provenance.session import DataRecord, dataset, file
 from svfl_models.training.run_settings import settings_of_run
@@ -51,7 +56,7 @@ def train_centering(
     hardware: Hardware = Hardware(),  # noqa: B008 - a value, frozen
     loggers: Sequence[str] = (),
 ) -> Result:
-    """Train and test one network; the same configuration gives the same result on the same machine.
+    """Train and test one network; the same configuration gives the same result on the same machine, interrupted or not.
 
     Adam, cross-entropy and the batches are those of the paper (Kohler et al., CoRL 2023, appendix). Unlike in the
     paper, images are augmented, and a training lasts `config.epochs` epochs whatever the test accuracy
@@ -59,7 +64,8 @@ def train_centering(
 
     Args:
         config: Configuration of the network, the data and the training.
-        out: Folder for the checkpoint, metrics, predictions, figures and report.
+        out: Folder for the checkpoint, metrics, predictions, figures and report. If it holds an interrupted training of
+            the same configuration, that training is resumed after its last complete epoch.
         separate_test: Dataset folder whose samples are all tested as well; no choice is made by their result. None for
             no such dataset.
         console: Console that progress is shown on; standard error by default.
@@ -91,17 +97,17 @@ def train_centering(
 
     with run_folder.held(out):
         beside = {"separate_test": separate_test and str(separate_test)} | settings_of_run(hardware, loggers)
-        run_folder.claim(out, PROGRAM, config.plain(), beside)
-        metrics = MetricsFile(out / run_folder.METRICS)
+        resumed = run_folder.claim_or_resume(out, PROGRAM, config.plain(), beside, _check)
+        metrics = KeptMetrics(out / run_folder.METRICS, COLUMNS)
         start = time.monotonic()
         if module.frozen:
             data.encode(module.classifier.trunk)
-        with storage_errors(out), opened(loggers, out) as trackers:
+        encoding = time.monotonic() - start
+        with storage_errors(out), opened(loggers, out, go_on=resumed is not None) as trackers:
             trackers.configuration(config.plain())
             provenance = ProvenanceRecord(out, data_records(config, separate_test), [config.seed])
             watching = [metrics, ProgressLine(config.epochs, console), provenance]
-            fit(module, data, config, out, watching, placement=placement, trackers=trackers)
-            seconds = time.monotonic() - start
+            fit(module, data, config, out, watching, resumed, placement=placement, trackers=trackers)
 
             evaluated = {name: evaluate(module, some, config) for name, some in others.items()}
             result = Result(
@@ -110,7 +116,7 @@ def train_centering(
                 separate_test_accuracy=evaluated["separate_test"].accuracy if "separate_test" in evaluated else None,
                 offset_error_mm=evaluated["test"].offset_error_mm,
                 epochs=len(metrics.rows),
-                seconds=round(seconds, 1),
+                seconds=round(encoding + metrics.rows[-1]["seconds"], 1),
                 parameters=parameter_count(module),
                 train_samples=np.bincount(train.direction, minlength=4).tolist(),
                 confusion=evaluated["test"].confusion.tolist(),
@@ -119,6 +125,12 @@ def train_centering(
             write_report(out, config, result, metrics.rows, provenance.sessions, placement.plain())
             trackers.picture("confusion_matrix", out / run_folder.CONFUSION)
     return result
+
+
+def _check(checkpoint: Path) -> None:
+    """Refuse a damaged checkpoint, without a change of the random numbers that a frozen trunk's crops depend on."""
+    with torch.random.fork_rng(devices=[]):
+        load_classifier(checkpoint)
 
 
 def data_records(config: TrainingConfig, separate_test: Path | str | None = None) -> dict[str, DataRecord]:
@@ -200,12 +212,21 @@ def _load(path: str, window: int, view: View, inputs: tuple[str, ...], camera: s
     return load_centering(path, window, view, inputs, camera)
 
 
+class Stopping(EarlyStopping):
+    """Stopping rule that also holds for a training which was interrupted after the rule had stopped it."""
+
+    def on_train_start(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
+        """Stop a resumed training that has run out of patience before."""
+        trainer.should_stop = trainer.should_stop or self.wait_count >= self.patience
+
+
 def fit(
     module: CenteringModule,
     data: CenteringData,
     config: TrainingConfig,
     out: Path,
     callbacks: list[pl.Callback],
+    resumed: Path | None = None,
     placement: Placement | None = None,
     trackers: Trackers = NO_TRACKERS,
 ) -> None:
@@ -217,6 +238,7 @@ def fit(
         config: Configuration that gives the number of epochs and the patience.
         out: Folder for the checkpoint.
         callbacks: Lightning callbacks of the training.
+        resumed: Checkpoint of an interrupted training to continue. None starts a new training.
         placement: Devices, number format and threads; None for the default ones.
         trackers: Experiment trackers that the training is logged to.
 
@@ -224,9 +246,9 @@ def fit(
         KeyboardInterrupt: If the user stopped the training.
     """
     monitored = "valid_accuracy" if config.valid_samples else "test_accuracy"
-    stop = [EarlyStopping(monitor=monitored, mode="max", patience=config.patience)] if config.patience else []
+    stop = [Stopping(monitor=monitored, mode="max", patience=config.patience)] if config.patience else []
     every = 1 if config.patience or config.epochs < TEST_EVERY else TEST_EVERY
     run(
-        module, data, out, callbacks, each_epoch=False, deciding=stop, placement=placement, trackers=trackers,
+        module, data, out, callbacks, resumed, deciding=stop, placement=placement, trackers=trackers,
         rebuild=partial(built, config), max_epochs=config.epochs, check_val_every_n_epoch=every,
     )  # fmt: skip

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from svfl_data.errors import StorageError, TrainingError, UsageError
-from svfl_data.sampling.windows import WINDOW
 from svfl_data.schema.observation import Observation
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_data.system.atomic_io import write_atomically
@@ -126,7 +125,8 @@ def _exported(module: CloningModule, texts: Mapping[str, str] | None = None) -> 
     known = module.deployment
     size = known.image_side, known.image_side
     hz = known.wrench_hz or None
-    return exported_policy.exported(acting(module), size, known.depth_scale, known.camera, hz, texts)
+    window = module.policy.trunk.window
+    return exported_policy.exported(acting(module), size, known.depth_scale, known.camera, hz, texts, window)
 
 
 def export(module: CloningModule, file: Path, texts: Mapping[str, str] | None = None) -> float:
@@ -179,4 +179,4 @@ def _difference(module: CloningModule, content: bytes) -> float:
 
 def _inputs(module: CloningModule, fill: Callable[..., Tensor]) -> tuple[Tensor, Tensor, Tensor]:
     side = module.deployment.image_side
-    return fill(1, 4, side, side), fill(1, WINDOW, 6), fill(1, 5)
+    return fill(1, 4, side, side), fill(1, module.policy.trunk.window, 6), fill(1, 5)

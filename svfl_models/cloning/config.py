@@ -3,15 +3,17 @@
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+from svfl_data.errors import UsageError
+from svfl_data.schema.input_spec import WINDOW
 from svfl_models.configuration.setting import option, plain_values
-from svfl_models.networks.inputs import CROP, IMAGE_SIZES
-from svfl_models.networks.presets import PRESETS, Widths, widths_of
+from svfl_models.networks.inputs import CROP, IMAGE_SIZES, view_help
+from svfl_models.networks.presets import PRESET_HELP, PRESETS, Widths, widths_of
 from svfl_models.symmetry.groups import GROUPS
 from svfl_models.training.schedules import SCHEDULES
 
 ENCODERS = ("v", "f", "p", "vf", "vp", "vfp")
 LOSSES = ("action", "likelihood")
-VIEWS = ("gripper", "camera")
+VIEWS = ("camera", "gripper")
 NETWORKS: dict[str, dict[str, Any]] = {
     "svfl": {"group": "D4", "rotate": False},
     "cnn": {"group": "none", "rotate": False},
@@ -42,13 +44,15 @@ class CloningConfig:
         "readings and rate (streams/wrench/wrench=64@500), arrays below observations/; :invariant at the end for a "
         "sensor or camera on the gripper that does not rotate with the scene; images are cropped to their middle",
         metavar="INPUT")] = field(default_factory=list)  # fmt: skip
+    window: Annotated[int, option(
+        "number of readings per wrench window; --inputs name windows of their own", ge=1)] = WINDOW  # fmt: skip
     action: Annotated[str, option(
         "array with the actions to learn, if --inputs are given", metavar="PATH")] = "actions/action"  # fmt: skip
     group: Annotated[str, option(
         "symmetry group of the network: C for rotations, D for rotations and reflections, and the number of rotations; "
         "none for no symmetry, the baseline of the paper (CNN) that has about as many parameters",
         choices=tuple(GROUPS))] = "D4"  # fmt: skip
-    preset: Annotated[str, option("sizes of the network's layers", choices=tuple(PRESETS))] = "default"
+    preset: Annotated[str, option(PRESET_HELP, choices=tuple(PRESETS))] = "default"
     widths: Annotated[dict[str, Any], option(
         "layers whose sizes differ from those of the preset: numbers of fields of the vision encoder's six layers "
         "(vision), of the force encoder (force) and its attention heads (heads), of the three layers for vectors "
@@ -61,9 +65,7 @@ class CloningConfig:
         "image's shorter side; 64/76 in the paper", gt=0, le=1)] = CROP  # fmt: skip
     camera: Annotated[str, option(
         "camera whose images are used; must be given if there are several", metavar="NAME")] | None = None  # fmt: skip
-    view: Annotated[str, option(
-        "centre of the network's images: the gripper, or the middle of the camera image",
-        choices=VIEWS)] = "gripper"  # fmt: skip
+    view: Annotated[str, option(view_help(VIEWS), choices=VIEWS)] = "gripper"
     augment: Annotated[bool, option(
         "change colours and depth of training images at random, and shift crops further than in the paper; without it "
         "there are only the random crops of the paper")] = True  # fmt: skip
@@ -92,6 +94,13 @@ class CloningConfig:
         "seed of the choice of held-out episodes, the initial weights, the batches and the crops",
         ge=0)] = 0  # fmt: skip
 
+    def __post_init__(self) -> None:
+        if self.inputs and self.window != WINDOW:
+            raise UsageError(
+                f"--window {self.window} and --inputs contradict each other; inputs name their own windows, such as "
+                f"streams/wrench/wrench={self.window}@500"
+            )
+
     @property
     def model(self) -> str:
         """Kind of network in the terms of the paper: ``cnn`` if `group` is ``none``, otherwise ``svfl``."""
@@ -99,7 +108,7 @@ class CloningConfig:
 
     def network(self) -> dict[str, Any]:
         """Return the arguments of `policy.Policy`, as plain values, with the sizes of all layers."""
-        plain = {name: getattr(self, name) for name in ("encoder", "group", "image_size", "crop")}
+        plain = {name: getattr(self, name) for name in ("encoder", "group", "image_size", "window", "crop")}
         return plain | {"widths": widths_of(self.preset, self.group, self.widths).plain()}
 
     def plain(self) -> dict[str, Any]:

@@ -16,7 +16,6 @@ from svfl_data.sampling.named_camera import named_camera
 from svfl_data.sampling.samples import ACTION, PROPRIO, WRENCH, Samples, apart
 from svfl_data.sampling.split import split_episodes
 from svfl_data.sampling.torch_samples import EpochSampler, whole_batches
-from svfl_data.sampling.windows import WINDOW
 from svfl_data.signals.pictures import camera_picture
 from svfl_data.symmetry import ACTION_PARTS, PROPRIO_PARTS, WRENCH_PARTS, act
 from svfl_models.cloning.config import CloningConfig
@@ -63,7 +62,7 @@ class Demonstrations(TorchDataset[Batch]):
         self.sees = "v" in config.encoder
         cameras = [deployment.camera] if self.sees else []
         self.feels = "f" in config.encoder
-        windows = {WRENCH: WINDOW} if self.feels else {}
+        windows = {WRENCH: config.window} if self.feels else {}
         self.samples = Samples(
             dataset, episodes, cameras=cameras, windows=windows, vectors=[PROPRIO], actions=[ACTION],
             expert_action=True, cache=True, validated=False,

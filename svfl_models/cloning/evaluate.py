@@ -191,6 +191,8 @@ class Trial:
         else:
             self._act = partial(_paper_action, acting(module), self.name)
             options["camera"] = self.deployment.camera or None
+            window = module.policy.trunk.window
+            options |= {"window": window} if window != WINDOW else {}  # which other environments need not know
         try:
             self.environment = gymnasium.make(environment, disable_env_checker=True, **({} if other else options))
         except (gymnasium.error.Error, UsageError, ValueError, ImportError) as error:  # ValueError: not a valid name
@@ -224,7 +226,11 @@ class Trial:
 def _paper_action(policy: ActingPolicy, name: str, observation: dict[str, Any]) -> np.ndarray:
     """Return the action of a policy with the paper's inputs, (5,), within the bounds of its demonstrations."""
     side = policy.deployment.image_side
-    unused = {"image": np.zeros((4, side, side)), "wrench": np.zeros((WINDOW, 6)), "proprio": np.zeros(5)}
+    unused = {
+        "image": np.zeros((4, side, side)),
+        "wrench": np.zeros((policy.policy.trunk.window, 6)),
+        "proprio": np.zeros(5),
+    }
     values = unused | observation
     image, wrench, proprio = (torch.from_numpy(np.asarray(values[one], np.float32)[None]) for one in unused)
     action = policy(image, wrench, proprio)[0].numpy()

@@ -1,36 +1,13 @@
-"""Callbacks that record and show the progress of a behaviour cloning run; the records survive an interruption."""
-
-from pathlib import Path
-from typing import Any
+"""Metrics of a behaviour cloning run, and the callback that shows them."""
 
 import lightning.pytorch as pl
 
-from svfl_models.training import progress
 from svfl_models.training.progress import ProgressLine
 
 COLUMNS = (
     "epoch", "train_loss", "valid_loss", "valid_error", "valid_gripper", "valid_xy_mm", "valid_z_mm", "valid_turn_deg",
     "seconds",
 )  # fmt: skip
-
-
-class MetricsFile(progress.MetricsFile):
-    """CSV file with one row of metrics per epoch, whose rows are also kept in the checkpoint for a resumed training.
-
-    Args:
-        path: CSV file to write.
-    """
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, COLUMNS)
-
-    def state_dict(self) -> dict[str, Any]:
-        """Return the rows so far, for the checkpoint."""
-        return {"rows": self.rows}
-
-    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Restore the rows from a checkpoint."""
-        self.rows = list(state_dict["rows"])
 
 
 class CloningProgress(ProgressLine):

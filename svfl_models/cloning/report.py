@@ -1,5 +1,6 @@
 """Writes the report of a behaviour cloning run: the errors on held-out demonstrations, and learning curves."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,7 +127,8 @@ def _errors(result: Result) -> list[tuple[str, str]]:
 
 def _course(history: History) -> str:
     """Return a sentence on a held-out loss that has risen again; empty if it has not."""
-    losses = {int(row["epoch"]) + 1: row["valid_loss"] for row in history if "valid_loss" in row}
+    known = ((int(row["epoch"]) + 1, row.get("valid_loss", math.nan)) for row in history)
+    losses = {epoch: loss for epoch, loss in known if math.isfinite(loss)}
     if not losses:
         return ""
     best, last = min(losses, key=lambda epoch: losses[epoch]), losses[max(losses)]
@@ -134,8 +136,8 @@ def _course(history: History) -> str:
     if last - lowest <= (WORSE - 1) * abs(lowest):
         return ""
     return (
-        f" The loss on held-out demonstrations was lowest after {best} epochs ({lowest:.4g}) and has risen to "
-        f"{last:.4g} since."
+        f" The loss on held-out demonstrations was lowest after {best} epoch{'s' * (best > 1)} ({lowest:.4g}) and has "
+        f"risen to {last:.4g} since."
     )
 
 

@@ -10,13 +10,12 @@ from typing import Any
 import lightning.pytorch as pl
 from rich.console import Console
 
-from svfl_data.errors import TrainingError
 from svfl_data.system.progress import progress_console
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.data import CloningData
 from svfl_models.cloning.deployment_spec import DeploymentSpec
-from svfl_models.cloning.metrics import CloningProgress, MetricsFile
+from svfl_models.cloning.metrics import COLUMNS, CloningProgress
 from svfl_models.cloning.module import CloningModule
 from svfl_models.cloning.recorded_inputs import of_plain
 from svfl_models.cloning.report import Result, write_report
@@ -24,6 +23,7 @@ from svfl_models.networks.input_types import plain_inputs
 from svfl_models.training import run_folder
 from svfl_models.training.hardware import Hardware, needs_of
 from svfl_models.training.placement import placed
+from svfl_models.training.progress import KeptMetrics
 from svfl_models.training.provenance.callback import ProvenanceRecord
 from svfl_models.training.provenance.session import dataset
 from svfl_models.training.run_settings import settings_of_run
@@ -76,10 +76,9 @@ def train_cloning(
     module, data = built(config, hardware.loader_workers)
     epochs = epochs_of(config, len(data.train_set))
     with run_folder.held(out), storage_errors(out):
-        resumed = _interrupted(config, out)
-        if resumed is None:
-            run_folder.claim(out, PROGRAM, config.plain(), settings_of_run(hardware, loggers))
-        metrics = MetricsFile(out / run_folder.METRICS)
+        beside = settings_of_run(hardware, loggers)
+        resumed = run_folder.claim_or_resume(out, PROGRAM, config.plain(), beside, load_policy)
+        metrics = KeptMetrics(out / run_folder.METRICS, COLUMNS)
         provenance = ProvenanceRecord(out, {"data": dataset(config.data)}, [config.seed])
         watching = [metrics, CloningProgress(epochs, console), provenance]
         with opened(loggers, out, go_on=resumed is not None) as trackers:
@@ -148,17 +147,3 @@ def network_of(config: CloningConfig, deployment: DeploymentSpec) -> dict[str, A
         return config.network()
     inputs = plain_inputs([one.network() for one in of_plain(deployment.inputs)])
     return config.network() | {"inputs": inputs, "action": deployment.action}
-
-
-def _interrupted(config: CloningConfig, out: Path) -> Path | None:
-    """Return the checkpoint of an unfinished training of the same configuration, or None if there is none."""
-    checkpoint = out / run_folder.CHECKPOINT
-    if not checkpoint.exists() or (out / run_folder.RESULT).exists():
-        return None
-    try:
-        same = run_folder.is_same(run_folder.read_config(out) or {}, PROGRAM, config.plain())
-    except TrainingError:
-        return None  # `run_folder.claim` reports what is wrong
-    if same:
-        load_policy(checkpoint)  # reports a damaged checkpoint before the training starts
-    return checkpoint if same else None

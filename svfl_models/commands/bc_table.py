@@ -13,11 +13,11 @@ from svfl_models.configuration.setting import option, settings_of
 
 EXAMPLE = (
     "svfl-train bc-table --data data/perturbed/block_picking data/perturbed/block_pushing --workers 2\n"
-    "svfl-train bc-table --data data/perturbed/block_picking --episodes 10 25 50 --seeds 1 --trials 50 --out out/curve"
+    "svfl-train bc-table --data data/block_picking --episodes 10 25 50 --seeds 1 --test-episodes 50 --out out/curve"
 )
 RECIPE = (
-    "encoder", "camera", "view", "preset", "widths", "image_size", "crop", "augment", "noise", "loss", "valid",
-    "epochs", "batch_size", "learning_rate", "schedule",
+    "encoder", "camera", "view", "preset", "widths", "image_size", "window", "crop", "augment", "noise", "loss",
+    "valid", "epochs", "batch_size", "learning_rate", "schedule",
 )  # fmt: skip
 """Settings that all policies share."""
 
@@ -32,7 +32,8 @@ class Table:
         "demonstrations more epochs are trained, so that all policies have as many optimiser steps",
     )] = field(default_factory=lambda: [CloningConfig.episodes])  # fmt: skip
     seeds: Annotated[int, option("number of seeds; the seeds are 0 to N-1", ge=1)] = 3
-    trials: Annotated[int, option("number of episodes in which each policy is evaluated", ge=1)] = 100
+    test_episodes: Annotated[int, option(
+        "number of test episodes for each policy, the same ones for all", ge=1)] = 100  # fmt: skip
     networks: Annotated[list[str], option(
         "networks to compare: svfl, cnn, and cnn-rotated, which is a CNN whose training samples are rotated and "
         "mirrored at random",
@@ -84,7 +85,7 @@ def run(values: dict[str, Any], arguments: argparse.Namespace) -> None:
     out, base = arguments.out, CloningConfig("", **{name: values[name] for name in RECIPE})
     episodes = sorted(set(values["episodes"]))
     networks = [network for network in NETWORKS if network in values["networks"]]
-    runs = cloning_table.runs(base, values["data"], episodes, values["seeds"], values["trials"], out, networks)
+    runs = cloning_table.runs(base, values["data"], episodes, values["seeds"], values["test_episodes"], out, networks)
     jobs = {run.folder.name: run for run in runs}
     grid = Grid(out, jobs)
     for folder in {jobs[name].config.data for name in grid.unfinished()}:

@@ -113,7 +113,7 @@ PROGRAM = Program(
     help="train a block-centering network, which predicts how the gripper must move",
     description="Train and test one block-centering network. From images and forces after a collision with a block it "
     "predicts in which direction, or how far, the gripper must move to be centred on the block. The same command gives "
-    "the same result.",
+    "the same result. After an interruption, the same command continues after the last complete epoch.",
     example=EXAMPLE,
     settings=(*settings_of(TrainingConfig), *settings_of(SeparateTest), *settings_of(RunSettings)),
     run=run,

@@ -76,7 +76,8 @@ def program_of(name: str) -> Program:
         f"centering-{name}",
         help=one.help,
         description=f"Train and test many block-centering networks to {one.help}.\n"
-        "Finished runs are kept. After an interruption, the same command continues.",
+        "Finished runs are kept. After an interruption, the same command continues, each training after its last "
+        "complete epoch.",
         example=one.example,
         settings=(*settings, samples, own["seeds"], *recipe),
         run=functools.partial(run, name),

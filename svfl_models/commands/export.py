@@ -66,12 +66,16 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _texts(checkpoint: Path) -> dict[str, str]:
-    """Return the provenance of a checkpoint as the text that goes into an exported file, by its name.
+    """Return the provenance of an exported file as the text that goes into it, by its name.
+
+    It is that of the checkpoint and, at the end, that of the export, which has the SHA-256 of the checkpoint.
 
     Raises:
         FormatError: If the checkpoint holds something else in its place.
     """
     from svfl_models.training.checkpoint_io import read
     from svfl_models.training.provenance.record import TEXT, as_text, of_checkpoint
+    from svfl_models.training.provenance.session import file, session
 
-    return {TEXT: as_text(of_checkpoint(read(checkpoint), checkpoint))}
+    trained = of_checkpoint(read(checkpoint), checkpoint)
+    return {TEXT: as_text([*trained, session({"checkpoint": file(checkpoint)})])}

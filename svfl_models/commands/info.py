@@ -14,8 +14,9 @@ if TYPE_CHECKING:
 EXAMPLE = """\
 svfl-train info out/bc_picking/checkpoint.ckpt
 svfl-train info out/bc_picking
-svfl-train info policy.pt2 --json"""
-EXPORTED = ".pt2"
+svfl-train info policy.pt2 --json
+svfl-train info out/centering/classifier.onnx"""
+EXPORTED = (".pt2", ".onnx")
 LONGEST_SAID = 200
 """Most characters of a value that are printed."""
 MOST_NAMED = 60
@@ -37,7 +38,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "network", type=Path, metavar="NETWORK",
-        help="checkpoint.ckpt of svfl-train, a file of svfl-train export (.pt2), or the folder of a training",
+        help="checkpoint.ckpt of svfl-train, a file of svfl-train export (.pt2 or .onnx), or the folder of a training",
     )  # fmt: skip
     add_json(parser)
     parser.set_defaults(command=run)
@@ -51,11 +52,12 @@ def run(arguments: argparse.Namespace) -> None:
 
     Raises:
         FormatError: If the file is missing, damaged, or of no trained network.
+        TrainingError: If the package that reads ONNX is missing.
     """
     from svfl_models.deployment.exported_inspection import inspect_exported  # torch takes seconds to import
     from svfl_models.deployment.inspection import inspect
 
-    found = (inspect_exported if arguments.network.suffix == EXPORTED else inspect)(arguments.network)
+    found = (inspect_exported if arguments.network.suffix in EXPORTED else inspect)(arguments.network)
     report(arguments.json, found.plain(), *lines(found))
 
 

@@ -66,7 +66,8 @@ PROGRAM = Program(
     "latent",
     help="pretrain a latent model (VTT, PoE or concatenation) on expert episodes",
     description="Pretrain one latent model of images, wrenches and proprioception. The same command gives the same "
-    "result. After an interruption, and with more --steps, the same command continues after the last checkpoint.",
+    "result. After an interruption, and with more --steps at a constant learning rate, the same command continues "
+    "after the last checkpoint.",
     example=EXAMPLE,
     settings=(*settings_of(LatentConfig), *settings_of(RunSettings)),
     run=run,

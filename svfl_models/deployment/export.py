@@ -23,7 +23,7 @@ from svfl_data.symmetry import DIRECTIONS
 from svfl_data.system.atomic_io import write_atomically
 from svfl_models.centering.classifier import CenteringClassifier
 from svfl_models.centering.latent_trunk import LatentTrunk
-from svfl_models.networks.image_crops import CROP
+from svfl_models.deployment.onnx_file import missing
 from svfl_models.programs.program import TOLERANCE, from_bytes
 from svfl_models.symmetry.actions import Batch
 from svfl_models.symmetry.ordinary import plain
@@ -105,9 +105,7 @@ def save_onnx(
         import onnxruntime
         import onnxscript  # noqa: F401 - torch needs it later, and would say so in a longer message
     except ImportError as error:
-        raise TrainingError(
-            f"ONNX needs a package that is missing here ({error}); run: pip install 'svfl[onnx]'"
-        ) from error
+        raise missing(error) from error
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # warns of missing torchvision, not needed here
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*LeafSpec", category=FutureWarning)  # about torch's own code
@@ -200,7 +198,7 @@ def facts(classifier: CenteringClassifier, view: str = "camera", camera: str | N
         "group": classifier.group.name,
         "image_size": size,
         "crop": {
-            "share": CROP,
+            "share": classifier.trunk.crop,
             "rule": f"the middle square of side max({size}, round(share * side)); if larger than {size}, "
             "scaled down, bilinear with antialiasing",
         },

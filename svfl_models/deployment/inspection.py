@@ -26,7 +26,7 @@ from svfl_models.latent.config import MODALITIES, LatentConfig
 from svfl_models.latent.inputs import IMAGE_SIZE
 from svfl_models.latent.module import FORMAT as LATENT
 from svfl_models.networks.inputs import INPUTS
-from svfl_models.networks.presets import PRESETS
+from svfl_models.networks.presets import widths_of
 from svfl_models.training import checkpoint_io, run_folder
 from svfl_models.training.provenance import record
 from svfl_models.training.provenance.session import Session, file
@@ -161,7 +161,7 @@ def _centering(path: Path) -> Contents:
     network = (
         {"latent model": described["latent_network"]["model"], "feature": trunk.width}
         if config.latent and described.get("latent_network")
-        else {"group": config.group, "preset": config.preset, "widths": _widths(config.preset, config.model)}
+        else {"group": config.group, "preset": config.preset, "widths": _widths(described)}
     )
     output = "scores of four directions" if config.target == "direction" else "offset right and up, [m]"
     return Contents(
@@ -179,7 +179,7 @@ def _policy(path: Path) -> Contents:
     size = module.policy.trunk.image_size
     forms = {
         "v": ("image", _image(f"{size} x {size} px, colour and depth, view {module.view}", deployment.camera)),
-        "f": ("wrench", f"{described.get('window', 64)} readings"),
+        "f": ("wrench", f"{module.policy.trunk.window} readings"),
         "p": ("proprio", "5 numbers"),
     }
     inputs = {one.path: f"{one.kind} {_shape(one.shape)}" for one in of_plain(deployment.inputs)}
@@ -187,9 +187,7 @@ def _policy(path: Path) -> Contents:
         inputs = dict(forms[letter] for letter in described.get("encoder", "vfp"))
     components = (deployment.action or {}).get("names") or ()
     output = f"action of {', '.join(map(str, components))}" if components else "planar action"
-    group, preset = described.get("group", "D4"), described.get("preset", "default")
-    widths = _widths(preset, "cnn" if group == "none" else "svfl")
-    network = {"group": group, "preset": preset, "widths": widths, "parameters": _parameters(module)}
+    network = {"group": module.policy.group.name, "widths": _widths(described), "parameters": _parameters(module)}
     return Contents(
         f"policy for {deployment.task}{f' of {deployment.robot}' if deployment.robot else ''}",
         "svfl-train bc", config, inputs, output, network,
@@ -229,5 +227,9 @@ def _parameters(module: nn.Module) -> int:
     return sum(parameter.numel() for parameter in module.parameters())
 
 
-def _widths(preset: str, model: str) -> dict[str, Any]:
-    return asdict(PRESETS[preset][model])
+def _widths(described: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the sizes of a network's layers from the arguments that it is built with."""
+    own: dict[str, Any] | None = described.get("widths")
+    if own is not None:
+        return own
+    return widths_of(described.get("preset", "default"), described.get("group", "D4")).plain()

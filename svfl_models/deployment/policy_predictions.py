@@ -41,7 +41,7 @@ def of_module(module: CloningModule, name: str, at_once: int = AT_ONCE) -> Netwo
     def network(episode: Episode) -> Prediction:
         camera = _camera_of(module, episode)
         parts = []
-        for cut in _cuts(episode, module.deployment.camera, at_once):
+        for cut in _cuts(episode, module.deployment.camera, module.policy.trunk.window, at_once):
             wrench, proprio = (torch.from_numpy(cut[path]) for path in (WRENCH, PROPRIO))
             image = torch.zeros(len(proprio), 4, module.deployment.image_side, module.deployment.image_side)
             if camera:
@@ -79,7 +79,7 @@ def of_program(policy: ExportedPolicy, name: str, at_once: int = AT_ONCE) -> Net
             raise DatasetError(f"{episode.name}: the policy needs {asked} with depth; recorded with depth: {have}")
         actions = [
             policy.act({path: values[row : row + 1] for path, values in cut.items()}, wanted)
-            for cut in _cuts(episode, wanted, at_once)
+            for cut in _cuts(episode, wanted, policy.window, at_once)
             for row in range(len(cut[PROPRIO]))
         ]
         return Prediction(name, wanted, actions=np.stack(actions))
@@ -108,11 +108,11 @@ def _camera_of(module: CloningModule, episode: Episode) -> Camera | None:
     return found[wanted]
 
 
-def _cuts(episode: Episode, camera: str, at_once: int) -> Iterator[Batch]:
+def _cuts(episode: Episode, camera: str, window: int, at_once: int) -> Iterator[Batch]:
     """Yield the paper's inputs of up to `at_once` observations at a time, without images if `camera` is empty."""
     steps = range(len(episode.t_ns))
     for first in steps[::at_once]:
-        yield cut_steps(episode, paper_inputs(camera), steps[first : first + at_once])
+        yield cut_steps(episode, paper_inputs(camera, window=window), steps[first : first + at_once])
 
 
 def _looked_at(module: CloningModule, image: Tensor, proprio: Tensor) -> tuple[Tensor, Tensor]:

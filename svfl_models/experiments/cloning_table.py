@@ -25,12 +25,12 @@ class Run:
     Attributes:
         config: Configuration of the training.
         folder: Folder of the policy's checkpoint, metrics, result and evaluation.
-        trials: Number of episodes that the policy is evaluated in.
+        test_episodes: Number of episodes that the policy is evaluated in.
     """
 
     config: CloningConfig
     folder: Path
-    trials: int
+    test_episodes: int
 
     @property
     def task(self) -> str:
@@ -54,7 +54,7 @@ class Run:
         """Return the results of training and evaluation, or None unless both are finished.
 
         Returns:
-            The numbers of `cloning.train.Result` by name, and ``success``, which says for each trial whether it
+            The numbers of `cloning.train.Result` by name, and ``success``, which says for each test episode whether it
             succeeded.
 
         Raises:
@@ -65,7 +65,7 @@ class Run:
         if begun is not None and not run_folder.is_same(begun | {"program": "bc"}, "bc", self.config.plain()):
             raise TrainingError(f"{self.folder} holds a run with another configuration; choose another --out")
         success = (_read(self.folder / run_folder.EVALUATION) or {}).get("success", ())
-        return {**done["result"], "success": success} if done and len(success) == self.trials else None
+        return {**done["result"], "success": success} if done and len(success) == self.test_episodes else None
 
     def words(self) -> str | None:
         """Return the success rate of the policy in words, or None unless it is trained and evaluated.
@@ -74,7 +74,7 @@ class Run:
             TrainingError: If the folder holds a run with another configuration, finished or not.
         """
         found = self.outcome()
-        return f"{sum(found['success']) / self.trials:.0%} of {self.trials}" if found else None
+        return f"{sum(found['success']) / self.test_episodes:.0%} of {self.test_episodes}" if found else None
 
     def __call__(self) -> None:
         """Train and evaluate the policy, as far as that is not done yet.
@@ -97,7 +97,7 @@ class Run:
         try:
             if finished(self.folder) is None:
                 train_cloning(self.config, self.folder, quiet)
-            evaluation = evaluate(self.folder / run_folder.CHECKPOINT, self.trials, console=quiet)
+            evaluation = evaluate(self.folder / run_folder.CHECKPOINT, self.test_episodes, console=quiet)
             evaluation.save(self.folder / run_folder.EVALUATION)
         except StorageError:
             raise
@@ -110,7 +110,7 @@ def runs(
     data: Sequence[str],
     episodes: Sequence[int],
     seeds: int,
-    trials: int,
+    test_episodes: int,
     out: Path,
     networks: Sequence[str] = tuple(NETWORKS),
 ) -> list[Run]:
@@ -125,7 +125,7 @@ def runs(
         data: Dataset folders, one for each task.
         episodes: Numbers of demonstrations to learn from.
         seeds: Number of seeds; they are 0 to `seeds` - 1.
-        trials: Number of episodes that each policy is evaluated in.
+        test_episodes: Number of episodes that each policy is evaluated in.
         out: Folder of the table.
         networks: Names of the networks to compare, keys of `cloning.config.NETWORKS`.
 
@@ -146,7 +146,7 @@ def runs(
                     one = replace(base, data=folder, seed=seed, episodes=count, epochs=epochs)
                     config = replace(one, **NETWORKS[network])
                     name = f"{Path(folder).name}_{base.encoder}_{network}_{count}_seed{seed}"
-                    found.append(Run(config, out / RUNS / name, trials))
+                    found.append(Run(config, out / RUNS / name, test_episodes))
     return found
 
 
@@ -154,11 +154,11 @@ class Table:
     """The runs of a table, looked up by task, number of demonstrations and network.
 
     Args:
-        runs: All runs of the table, finished or not, with the same number of trials each.
+        runs: All runs of the table, finished or not, with the same number of test episodes each.
 
     Attributes:
         runs: All runs of the table.
-        trials: Number of episodes that each policy is evaluated in.
+        test_episodes: Number of episodes that each policy is evaluated in.
         tasks: Names of the tasks, in the order of the runs.
         counts: Numbers of demonstrations, in increasing order.
         networks: Names of the networks, in the order of `NETWORKS`.
@@ -166,7 +166,7 @@ class Table:
     """
 
     def __init__(self, runs: Sequence[Run]) -> None:
-        self.runs, self.trials = list(runs), runs[0].trials
+        self.runs, self.test_episodes = list(runs), runs[0].test_episodes
         self.tasks = list(dict.fromkeys(run.task for run in runs))
         self.counts = sorted({run.config.episodes for run in runs})
         self.networks = [name for name in NETWORKS if any(run.network == name for run in runs)]
@@ -185,7 +185,7 @@ class Table:
         return [(run, outcome) for run in wanted if (outcome := self._outcomes[run.folder])]
 
     def success(self, task: str, count: int, network: str) -> np.ndarray | None:
-        """Return the outcome of each trial, shape (finished seeds, trials), or None if no seed is finished.
+        """Return the outcome of each test episode, shape (finished seeds, episodes), or None if no seed is finished.
 
         Args:
             task: Name of the task.

@@ -58,7 +58,7 @@ def _success(table: Table) -> str:
                 rows.append([escaped(task), count, NAMES[network], *_rate(table.success(task, count, network))])
     header = ["task", "demonstrations", "network", "success", "95 % interval", "each seed"]
     return (
-        f"{markdown(header, rows)}\n\nEach policy was evaluated in the same {table.trials} scenes, "
+        f"{markdown(header, rows)}\n\nEach policy was evaluated in the same {table.test_episodes} scenes, "
         f"which are in no demonstration. {_about_intervals(table)}\n\n![success by task]({PICTURES[0]})"
     )
 
@@ -144,38 +144,43 @@ def _falls(compared: Sequence[Compared]) -> str:
     if not fell:
         return ""
     told = [f"{task} {name} {counts}" for (task, counts, name), one in fell if one.between_seeds and one.excludes_zero]
+    none = "none" if all(one.between_seeds for _, one in fell) else "unknown for a single seed"
+    cases = f"{len(compared)} case{'s' * (len(compared) > 1)}"
     return (
-        f"\n\nThe success rate is lower with more demonstrations in {len(fell)} of {len(compared)} cases; "
-        f"significant: "
-        f"{'; '.join(told) or 'none'}."
+        f"\n\nThe success rate is lower with more demonstrations in {len(fell)} of {cases}; significant: "
+        f"{'; '.join(told) or none}."
     )
 
 
 def _all_tasks(table: Table) -> str:
     """Return the section on all tasks together; empty for a single task or if runs are missing."""
     rows: list[list[object]] = []
+    single = False
     for count in table.counts:
         for name in table.networks:
             tried = [trials for task in table.tasks if (trials := table.success(task, count, name)) is not None]
             if len(tried) == len(table.tasks) > 1:
                 found = interquartile_mean(tried)
+                single = single or not found.between_seeds
                 rows.append([count, NAMES[name], f"{found.value:.1%}", f"{found.low:.0%} to {found.high:.0%}"])
     if not rows:
         return ""
     header = ["demonstrations", "network", "interquartile mean", "95 % interval"]
+    alone = "\n\nWhere a task has one seed, the interval leaves out the spread between seeds." if single else ""
     return (
         f"## All tasks\n\nMean of the middle half of the runs of all {len(table.tasks)} tasks (Agarwal et al., NeurIPS "
-        f"2021):\n\n{markdown(header, rows)}"
+        f"2021):\n\n{markdown(header, rows)}{alone}"
     )
 
 
 def _errors(table: Table) -> str:
     """Return the section on errors on held-out demonstrations, with numbers of parameters and training times."""
-    rows = []
+    rows, most = [], 0
     for task in table.tasks:
         for network in table.networks:
             found = [outcome for _, outcome in table.find(task, table.counts[-1], network)]
             if found:
+                most = max(most, len(found))
                 means = {name: float(np.mean([one[name] for one in found])) for name in (*ERRORS, "seconds")}
                 rows.append(
                     [escaped(task), NAMES[network], f"{100 * means['valid_gripper']:.1f}",
@@ -186,7 +191,8 @@ def _errors(table: Table) -> str:
         return ""
     header = ["task", "network", *ERRORS.values(), "parameters", "training, s"]
     return (
-        f"## Held-out demonstrations\n\nErrors with {table.counts[-1]} demonstrations, mean over the seeds:\n\n"
+        f"## Held-out demonstrations\n\nErrors with {table.counts[-1]} demonstrations, "
+        f"{'mean over the seeds' if most > 1 else 'of one seed'}:\n\n"
         f"{markdown(header, rows)}\n\n![learning curves]({PICTURES[1]})"
     )
 
@@ -211,14 +217,14 @@ def _how(table: Table, command: str) -> str:
 
 def _write_runs(table: Table, file: Path) -> Path:
     rows: list[list[object]] = [
-        ["task", "network", "demonstrations", "seed", "success", "trials", *ERRORS, "epochs", "seconds"]
+        ["task", "network", "demonstrations", "seed", "success", "test_episodes", *ERRORS, "epochs", "seconds"]
     ]
     for run in table.runs:
         for _, found in [one for one in table.find(run.task, run.config.episodes, run.network) if one[0] is run]:
             said = [f"{found[name]:.4g}" for name in ERRORS]
             config = run.config
             rows.append(
-                [run.task, run.network, config.episodes, config.seed, sum(found["success"]), table.trials, *said,
+                [run.task, run.network, config.episodes, config.seed, sum(found["success"]), table.test_episodes, *said,
                  found["epochs"], f"{found['seconds']:.0f}"]
             )  # fmt: skip
     write_rows(file, rows)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.special import ndtr
+from scipy.special import bdtrc, ndtr
 
 from svfl_data.reports.success_rate import wilson
 from svfl_data.symmetry import DIRECTIONS
@@ -31,6 +31,9 @@ FAR_DEG = 20.0
 """Least angle from the border of two classes at which an error is none of a few degrees."""
 SWAPS_BY_CHANCE = 1 / 6
 """Share of up for down and down for up among errors that take every wrong direction equally often."""
+RARE = 0.025
+"""Probability of so many swaps or more among arbitrary errors, below which they are told from these."""
+ABOVE, AT, BELOW = "above", "at", "below"
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +99,13 @@ class Predictions:
         return bins
 
     @property
-    def above_chance(self) -> bool:
-        """Whether the accuracy is above that of guessing, by its 95 % interval."""
+    def against_chance(self) -> str:
+        """How the accuracy compares with guessing, by its 95 % interval: `ABOVE`, `AT` or `BELOW`; empty if unknown."""
         right, count = int((self.predicted == self.direction).sum()), len(self.direction)
-        return count > 0 and wilson(right, count)[0] > CHANCE
+        if not count:
+            return ""
+        low, high = wilson(right, count)
+        return ABOVE if low > CHANCE else BELOW if high < CHANCE else AT
 
     @property
     def confusion(self) -> np.ndarray:
@@ -109,13 +115,16 @@ class Predictions:
         return counts
 
     @property
-    def reading_error_deg(self) -> float:
+    def reading_error_deg(self) -> float | None:
         """Standard deviation of a normal error of the angle that would cause as many wrong predictions, [deg].
 
         This error would move as many samples across their nearest border as the network predicts wrongly. It says in
-        one number how accurately the network reads the direction.
+        one number how accurately the network reads the direction. None if there are more wrong predictions than any
+        such error would cause.
         """
         wrong = float(np.mean(self.predicted != self.direction))
+        if wrong > float(np.mean(ndtr(-self.border_deg / MOST_DEG))):
+            return None
         low, high = 0.0, MOST_DEG
         while high - low > 1e-3:
             middle = (low + high) / 2
@@ -156,14 +165,20 @@ border, [deg]; all seeds together:
 
 
 def _chance(found: Mapping[str, Predictions]) -> str:
-    """Return a sentence about networks that are not above chance; empty if all are."""
-    names = [name for name, one in found.items() if len(one.direction) and not one.above_chance]
-    return f"At chance ({CHANCE:.0%} of the directions, within the 95 % interval): {', '.join(names)}." if names else ""
+    """Return sentences about networks that are not above chance; empty if all are."""
+    words = {AT: "within the 95 % interval", BELOW: "outside the 95 % interval"}
+    names = {place: [name for name, one in found.items() if one.against_chance == place] for place in words}
+    return " ".join(
+        f"{place.capitalize()} chance ({CHANCE:.0%} of the directions, {words[place]}): {', '.join(some)}."
+        for place, some in names.items()
+        if some
+    )
 
 
 def _readings(found: Mapping[str, Predictions]) -> str:
     """Return a sentence about the accuracy of the angle of networks above chance; empty if there are none."""
-    words = [f"{one.reading_error_deg:.1f} ({name})" for name, one in found.items() if one.above_chance]
+    above = {name: one.reading_error_deg for name, one in found.items() if one.against_chance == ABOVE}
+    words = [f"{error:.1f} ({name})" for name, error in above.items() if error is not None]
     if not words:
         return ""
     return (
@@ -177,16 +192,16 @@ def _opposite(name: str, one: Predictions) -> str:
     far = (one.predicted != one.direction) & (one.border_deg >= FAR_DEG)
     swapped = far & (one.direction % 2 == 1) & (one.predicted == (one.direction + 2) % 4)
     errors, swaps = int(far.sum()), int(swapped.sum())
-    if not one.above_chance or not swaps:
+    if one.against_chance != ABOVE or not swaps:
         return ""
-    words = f"Of the {errors} errors of {name} at {FAR_DEG:.0f} degrees or more from a border, {swaps} take up for down"
-    if wilson(swaps, errors)[0] > SWAPS_BY_CHANCE:
-        words += (
-            f" or down for up, more than the {SWAPS_BY_CHANCE:.0%} of arbitrary errors; a gripper between camera and "
-            "block can do that"
-        )
+    words = (
+        f"Errors of {name} at {FAR_DEG:.0f} degrees or more from a border that take up for down or down for up: "
+        f"{swaps} of {errors}"
+    )
+    if bdtrc(swaps - 1, errors, SWAPS_BY_CHANCE) < RARE:
+        words += f", more than the {SWAPS_BY_CHANCE:.0%} of arbitrary errors; a gripper between camera and block can cause this"
     else:
-        words += " or down for up, no more than arbitrary errors would"
+        words += f", not significantly more than the {SWAPS_BY_CHANCE:.0%} of arbitrary errors"
     return f"{words}."
 
 

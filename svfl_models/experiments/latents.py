@@ -160,7 +160,7 @@ def _uses(uses: Iterable[str], encoder_rate: float, head_rate: float) -> str:
   every sample are encoded once; their colours are not changed, since the encoder was not trained with such changes.""",
         "fine-tuned": f"- fine-tuned: the encoder is also trained, at a rate of {encoder_rate:g}; "
         f"the layer at {head_rate:g}.",
-        "from-scratch": "- from scratch: likewise with random weights, all else being equal: the gain of pretraining.",
+        "from-scratch": "- from scratch: the encoder learns from random weights, all else as for fine-tuned ones.",
     }
     return "\n".join(words[use] for use in uses)
 

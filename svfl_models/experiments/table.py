@@ -66,7 +66,7 @@ same samples.
 
 {_against_paper(results)}
 
-![accuracy against training samples, on the larger test set](table.png)
+![accuracy against training samples](table.png)
 
 {error_analysis.section(hardest(results), "table_errors.png")}"""
 
@@ -167,15 +167,19 @@ def _ours(cell: Cell, test: str) -> str:
 def _against_paper(results: Results) -> str:
     """Return a text that says how many of the SVFL cells reach the paper's accuracy."""
     symmetric = results.find(group=MODELS["svfl"])
+    if not any(map(_paper, symmetric)):
+        return "The paper has no such cells."
     sentences = []
     for test in tests(results):
         reached = [(cell, reaches(cell, cell.on(test))) for cell in symmetric]
         known = [good for _, good in reached if good is not None]
         if not known:
-            return "The paper has no such cells."
+            continue
         below = [f"{NAMES[cell.config.encoder]} {cell.config.train_samples}" for cell, good in reached if good is False]
         sentences.append(
             f"On the {test} {sum(known)} of {len(known)} SVFL cells are at or above the paper's"
             + (f" (below: {', '.join(below)})." if below else ".")
         )
+    if not sentences:
+        return "No SVFL network that the paper has a figure of is finished yet."
     return f"Bold: SVFL at or above the paper's SVFL. {' '.join(sentences)}"

@@ -13,6 +13,8 @@ from typing import Annotated, Any
 
 from svfl_data.errors import TrainingError
 from svfl_models.configuration.setting import option, plain_values
+from svfl_models.networks.presets import PRESET_HELP
+from svfl_models.training.schedules import SCHEDULES
 
 MODELS = ("vtt", "poe", "concat")
 MODALITIES = ("image", "wrench", "proprio")
@@ -135,10 +137,11 @@ class LatentConfig:
 
     data: Annotated[str, option("dataset folder of svfl-collect expert", metavar="FOLDER")]
     model: Annotated[str, option(
-        "kind of latent model: vtt is a transformer, poe a product of experts, concat concatenates features",
+        "kind of network: vtt is a transformer, poe a product of experts, concat concatenates features",
         choices=MODELS)]  # fmt: skip
     preset: Annotated[str, option(
-        "publication whose layer sizes and loss weights are used; balanced are this package's own",
+        f"{PRESET_HELP} and the weights of its loss terms, from the publication that it is called after; balanced are "
+        "this package's own",
         choices=tuple(PRESETS))] = "svfl_2023"  # fmt: skip
     steps: Annotated[int, option("number of optimiser steps", ge=1)] = 10_000
     batch_size: Annotated[int, option(
@@ -156,7 +159,10 @@ class LatentConfig:
     mixed: Annotated[bool, option(
         "allow episodes of different tasks, or with different limits of the actions")] = False  # fmt: skip
     checkpoint_every: Annotated[int, option("number of optimiser steps between two checkpoints", ge=1)] = 250
-    learning_rate: Annotated[float, option("constant learning rate of Adam", gt=0)] = 1e-4
+    learning_rate: Annotated[float, option("learning rate of Adam at the start of the training", gt=0)] = 1e-4
+    schedule: Annotated[str, option(
+        "course of the learning rate: cosine falls to zero along a cosine over the training, whose --steps cannot be "
+        "raised afterwards, constant stays", choices=SCHEDULES)] = "constant"  # fmt: skip
     sizes: Annotated[dict[str, Any], option(
         "layers whose sizes differ from those of the preset", partial=Sizes)] = field(default_factory=dict)  # fmt: skip
     weights: Annotated[dict[str, float], option(

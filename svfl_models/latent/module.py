@@ -5,13 +5,16 @@ from typing import Any
 import lightning.pytorch as pl
 import numpy as np
 import torch
+from lightning.pytorch.utilities.types import OptimizerLRScheduler
 from torch import Tensor
 
 from svfl_data.errors import TrainingError
 from svfl_models.latent.config import TERMS
 from svfl_models.latent.losses import Objective
 from svfl_models.latent.networks.network import LatentNetwork
+from svfl_models.latent.networks.portion import Portion
 from svfl_models.symmetry.actions import Batch
+from svfl_models.training.schedules import scheduler
 
 FORMAT = "svfl-latent"
 FORMAT_VERSION = "1.0"
@@ -26,11 +29,13 @@ class LatentModule(pl.LightningModule):
     Args:
         network: Arguments of `LatentNetwork`, plain values.
         objective: Arguments of `Objective`, plain values.
-        learning_rate: Constant learning rate of Adam.
+        learning_rate: Learning rate of Adam at the start of the training.
         seed: Seed of everything random in a step.
         training: The whole configuration of the training in plain values, which is only kept in the checkpoint. None if
             there is none.
         split: Indices of the episodes of each part of the data, which are only kept in the checkpoint.
+        schedule: Course of the learning rate, one of `schedules.SCHEDULES`.
+        length: Number of optimiser steps of the whole training, over which the learning rate takes its course.
     """
 
     def __init__(
@@ -41,14 +46,18 @@ class LatentModule(pl.LightningModule):
         seed: int = 0,
         training: dict[str, Any] | None = None,
         split: dict[str, list[int]] | None = None,
+        schedule: str = "constant",
+        length: int = 10_000,
     ) -> None:
         super().__init__()
         self.save_hyperparameters()
         self.network = LatentNetwork(**network)
         self.objective = Objective(**objective)
         self.learning_rate, self.seed = learning_rate, seed
+        self.schedule, self.length = schedule, length
         self.earlier_steps = 0
-        self.earlier_adam: dict[str, Any] | None = None
+        self.portion: Portion | None = None
+        self.earlier_optimisation: tuple[dict[str, Any], dict[str, Any]] | None = None
 
     @property
     def steps(self) -> int:
@@ -56,7 +65,7 @@ class LatentModule(pl.LightningModule):
         return self.earlier_steps + self.global_step
 
     def go_on(self, checkpoint: dict[str, Any]) -> None:
-        """Resume the training of a checkpoint: restore the weights, the number of steps and the state of Adam.
+        """Resume the training of a checkpoint: restore weights, number of steps, Adam and learning rate.
 
         Lightning's own way of resuming would also restore the counters of its loops, and would begin by ending the leg
         that is already complete.
@@ -66,7 +75,11 @@ class LatentModule(pl.LightningModule):
         """
         self.load_state_dict(checkpoint["state_dict"])
         self.earlier_steps = checkpoint["svfl"]["steps"]
-        self.earlier_adam = checkpoint["optimizer_states"][0]
+        self.earlier_optimisation = checkpoint["optimizer_states"][0], checkpoint["lr_schedulers"][0]
+
+    def take_rows(self, rows: slice, whole: int) -> None:
+        """Note which sequences of the next batch, of `whole` sequences, this process of several computes."""
+        self.portion = Portion(rows.start, rows.stop, whole)
 
     def on_train_batch_start(self, batch: Batch, batch_index: int) -> None:
         """Seed PyTorch's random numbers from the seed and the number of the step."""
@@ -81,19 +94,22 @@ class LatentModule(pl.LightningModule):
         torch.manual_seed(batch_index)  # the same mismatched pairs in every validation
         self._loss(batch, "valid")
 
-    def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Return Adam with a constant learning rate, in the state of the checkpoint after `go_on`."""
+    def configure_optimizers(self) -> OptimizerLRScheduler:
+        """Return Adam with a learning rate that takes its course, both in the state of the checkpoint after `go_on`."""
         adam = torch.optim.Adam(self.parameters(), lr=self.learning_rate, fused=True)
-        if self.earlier_adam is not None:
-            adam.load_state_dict(self.earlier_adam)
-        return adam
+        course = scheduler(adam, self.schedule, self.length)
+        if self.earlier_optimisation is not None:
+            of_adam, of_course = self.earlier_optimisation
+            adam.load_state_dict(of_adam)
+            course.load_state_dict(of_course)
+        return {"optimizer": adam, "lr_scheduler": {"scheduler": course, "interval": "step"}}
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Mark the checkpoint with its format, its format version and the number of steps."""
         checkpoint["svfl"] = {"format": FORMAT, "format_version": FORMAT_VERSION, "steps": self.steps}
 
     def _loss(self, batch: Batch, stage: str) -> Tensor:
-        terms = self.objective.terms(self.network, batch)
+        terms = self.objective.terms(self.network, batch, self.portion)
         weighted = {name: self.objective.weighted(name, term) for name, term in terms.items()}
         loss = torch.stack(list(weighted.values())).sum()
         if not torch.isfinite(loss):
@@ -105,7 +121,8 @@ class LatentModule(pl.LightningModule):
         figures = {"loss": loss} | {name: term.mean for name, term in terms.items()}
         figures |= {f"{name}_weighted": value for name, value in weighted.items()}
         named = {f"{stage}_{name}": value for name, value in figures.items()}
-        self.log_dict(named, on_step=False, on_epoch=True, batch_size=len(batch["episode"]))
+        rows = len(batch["episode"]) if self.portion is None else self.portion.stop - self.portion.start
+        self.log_dict(named, on_step=False, on_epoch=True, sync_dist=True, batch_size=rows)
         return loss
 
 

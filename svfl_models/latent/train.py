@@ -55,8 +55,8 @@ def train_latent(
     Args:
         config: Configuration of the model, the data and the training.
         out: Folder for the checkpoint, metrics, result, learning curves and report. If it holds an unfinished training
-            of the same configuration, or a finished one with fewer steps, that training is resumed after its last
-            checkpoint.
+            of the same configuration, or a finished one with fewer steps and a constant learning rate, that training is
+            resumed after its last checkpoint.
         console: Console that progress is shown on; standard error by default.
         hardware: Device, number format and threads; a latent model is trained in one process.
         loggers: Names of experiment trackers to log to, beside the metrics file (`training.trackers`).
@@ -83,8 +83,9 @@ def train_latent(
     train, valid, split = sequences_of(config)
     pl.seed_everything(config.seed, verbose=False)
     module = LatentModule(
-        config.network(), config.objective(), config.learning_rate, config.seed, config.plain(), split.parts
-    )
+        config.network(), config.objective(), config.learning_rate, config.seed, config.plain(), split.parts,
+        config.schedule, config.steps,
+    )  # fmt: skip
     if earlier is None:
         fit(module.network.inputs, train.recordings)
     else:
@@ -160,7 +161,8 @@ def _log_reconstructions(module: LatentModule, valid: Sequences, out: Path, trac
 def _earlier(config: LatentConfig, out: Path) -> dict[str, Any] | None:
     """Return the content of the checkpoint to resume from; None if the training begins anew.
 
-    It does so without a checkpoint, and after a finished training with as many steps.
+    It does so without a checkpoint, and after a finished training with as many steps. The number of steps may only
+    grow, and only if the learning rate is constant: any other one has taken its course over the steps.
 
     Raises:
         TrainingError: If the checkpoint has another configuration, or already has as many steps as asked for.
@@ -172,10 +174,11 @@ def _earlier(config: LatentConfig, out: Path) -> dict[str, Any] | None:
     load_latent(checkpoint)  # reports a damaged checkpoint before the training starts
     found = read_latent(checkpoint)
     before, now = {"camera": config.camera} | found["hyper_parameters"]["training"], config.plain()
+    free = ("steps",) if config.schedule == "constant" else ()
     changed = [
         f"{name} = {before.get(name)!r}, now {value!r}"
         for name, value in now.items()
-        if name != "steps" and before.get(name) != value
+        if name not in free and before.get(name) != value
     ]
     if changed:
         raise TrainingError(f"{checkpoint} is of a training with {'; '.join(changed)}; choose another --out")

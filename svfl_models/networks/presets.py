@@ -9,6 +9,8 @@ import msgspec
 
 from svfl_data.errors import TrainingError
 
+PRESET_HELP = "named set of values for the network's sizes"
+"""Help of the setting `preset` of every program, or its beginning."""
 Count = Annotated[int, msgspec.Meta(ge=1, le=512)]
 """A number of units; no layer of `PRESETS` has more than 294."""
 

@@ -3,7 +3,7 @@
 The program takes the observation of one step and returns an action. Its inputs, in their order, are:
 
 - ``image`` (1, 4, H, W) float32: RGB 0..1, then depth in [m], which is 0 where nothing was seen;
-- ``wrench`` (1, 64, 6) float32: the last readings, latest last, tared, [N] and [N m], in base axes, about the sensor
+- ``wrench`` (1, T, 6) float32: the last T readings, latest last, tared, [N] and [N m], in base axes, about the sensor
   origin;
 - ``proprio`` (1, 5) float32: gripper opening 0..1, TCP x, y, z [m], yaw [rad], in the base frame.
 
@@ -62,6 +62,7 @@ def save(
     depth_scale: float = 1e-4,
     camera: str | None = None,
     wrench_hz: float | None = None,
+    window: int = WINDOW,
 ) -> None:
     """Export a network, in eval mode, as the file of a policy.
 
@@ -73,6 +74,7 @@ def save(
         depth_scale: Metres per unit of the camera's depth images.
         camera: Name of the camera whose images the network takes, see `Facts`.
         wrench_hz: Rate of the wrench readings, [Hz], see `Facts`.
+        window: Number T of readings of the wrench window.
 
     Raises:
         TrainingError: If the network does not take or return these shapes, uses operators that an exported policy may
@@ -80,7 +82,7 @@ def save(
         FormatError: If `depth_scale` or `wrench_hz` is not above 0.
         StorageError: If the file cannot be written; an earlier file then stays as it was.
     """
-    content = exported(network, image_size, depth_scale, camera, wrench_hz)
+    content = exported(network, image_size, depth_scale, camera, wrench_hz, window=window)
     opened(content, str(file))
     write_atomically(Path(file), content)
 
@@ -92,6 +94,7 @@ def exported(
     camera: str | None = None,
     wrench_hz: float | None = None,
     texts: Mapping[str, str] | None = None,
+    window: int = WINDOW,
 ) -> bytes:
     """Export a network, in eval mode, and return the content of the file that `save` writes.
 
@@ -103,12 +106,13 @@ def exported(
         camera: Name of the camera whose images the network takes, see `Facts`.
         wrench_hz: Rate of the wrench readings, [Hz], see `Facts`.
         texts: Further texts to keep in the file, by name; None for none.
+        window: Number T of readings of the wrench window.
 
     Raises:
         TrainingError: If the network does not take image, wrench and proprio, or does not return an action. Forbidden
             operators and weights that are not finite are found by `opened` only.
     """
-    inputs = tuple(torch.zeros(shape) for shape in _shapes(image_size))
+    inputs = tuple(torch.zeros(shape) for shape in _shapes(image_size, window))
     try:
         with torch.inference_mode():
             action = network.to("cpu").eval()(*inputs)
@@ -159,6 +163,7 @@ class ExportedPolicy:
 
     Attributes:
         size: Height and width of the images that the policy takes, [px].
+        window: Number of readings of its wrench window.
         camera: Name of the camera whose images the policy takes, see `Facts`.
         program: Program that computes the action, on `DEVICE`.
     """
@@ -177,10 +182,11 @@ class ExportedPolicy:
         inputs, outputs = program.inputs, program.outputs
         image = inputs[0] if inputs else ()
         self.size = (image[2], image[3]) if len(image) == 4 else (0, 0)
-        if inputs != _shapes(self.size) or outputs != [ACTION]:
+        self.window = inputs[1][1] if len(inputs) > 1 and len(inputs[1]) == 3 else 0
+        if not self.window or inputs != _shapes(self.size, self.window) or outputs != [ACTION]:
             raise FormatError(
                 f"{name}: takes {_list(inputs)} and gives {_list(outputs)}, but a policy takes image (1, 4, H, W), "
-                f"wrench (1, {WINDOW}, 6), proprio (1, 5) and gives an action {ACTION}"
+                f"wrench (1, T, 6), proprio (1, 5) and gives an action {ACTION}"
             )
         try:
             known = msgspec.json.decode(facts, type=Facts)
@@ -210,7 +216,7 @@ class ExportedPolicy:
             DatasetError: If the wrench readings come at another rate than in training.
         """
         camera = self._camera_of(seen.frames)
-        inputs = paper_inputs(camera, self._known.wrench_hz)
+        inputs = paper_inputs(camera, self._known.wrench_hz, self.window)
         if self._cut is None or self._cut.inputs != inputs:
             self._cut = LiveCut(inputs)
         return self.act(self._cut(seen), camera)
@@ -266,8 +272,8 @@ def only_camera(cameras: Iterable[str]) -> str | None:
     return names[0] if len(names) == 1 else None
 
 
-def _shapes(image_size: tuple[int, int]) -> list[tuple[int, ...]]:
-    return [(1, 4, *image_size), (1, WINDOW, 6), ACTION]
+def _shapes(image_size: tuple[int, int], window: int) -> list[tuple[int, ...]]:
+    return [(1, 4, *image_size), (1, window, 6), ACTION]
 
 
 def _list(shapes: list[tuple[int, ...]]) -> str:

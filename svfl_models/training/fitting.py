@@ -5,6 +5,7 @@ import signal
 import threading
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import lightning.pytorch as pl
 from lightning.pytorch.callbacks import ModelCheckpoint
 from lightning.pytorch.strategies import Strategy
 
+from svfl_data.errors import StorageError
 from svfl_models.training import run_folder
 from svfl_models.training.checkpoint_plugin import WholeCheckpoints
 from svfl_models.training.placement import Placement
@@ -26,8 +28,6 @@ class Fit:
         out: Folder that the checkpoint is written to.
         placement: Devices, number format and threads.
         resumed: Checkpoint of an interrupted training to continue. None starts a new training.
-        each_epoch: Whether a checkpoint is written after each epoch. If false, it is written only after epochs with a
-            validation.
         deciding: Callbacks that decide how the training goes on, such as when it stops; they can be pickled.
         how: Further arguments of Lightning's Trainer, such as the number of epochs and how often to validate.
     """
@@ -35,7 +35,6 @@ class Fit:
     out: Path
     placement: Placement
     resumed: Path | None = None
-    each_epoch: bool = True
     deciding: Sequence[pl.Callback] = ()
     how: dict[str, Any] = field(default_factory=dict)
 
@@ -62,8 +61,9 @@ class Fit:
             dirpath=self.out,
             filename=Path(run_folder.CHECKPOINT).stem,
             enable_version_counter=False,
-            save_on_train_epoch_end=True if self.each_epoch else None,
+            save_on_train_epoch_end=True,
         )
+        checkpoints = WholeCheckpoints(self.resumed)
         trainer = pl.Trainer(
             strategy=strategy or "auto",
             use_distributed_sampler=False,
@@ -73,7 +73,7 @@ class Fit:
             enable_model_summary=False,
             num_sanity_val_steps=0,
             default_root_dir=self.out,
-            plugins=[WholeCheckpoints(self.resumed)],
+            plugins=[checkpoints],
             **self.placement.trainer(),
             **self.how,
         )
@@ -82,8 +82,13 @@ class Fit:
             with warnings.catch_warnings():
                 warnings.filterwarnings("ignore", module="lightning")
                 trainer.fit(module, data, ckpt_path=self.resumed, weights_only=True if self.resumed else None)
-        except SystemExit as end:
-            if isinstance(end.__context__, KeyboardInterrupt):  # to which Lightning has answered with this exit
+            checkpoints.finish()
+        except BaseException as end:
+            with suppress(StorageError):  # which would hide what has ended the training
+                checkpoints.finish()
+            if isinstance(end, SystemExit) and isinstance(
+                end.__context__, KeyboardInterrupt
+            ):  # Lightning's answer to it
                 signal.signal(signal.SIGINT, interrupt)  # Lightning has switched Ctrl-C off
                 raise end.__context__ from None
             raise

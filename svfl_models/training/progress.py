@@ -4,6 +4,7 @@ import csv
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import lightning.pytorch as pl
 from rich.console import Console
@@ -64,6 +65,18 @@ class MetricsFile(pl.Callback):
         return [f"{row[name]:.6g}" if name in row else "" for name in self.columns]
 
 
+class KeptMetrics(MetricsFile):
+    """Metrics file whose rows are also kept in the checkpoint, for a training that Lightning resumes from it."""
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return the rows so far, for the checkpoint."""
+        return {"rows": self.rows}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Restore the rows from a checkpoint."""
+        self.rows = list(state_dict["rows"])
+
+
 class Bar(pl.Callback):
     """Callback that removes a progress bar when its training ends, for whatever reason.
 
@@ -111,12 +124,23 @@ class ProgressLine(Bar):
         self.next_line = time.monotonic() + QUIET_SECONDS
         self.bars.start()
 
+    def state_dict(self) -> dict[str, Any]:
+        """Return the best accuracy so far, for the checkpoint."""
+        return {"best": self.best}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Restore the best accuracy from a checkpoint."""
+        self.best = float(state_dict["best"])
+
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: pl.LightningModule) -> None:
-        """Show loss and accuracy of the epoch that has ended."""
+        """Show the loss of the epoch that has ended, and the accuracy of the last test if there was one."""
         metrics = trainer.callback_metrics
-        loss, accuracy = float(metrics["train_loss"]), float(metrics.get("test_accuracy", 0))
-        self.best = max(self.best, accuracy)
-        self.say(trainer.current_epoch + 1, f"loss {loss:.3f}, test accuracy {accuracy:.1%}, best {self.best:.1%}")
+        words = f"loss {float(metrics['train_loss']):.3f}"
+        if "test_accuracy" in metrics:
+            accuracy = float(metrics["test_accuracy"])
+            self.best = max(self.best, accuracy)
+            words += f", test accuracy {accuracy:.1%}, best {self.best:.1%}"
+        self.say(trainer.current_epoch + 1, words)
 
     def say(self, epoch: int, words: str) -> None:
         """Show what an epoch has given.

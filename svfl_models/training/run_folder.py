@@ -3,7 +3,7 @@
 import errno
 import fcntl
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -107,6 +107,35 @@ def claim(out: Path, program: str, config: dict[str, Any], beside: dict[str, Any
     except OSError as error:
         raise StorageError(f"{out}: {error.strerror or error}") from error
     write_config(out, program, config, beside)
+
+
+def claim_or_resume(
+    out: Path, program: str, config: dict[str, Any], beside: dict[str, Any], load: Callable[[Path], object]
+) -> Path | None:
+    """Reserve a folder for a run as `claim` does, or find the interrupted run of the same configuration in it.
+
+    Args:
+        out: Folder of the run, locked by this process (`held`).
+        program: Name of the command of ``svfl-train`` that does the run.
+        config: Configuration of the run, as plain values, which tells it from other runs.
+        beside: Settings that do not tell it from other runs, such as the device.
+        load: Opens a checkpoint of the program, and raises FormatError if it is damaged.
+
+    Returns:
+        The checkpoint that the run continues from. None for a run that begins, also on the folder of a finished run.
+
+    Raises:
+        TrainingError: If the folder cannot be claimed.
+        FormatError: If the checkpoint of the interrupted run is damaged.
+        StorageError: If the folder cannot be written.
+    """
+    checkpoint = out / CHECKPOINT
+    if not checkpoint.exists() or (out / RESULT).exists() or not is_same(read_config(out) or {}, program, config):
+        claim(out, program, config, beside)
+        return None
+    load(checkpoint)  # reports a damaged checkpoint before the training starts
+    write_config(out, program, config, beside)
+    return checkpoint
 
 
 def write_config(out: Path, program: str, config: dict[str, Any], beside: dict[str, Any] | None = None) -> None:

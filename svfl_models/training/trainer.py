@@ -24,7 +24,6 @@ def run(
     out: Path,
     callbacks: Sequence[pl.Callback],
     resumed: Path | None = None,
-    each_epoch: bool = True,
     *,
     deciding: Sequence[pl.Callback] = (),
     placement: Placement | None = None,
@@ -32,7 +31,7 @@ def run(
     rebuild: Rebuild | None = None,
     **how: Any,  # noqa: ANN401 - whatever Lightning takes
 ) -> None:
-    """Train a module, without the messages that Lightning prints, and keep the last checkpoint.
+    """Train a module, without the messages that Lightning prints, and keep the checkpoint of the last epoch.
 
     Args:
         module: Module to train. In a training of several processes, each logged value must be a mean over the rows of
@@ -42,8 +41,6 @@ def run(
         callbacks: Callbacks of Lightning to call during the training, in this process only. The rows of a `MetricsFile`
             among them are what trackers are given after each epoch.
         resumed: Checkpoint of an interrupted training to continue. None starts a new training.
-        each_epoch: Whether a checkpoint is written after each epoch. If false, it is written only after epochs with a
-            validation.
         deciding: Callbacks that decide how the training goes on, such as when it stops; every process has them.
         placement: Devices, number format and threads; None for what `Hardware` has by default.
         trackers: Experiment trackers that the training is logged to.
@@ -56,7 +53,7 @@ def run(
         SvflError: If a process of the training fails or dies.
     """
     placement = placement or placed(Hardware(), Needs())
-    fit = Fit(out, placement, resumed, each_epoch, deciding, how)
+    fit = Fit(out, placement, resumed, deciding, how)
     watching = [
         *callbacks,
         *(Measurements(trackers, one) for one in callbacks if isinstance(one, MetricsFile) and trackers),

@@ -58,7 +58,7 @@ def train_commands(data: Path, out: Path) -> dict[str, list[str]]:
         "centering-latents": ["centering-latents", *table, *few, "--latents", latent, "--out", f"{out}/latents"],
         "export": ["export", network, "--out", f"{out}/network.pt2"],
         "bc": ["bc", "--data", str(data), "--epochs", "1", "--out", f"{out}/bc"],
-        "bc-table": ["bc-table", *table, "--episodes", "2", "--trials", "1", "--out", f"{out}/bc_table"],
+        "bc-table": ["bc-table", *table, "--episodes", "2", "--test-episodes", "1", "--out", f"{out}/bc_table"],
         "evaluate": ["evaluate", network, "--episodes", "1"],
         "latent": ["latent", "--model", "poe", "--data", str(data), "--steps", "1", "--out", f"{out}/latent"],
         "rerun": ["rerun", f"{out}/run"],

@@ -2,9 +2,13 @@
 
 import json
 import struct
+import time
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+from tests.helpers.patience import PATIENCE
 
 Series = dict[str, list[tuple[int, float]]]
 """Numbers by name, as (step, value)."""
@@ -42,15 +46,11 @@ def mlflow_runs(out: Path) -> list[tuple[dict[str, str], Series, list[str], str]
 
 def wandb_runs(out: Path) -> list[tuple[str, dict, Series, dict[str, Path]]]:
     """Id, configuration, numbers and media files of each offline folder, the oldest first."""
-    from wandb.proto.wandb_internal_pb2 import Record
-
     found = []
     for file in sorted(out.glob("wandb/offline-run-*/*.wandb"), key=lambda file: file.stat().st_mtime):
         series: Series = defaultdict(list)
         config, media = {}, {}
-        for data in _records(file.read_bytes()):
-            record = Record.FromString(data)
-            kind = record.WhichOneof("record_type")
+        for kind, record in _whole_run(file):
             if kind in ("run", "config"):
                 told = record.run.config if kind == "run" else record.config
                 config |= {"/".join(one.nested_key) or one.key: json.loads(one.value_json) for one in told.update}
@@ -65,6 +65,20 @@ def wandb_runs(out: Path) -> list[tuple[str, dict, Series, dict[str, Path]]]:
     return found
 
 
+def _whole_run(file: Path) -> list[tuple[str, Any]]:
+    """Kind and content of each record of a run that has ended; W&B's own process writes the last ones after it."""
+    from wandb.proto.wandb_internal_pb2 import Record
+
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        records = [Record.FromString(data) for data in _records(file.read_bytes())]
+        kinds = [record.WhichOneof("record_type") for record in records]
+        if "exit" in kinds:
+            return list(zip(kinds, records, strict=True))
+        time.sleep(0.1)
+    raise AssertionError(f"{file} has no end")
+
+
 def _records(content: bytes) -> Iterator[bytes]:
     """Records of a file in LevelDB's log format, which W&B writes: blocks of 32 KiB, records cut at their ends."""
     position, parts = HEADER, b""
@@ -75,6 +89,8 @@ def _records(content: bytes) -> Iterator[bytes]:
         _, length, kind = struct.unpack_from("<IHB", content, position)
         position += HEADER
         piece, position = content[position : position + length], position + length
+        if len(piece) < length:  # not all of it is written yet
+            return
         parts = piece if kind in (FULL, FIRST) else parts + piece
         if kind in (FULL, LAST):
             yield parts

@@ -16,7 +16,7 @@ from tests.hostile.kinds import KINDS
 from tests.hostile.sound import sound_dataset
 
 WHOLE = os.environ.get("SVFL_HOSTILE") == "all"
-QUICK, LONG = 199, 1 if WHOLE else 11
+QUICK, LONG = 199, 1 if WHOLE else 23
 """One kind in so many is tried in the quick suite, and in the long campaign; primes, or families would hide in them."""
 
 

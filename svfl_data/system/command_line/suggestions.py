@@ -22,6 +22,7 @@ OTHER_WORDS = {
     "--seed": ("--random-seed", "--random-state"),
     "--split": ("--name", "--split-name"),
     "--task": ("--env", "--environment"),
+    "--test-episodes": ("--trials", "--eval-episodes", "--test-samples"),
     "--workers": ("--jobs", "--num-workers", "--processes", "--n-jobs"),
 }  # fmt: skip
 """Words that people know from elsewhere, or from earlier commands, for each of our options."""

@@ -1,6 +1,6 @@
 """Evaluation in gymnasium environments of other packages, whose observations have a policy's inputs by their keys.
 
-An observation is a dictionary. A policy with the paper's inputs takes ``image`` (4, H, H), ``wrench`` (64, 6) and
+An observation is a dictionary. A policy with the paper's inputs takes ``image`` (4, H, H), ``wrench`` (T, 6) and
 ``proprio`` (5,) from it, as far as it uses them; a policy with inputs of the user's own takes the paths of its inputs,
 with the values that `svfl_data.sampling.samples.Samples` gives at a step. All are in base axes.
 """
@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from svfl_data.errors import TrainingError
-from svfl_data.sampling.windows import WINDOW
 from svfl_data.system.printable import printable
 from svfl_models.cloning.module import CloningModule
 from svfl_models.cloning.recorded_inputs import of_plain
@@ -76,5 +75,5 @@ def _inputs(module: CloningModule) -> dict[str, tuple[int, ...] | None]:
         return found
     encoder = module.hparams["network"]["encoder"]
     image = (4, known.image_side, known.image_side)
-    shapes = {"v": ("image", image), "f": ("wrench", (WINDOW, 6)), "p": ("proprio", (5,))}
+    shapes = {"v": ("image", image), "f": ("wrench", (module.policy.trunk.window, 6)), "p": ("proprio", (5,))}
     return {key: shape for letter, (key, shape) in shapes.items() if letter in encoder}

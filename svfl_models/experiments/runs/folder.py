@@ -1,5 +1,6 @@
 """The folder of an experiment: one process locks it, and it belongs to one recipe and one state of the datasets."""
 
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -89,24 +90,29 @@ def claimed(out: Path, about: dict[str, Any]) -> Iterator[None]:
     _check(out, about)
     with held(out):
         if (out / ABOUT).exists():
-            _check(out, about)  # another process may have changed the folder before it was locked
+            found = _check(out, about)  # another process may have changed the folder before it was locked
+            if found.get("data") != about["data"]:
+                for run in (out / RUNS).glob("*"):  # interrupted ones, which must not continue on other data
+                    shutil.rmtree(run, ignore_errors=True)
         write_json(out / ABOUT, about)
         yield
 
 
-def _check(out: Path, about: dict[str, Any]) -> None:
+def _check(out: Path, about: dict[str, Any]) -> dict[str, Any]:
+    """Return the description in a folder that the experiment may use, which is empty if there is none."""
     file = out / ABOUT
     if not file.exists():
         if out.exists() and (not out.is_dir() or any(out.iterdir())):
             raise TrainingError(f"{out} holds other files and no {ABOUT}; choose another --out")
-        return
+        return {}
     try:
-        found = read_json(file)
+        found: dict[str, Any] = read_json(file)
         changes = _changes(found, about)
     except (OSError, FormatError, AttributeError) as error:
         raise TrainingError(f"{file} does not describe an experiment ({error}); choose another --out") from error
     if changes and any(finished(run) for run in (out / RUNS).glob("*")):  # else no finished run is lost
         raise TrainingError(f"{out} holds runs with {'; '.join(changes)}; choose another --out or delete it")
+    return found
 
 
 def _changes(found: dict[str, Any], now: dict[str, Any]) -> list[str]:

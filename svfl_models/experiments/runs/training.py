@@ -9,7 +9,10 @@ from svfl_data.errors import TrainingError
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.experiments.runs.cost import cost
 from svfl_models.experiments.runs.folder import finished
+from svfl_models.training import run_folder
 
+PROGRAM = "centering"
+"""Name of the command that does such a training alone."""
 Train = Callable[[TrainingConfig, Path, Path | None], object]
 """A function that trains one network; it takes the configuration, the folder to write to and the separate test set."""
 
@@ -87,7 +90,15 @@ class Training:
         return f"test accuracy {found['result']['test_accuracy']:.1%}"
 
     def __call__(self) -> None:
-        """Train the network from the beginning; files of an unfinished run are removed."""
-        if self.folder.exists():
-            shutil.rmtree(self.folder)  # left by a run that was stopped or failed
+        """Train the network; an interrupted training of the same configuration continues after its last whole epoch."""
+        if self.folder.exists() and not self._begun():
+            shutil.rmtree(self.folder)
         self.train(self.config, self.folder, self.separate_test)
+
+    def _begun(self) -> bool:
+        """Return whether the folder holds a run of the same configuration, which may be continued."""
+        try:
+            found = run_folder.read_config(self.folder)
+        except TrainingError:
+            return False
+        return found is not None and run_folder.is_same(found, PROGRAM, self.config.plain())

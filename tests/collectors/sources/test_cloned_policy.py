@@ -177,7 +177,7 @@ def test_an_evaluation_is_written_beside_the_checkpoint(checkpoint, capsys):
 
 def test_a_table_tries_what_is_trained(checkpoint):
     config = build(CloningConfig, run_folder.read_config(checkpoint.parent))
-    run, before = cloning_table.Run(config, checkpoint.parent, trials=2), checkpoint.read_bytes()
+    run, before = cloning_table.Run(config, checkpoint.parent, test_episodes=2), checkpoint.read_bytes()
     assert run.words() is None
     run()
     assert run.words().endswith(" of 2")

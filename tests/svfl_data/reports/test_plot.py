@@ -300,3 +300,19 @@ def test_rows_of_many_numbers_are_one_picture():
     (axis,) = (axis for axis in figure.axes if any("mic/sound" in text.get_text() for text in axis.texts))
     (inset,) = axis.child_axes
     np.testing.assert_array_equal(inset.images[0].get_array(), sound.T)
+
+
+@pytest.mark.parametrize("bare", [False, True])
+def test_a_card_names_only_what_its_pictures_show(bare, dataset, tmp_path):
+    shown = dataset_of(tmp_path / "bare", bare_episode) if bare else dataset
+    write_card(shown, tmp_path / "card.md")
+    text = (tmp_path / "card.md").read_text()
+    assert ("![Histograms of duration and largest force and labels]" in text) != bare
+    assert ("![Histograms of duration]" in text) == bare
+    assert ("Wrench readings are raw" in text) != bare
+
+
+def test_a_card_counts(tmp_path):
+    one = dataset_of(tmp_path / "one", open_episode, count=1)
+    write_card(one, tmp_path / "card.md")
+    assert "1 episode of" in (tmp_path / "card.md").read_text()

@@ -22,10 +22,11 @@ from svfl_models.cloning.config import LOSSES, CloningConfig
 from svfl_models.cloning.data import CloningData
 from svfl_models.cloning.loss import LOSSES as FUNCTIONS
 from svfl_models.cloning.loss import action_error
-from svfl_models.cloning.metrics import COLUMNS, MetricsFile
+from svfl_models.cloning.metrics import COLUMNS
 from svfl_models.networks.action_space import PLANAR
 from svfl_models.networks.squashed_gaussian import SquashedGaussian
 from svfl_models.training import run_folder
+from svfl_models.training.progress import MetricsFile
 from tests.helpers.demonstrations import demonstrations
 
 pytestmark = pytest.mark.slow

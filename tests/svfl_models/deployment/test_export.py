@@ -25,6 +25,7 @@ from svfl_models.centering.config import TARGETS
 from svfl_models.centering.evaluate import evaluate
 from svfl_models.deployment import export
 from svfl_models.networks.heads import Actor, Critic
+from svfl_models.networks.image_crops import centre_crop, scaled
 from svfl_models.networks.inputs import ENCODERS
 from svfl_models.networks.layer_factory import layer_factory
 from svfl_models.networks.presets import PRESETS
@@ -168,6 +169,18 @@ def test_files_describe_themselves(exported):
     assert [node.name for node in session.get_inputs()] == list(facts["inputs"])
     assert facts["directions"] == list(DIRECTIONS)
     assert (facts["group"], facts["target"], facts["view"], facts["image_size"]) == ("D4", "direction", "top", 32)
+
+
+def test_files_say_how_images_are_cropped(samples):
+    """As in the training of the network, whatever the crop of the paper is."""
+    module, config = untrained(samples, crop=0.9)
+    assert export.facts(module.classifier)["crop"]["share"] == 0.9
+    own, usual = (evaluate(module, samples, replace(config, crop=crop)) for crop in (0.9, 64 / 76))
+    side = round(0.9 * samples.image.shape[-1])
+    with torch.no_grad():
+        image = scaled(centre_crop(torch.from_numpy(samples.image), side), 64)
+        scores = module({"image": image, "wrench": torch.from_numpy(samples.wrench)})
+    assert own.predicted.tolist() == scores.argmax(dim=1).tolist() != usual.predicted.tolist()
 
 
 def test_a_file_that_would_say_something_else_is_not_written(samples, tmp_path, monkeypatch):

@@ -17,14 +17,15 @@ from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.train import train_centering
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
-from svfl_models.cloning.metrics import MetricsFile
 from svfl_models.cloning.train import train_cloning
+from svfl_models.deployment import export
 from svfl_models.deployment.inspection import inspect
 from svfl_models.latent import config as presets
 from svfl_models.latent.checkpoint import load_latent
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.train import train_latent
 from svfl_models.training import run_folder
+from svfl_models.training.progress import MetricsFile
 from svfl_models.training.provenance import session
 from svfl_models.training.provenance.commit import Commit
 from svfl_models.training.provenance.record import KEY, of_checkpoint, plain, recorded
@@ -185,6 +186,13 @@ def test_info_tells_a_classifier(classifier, capsys):
     assert 0 <= found["results"]["result.json"]["test_accuracy"] <= 1
 
 
+def test_info_tells_the_sizes_of_the_layers_that_there_are(cloning, tmp_path, capsys):
+    """Not those of the preset, some of which were replaced."""
+    train_cloning(replace(cloning, epochs=1, widths={"latent": 5}), tmp_path, QUIET)
+    widths = told(capsys, tmp_path)[1]["network"]["widths"]
+    assert (widths["latent"], widths["proprio"]) == (5, [2, 2, 4])
+
+
 def test_info_tells_a_latent_model(latent, capsys):
     text, found = told(capsys, latent)
     assert "latent model" in text
@@ -208,13 +216,17 @@ def test_info_tells_the_folder_of_a_training(policy, tmp_path, capsys):
 
 def test_an_exported_network_keeps_its_provenance(policy, classifier, tmp_path, capsys):
     for checkpoint, what in ((policy, "exported policy"), (classifier, "exported block-centering network")):
-        out = tmp_path / f"{checkpoint.parent.name}.pt2"
-        assert cli.main(["export", str(checkpoint), "--out", str(out)]) == 0
-        capsys.readouterr()
-        text, found = told(capsys, out)
-        assert what in text
-        assert found["provenance"] == json.loads((checkpoint.parent / run_folder.PROVENANCE).read_text())["sessions"]
-        assert found["network"]["weights and constants"] > 0
+        for suffix in (".pt2",) if checkpoint is policy else export.SAVERS:
+            out = tmp_path / f"{checkpoint.parent.name}{suffix}"
+            assert cli.main(["export", str(checkpoint), "--out", str(out)]) == 0
+            capsys.readouterr()
+            text, found = told(capsys, out)
+            assert what in text
+            *trained, own = found["provenance"]
+            assert trained == json.loads((checkpoint.parent / run_folder.PROVENANCE).read_text())["sessions"]
+            assert own["data"]["checkpoint"]["sha256"] == session.file(checkpoint).sha256
+            assert own["commit"] == FIRST.sha
+            assert found["network"]["weights and constants"] > 0
 
 
 def test_results_of_another_run_are_not_shown(policy, tmp_path):
@@ -267,10 +279,13 @@ def test_hostile_texts_are_shown_harmlessly(policy, tmp_path, capsys):
     assert all(line.isprintable() for line in capsys.readouterr().out.splitlines())
 
 
-@pytest.mark.parametrize("name", ["nothing.ckpt", "nothing.pt2", "nothing", "text.ckpt", "text.pt2", "folder"])
+@pytest.mark.parametrize(
+    "name", ["nothing.ckpt", "nothing.pt2", "nothing.onnx", "nothing", "text.ckpt", "text.pt2", "text.onnx", "folder"]
+)
 def test_what_is_no_network_is_one_line(name, tmp_path, capsys):
     (tmp_path / "text.ckpt").write_text("hello")
     (tmp_path / "text.pt2").write_text("hello")
+    (tmp_path / "text.onnx").write_text("hello")
     (tmp_path / "folder").mkdir()
     assert cli.main(["info", str(tmp_path / name)]) == 1
     complaint = capsys.readouterr().err

@@ -1,6 +1,5 @@
 """The table of clonings: every policy once, in any number of sittings, and a page that says what was found."""
 
-import json
 import os
 import re
 import signal
@@ -18,7 +17,6 @@ from svfl_models import cli
 from svfl_models.cloning import evaluate, train
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.evaluate import Evaluation
-from svfl_models.cloning.metrics import MetricsFile
 from svfl_models.commands import bc_table
 from svfl_models.configuration.program import command_line
 from svfl_models.experiments import cloning_table, cloning_table_page
@@ -26,9 +24,11 @@ from svfl_models.experiments.cloning_table import Table
 from svfl_models.experiments.runs.folder import held
 from svfl_models.experiments.runs.grid import Grid
 from svfl_models.training import run_folder
+from svfl_models.training.progress import MetricsFile
 from svfl_models.training.provenance.record import record, recorded
 from svfl_models.training.provenance.session import Session
 from tests.helpers.demonstrations import demonstrations
+from tests.helpers.experiment_pages import pretend, tell
 from tests.helpers.patience import PATIENCE
 from tests.helpers.pretend import is_running
 from tests.helpers.pretend_cloning import Diverging, Endless, Quick
@@ -45,11 +45,6 @@ from {Endless.__module__} import Endless
 cloning_table.Run = Endless
 sys.exit(cli.main(sys.argv[1:]))
 """
-
-
-def pretend(run):
-    """What a finished run leaves."""
-    Quick(run.config, run.folder, run.trials)()
 
 
 @pytest.fixture
@@ -78,7 +73,7 @@ def tried(monkeypatch):
 
 
 def words(data, out, *more):
-    few = ("--episodes", 6, "--seeds", 2, "--trials", TRIALS, "--preset", "tiny", "--epochs", 2)
+    few = ("--episodes", 6, "--seeds", 2, "--test-episodes", TRIALS, "--preset", "tiny", "--epochs", 2)
     few += ("--networks", "svfl", "cnn")
     return [str(word) for word in ("bc-table", "--data", data, *few, "--out", out, *more)]
 
@@ -109,7 +104,7 @@ def test_what_is_finished_is_not_done_again_and_the_order_is_kept(runs, tmp_path
     for run in runs[:3]:
         pretend(run)
     assert Grid(tmp_path, {run.folder.name: run for run in runs}).unfinished() == [run.folder.name for run in runs[3:]]
-    assert replace(runs[0], trials=TRIALS + 1).outcome() is None  # tried less often than is asked for now
+    assert replace(runs[0], test_episodes=TRIALS + 1).outcome() is None  # tried less often than is asked for now
 
 
 @pytest.mark.parametrize("finished", [True, False])
@@ -145,9 +140,9 @@ def test_an_interrupted_policy_goes_on_after_its_last_whole_epoch(one, tried, mo
     one()
     assert epochs == [0, 1]
     assert one.words() == "100% of 4"
-    replace(one, trials=6)()
-    assert len(epochs) == 2  # more trials need no training
-    assert replace(one, trials=6).words() == "100% of 6"
+    replace(one, test_episodes=6)()
+    assert len(epochs) == 2  # more test episodes need no training
+    assert replace(one, test_episodes=6).words() == "100% of 6"
 
 
 @pytest.mark.parametrize(
@@ -242,12 +237,6 @@ def test_the_page_says_what_is_known(runs, tmp_path, finished):
     )  # the pretended results do not depend on the number of demonstrations
 
 
-def tell(run, *success):
-    """What a finished run leaves that succeeded in these trials."""
-    pretend(run)
-    (run.folder / run_folder.EVALUATION).write_text(json.dumps({"success": success}))
-
-
 @pytest.mark.parametrize(
     ("fewer", "more", "told"), [([4, 4, 4], [0, 0, 0], "picking CNN 10 minus 5"), ([4, 0, 3], [1, 2, 2], "none")]
 )
@@ -257,7 +246,7 @@ def test_the_page_says_which_decreases_are_significant(tmp_path, fewer, more, to
         count = (fewer if run.config.episodes == 5 else more)[run.config.seed]
         tell(run, *[index < count for index in range(TRIALS)])
     page = page_of(runs, tmp_path / "out")
-    assert f"The success rate is lower with more demonstrations in 1 of 1 cases; significant: {told}." in page
+    assert f"The success rate is lower with more demonstrations in 1 of 1 case; significant: {told}." in page
     assert "SVFL" not in page
     assert "all networks" not in page
 
@@ -289,7 +278,10 @@ def test_the_page_says_where_the_policies_and_their_data_come_from(data, tmp_pat
 
 
 def test_the_command_line_is_what_gives_the_numbers():
-    given = "bc-table --data a b --episodes 10 50 --seeds 2 --trials 20 --epochs 7 --view camera --set widths.latent=9"
+    given = (
+        "bc-table --data a b --episodes 10 50 --seeds 2 --test-episodes 20 --epochs 7 --view camera "
+        "--set widths.latent=9"
+    )
     seen = []
     program = replace(bc_table.PROGRAM, run=lambda values, _: seen.append(values))
     arguments = cli.build_parser().parse_args([*given.split(), "--workers", "3", "--out", "c"])

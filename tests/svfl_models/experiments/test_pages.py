@@ -1,6 +1,5 @@
 """Pages say of their numbers only what these numbers show."""
 
-import csv
 from dataclasses import replace
 
 import numpy as np
@@ -11,23 +10,9 @@ from svfl_models.centering.config import Latent, TrainingConfig
 from svfl_models.centering.report import Result as CenteringResult
 from svfl_models.centering.report import page as report
 from svfl_models.experiments import error_analysis, latents, page, table
-from svfl_models.experiments.results import Cell, Results, Run
-from svfl_models.training import run_folder
+from svfl_models.experiments.results import Results
 from tests.helpers import pretend
-
-UP, DOWN = 1, 3
-
-
-def network(folder, encoder, direction, predicted, border_deg):
-    """A cell of one finished run with these predictions."""
-    folder.mkdir(parents=True)
-    rows = [
-        ("test", 0, true, said, border_deg, 0.03, 0, "", "") for true, said in zip(direction, predicted, strict=True)
-    ]
-    with (folder / run_folder.PREDICTIONS).open("w", newline="") as file:
-        csv.writer(file).writerows([pretend.COLUMNS, *rows])
-    config = TrainingConfig("data", encoder=encoder)
-    return Cell(config, (Run("run", config, folder, {"test_accuracy": 0.5}),))
+from tests.helpers.experiment_pages import ABOUT, DOWN, UP, network
 
 
 def section(tmp_path, direction, predicted, border_deg=40.0):
@@ -48,7 +33,7 @@ def test_hidden_blocks_are_named_where_up_is_taken_for_down(tmp_path):
     direction = np.arange(400) % 4
     swapped = (direction == UP) & (np.arange(400) < 80)
     said = section(tmp_path, direction, np.where(swapped, DOWN, direction))
-    assert "Of the 20 errors of V at 20 degrees or more from a border, 20 take up for down or down for up, more" in said
+    assert "20 degrees or more from a border that take up for down or down for up: 20 of 20, more" in said
     assert "a gripper between camera and block" in said
     assert "At chance" not in said
 
@@ -57,14 +42,14 @@ def test_other_errors_are_not_put_down_to_hidden_blocks(tmp_path):
     direction = np.arange(400) % 4
     predicted = np.where(np.arange(400) < 90, (direction + np.arange(400) // 4 % 3 + 1) % 4, direction)
     said = section(tmp_path, direction, predicted)
-    assert "no more than arbitrary errors would" in said
+    assert "not told from the 17% of arbitrary errors" in said
     assert "a gripper between" not in said
 
 
 def test_errors_near_a_border_say_nothing_of_hidden_blocks(tmp_path):
     direction = np.arange(400) % 4
     said = section(tmp_path, direction, np.where(direction == UP, DOWN, direction), border_deg=5.0)
-    assert "errors of V" not in said
+    assert "Errors of V" not in said
 
 
 def results_of(tmp_path, seeds=3, **changes):
@@ -75,11 +60,6 @@ def results_of(tmp_path, seeds=3, **changes):
     for name, config in configs.items():
         pretend.train(config, tmp_path / name, None)
     return Results(configs, tmp_path)
-
-
-ABOUT = {
-    "recipe": TrainingConfig("data").plain(), "data": {"path": "data", "episodes": 200}, "separate_test": None,
-}  # fmt: skip
 
 
 @pytest.mark.parametrize(("seeds", "told"), [(1, "seed 0."), (3, "seeds 0 to 2.")])

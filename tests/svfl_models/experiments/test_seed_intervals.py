@@ -108,3 +108,10 @@ def test_a_task_in_which_one_seed_fails_does_not_move_the_interquartile_mean():
     odd = [np.ones((3, 20)), np.concatenate([np.ones((2, 20)), np.zeros((1, 20))])]
     assert interquartile_mean(good).value == pytest.approx(interquartile_mean(odd).value) == pytest.approx(1)
     assert interquartile_mean([[[1, 0]], [[0, 0]], [[1, 1]], [[1, 0]]]).value == 0.5  # the middle two of four
+
+
+@pytest.mark.parametrize("trials", range(1, 40))
+def test_the_interval_of_all_or_nothing_reaches_the_end(trials):
+    """Rounding would leave the rate itself outside."""
+    assert wilson(trials, trials)[1] == 1
+    assert wilson(0, trials)[0] == 0

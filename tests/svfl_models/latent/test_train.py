@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import math
 
 import pytest
 import torch
@@ -80,9 +81,9 @@ def test_every_model_trains_and_opens_again(model, config, tmp_path):
     assert encoding.feature.shape == (3, SIZES.feature)
 
 
-@pytest.mark.parametrize("model", ["poe", "vtt"])
-def test_an_interrupted_training_resumes_bit_for_bit(model, config, tmp_path, monkeypatch):
-    config = dataclasses.replace(config, model=model, steps=7)
+@pytest.mark.parametrize(("model", "schedule"), [("poe", "constant"), ("vtt", "constant"), ("poe", "cosine")])
+def test_an_interrupted_training_resumes_bit_for_bit(model, schedule, config, tmp_path, monkeypatch):
+    config = dataclasses.replace(config, model=model, schedule=schedule, steps=7)
     train.train_latent(config, tmp_path / "whole")
 
     def stop(self, trainer, pl_module, *_):
@@ -113,6 +114,36 @@ def test_a_training_can_be_made_longer(config, tmp_path):
     assert run_folder.is_same(run_folder.read_config(tmp_path / "short"), "latent", named(config))
     with pytest.raises(TrainingError, match=r"\b5 steps .*asked for 4\b"):
         train.train_latent(dataclasses.replace(config, steps=4), tmp_path / "short")
+
+
+def rates(config, out, monkeypatch):
+    """The learning rate of each step of a training."""
+    found = []
+
+    def note(self, trainer, *_):
+        found.append(trainer.optimizers[0].param_groups[0]["lr"])
+
+    with monkeypatch.context() as patched:
+        patched.setattr(StepsBar, "on_train_batch_start", note)
+        train.train_latent(config, out)
+    return found
+
+
+def test_the_learning_rate_takes_its_course_over_the_steps_that_are_asked_for(config, tmp_path, monkeypatch):
+    assert rates(config, tmp_path / "constant", monkeypatch) == [1e-4] * 5
+    falling = rates(dataclasses.replace(config, schedule="cosine"), tmp_path / "cosine", monkeypatch)
+    assert falling == pytest.approx([1e-4 * (1 + math.cos(math.pi * step / 5)) / 2 for step in range(5)])
+
+
+def test_a_training_whose_learning_rate_has_fallen_is_not_made_longer(config, tmp_path):
+    config = dataclasses.replace(config, schedule="cosine", steps=2)
+    train.train_latent(config, tmp_path / "run")
+    before = weights(tmp_path / "run")
+    with pytest.raises(TrainingError, match=r"steps = 2, now 4.*--out"):
+        train.train_latent(dataclasses.replace(config, steps=4), tmp_path / "run")
+    with pytest.raises(TrainingError, match=r"schedule = 'cosine', now 'constant'.*--out"):
+        train.train_latent(dataclasses.replace(config, schedule="constant"), tmp_path / "run")
+    assert_same_training(before, weights(tmp_path / "run"))
 
 
 def test_a_finished_training_is_done_anew(config, tmp_path):

@@ -20,12 +20,12 @@ from svfl_data.storage.store import write_episode
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.train import train_centering
 from svfl_models.cloning.config import CloningConfig
-from svfl_models.cloning.metrics import MetricsFile
 from svfl_models.cloning.train import train_cloning
 from svfl_models.latent import config as presets
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.train import train_latent
 from svfl_models.training import run_folder, trainer
+from svfl_models.training.progress import MetricsFile
 from svfl_models.training.trackers import names, trackers
 from tests.helpers.builders import make_episode
 from tests.helpers.demonstrations import demonstrations

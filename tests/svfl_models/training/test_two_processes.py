@@ -23,12 +23,12 @@ from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.train import train_centering
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
-from svfl_models.cloning.metrics import MetricsFile
 from svfl_models.cloning.train import built, train_cloning
 from svfl_models.latent.config import LatentConfig
 from svfl_models.latent.train import train_latent
 from svfl_models.training import run_folder
 from svfl_models.training.hardware import Hardware
+from svfl_models.training.progress import MetricsFile
 from tests.helpers.builders import make_episode
 from tests.helpers.demonstrations import demonstrations
 from tests.helpers.patience import PATIENCE

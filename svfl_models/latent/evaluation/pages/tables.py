@@ -1,5 +1,6 @@
 """Tables of the numbers of an evaluation, for the page and the terminal."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -34,13 +35,13 @@ class Table:
 
 
 def number(value: float | None, digits: int = 2) -> str:
-    """Return a number with `digits` decimal places, or `NONE` for None."""
-    return NONE if value is None else f"{value:.{digits}f}"
+    """Return a number with `digits` decimal places, or `NONE` for None and NaN."""
+    return NONE if value is None or math.isnan(value) else f"{value:.{digits}f}"
 
 
 def percent(value: float | None) -> str:
-    """Return a share as a percentage, or `NONE` for None."""
-    return NONE if value is None else f"{value:.1%}"
+    """Return a share as a percentage, or `NONE` for None and NaN."""
+    return NONE if value is None or math.isnan(value) else f"{value:.1%}"
 
 
 def tables(found: Evaluation) -> list[Table]:
@@ -87,10 +88,10 @@ def _alignment(found: Evaluation) -> Table | None:
     if one.other_episodes is not None:
         kinds.append(("another episode", one.other_episodes))
     rows = [(name, percent(told.rejected), number(told.auroc, 3), str(told.pairs)) for name, told in kinds]
-    note = (
-        f"Own pairs accepted: {percent(one.accepted)} of all frames, {percent(one.accepted_touching)} of those in "
-        "contact. Of a foreign pair at least one frame is in contact: two frames free of contact feel the same."
-    )
+    note = f"Own pairs accepted: {percent(one.accepted)} of all frames"
+    note += "." if one.accepted_touching is None else f", {percent(one.accepted_touching)} of those in contact."
+    if kinds:
+        note += " Of a foreign pair at least one frame is in contact: two frames free of contact feel the same."
     return Table("Alignment", ("wrench from", "rejected", "AUROC against own", "pairs"), rows, note)
 
 
@@ -163,7 +164,9 @@ def _attention(found: Evaluation) -> Table | None:
                 (f"{looker}, layer {layer + 1}", name, *(percent(values[layer]) for values in groups.values()))
                 for layer in picked
             ]
-    note = "Mean over heads; `asked` are the tokens of contact and alignment. By contact: the last layer alone."
+    note = "Mean over heads; `asked` are the tokens of contact and alignment."
+    if one.mass_contact or one.mass_free:
+        note += " By contact: the last layer alone."
     return Table("Attention mass", ("token that looks", "frames", *one.tokens), rows, note)
 
 
