@@ -199,7 +199,8 @@ def _opposite(name: str, one: Predictions) -> str:
         f"{swaps} of {errors}"
     )
     if bdtrc(swaps - 1, errors, SWAPS_BY_CHANCE) < RARE:
-        words += f", more than the {SWAPS_BY_CHANCE:.0%} of arbitrary errors; a gripper between camera and block can cause this"
+        words += f", more than the {SWAPS_BY_CHANCE:.0%} of arbitrary errors; "
+        words += "a gripper between camera and block can cause this"
     else:
         words += f", not significantly more than the {SWAPS_BY_CHANCE:.0%} of arbitrary errors"
     return f"{words}."
