@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import lightning.pytorch as pl
 from rich.console import Console
@@ -36,10 +36,7 @@ from svfl_models.training.trainer import parameter_count, run, storage_errors
 from svfl_models.training.writing import write_json
 
 PROGRAM = "latent"
-NEEDS = Needs(
-    wide=True,
-    alone="x",
-)
+NEEDS = Needs(wide=True)
 
 
 def train_latent(
@@ -58,7 +55,7 @@ def train_latent(
             of the same configuration, or a finished one with fewer steps and a constant learning rate, that training is
             resumed after its last checkpoint.
         console: Console that progress is shown on; standard error by default.
-        hardware: Device, number format and threads; a latent model is trained in one process.
+        hardware: Devices, number format, threads and loader processes.
         loggers: Names of experiment trackers to log to, beside the metrics file (`training.trackers`).
 
     Returns:
@@ -80,16 +77,9 @@ def train_latent(
     placement.prepare(console)
     config = replace(config, camera=camera_of_dataset(Dataset.open(config.data), config.camera))
     earlier = _earlier(config, out)
-    train, valid, split = sequences_of(config)
-    pl.seed_everything(config.seed, verbose=False)
-    module = LatentModule(
-        config.network(), config.objective(), config.learning_rate, config.seed, config.plain(), split.parts,
-        config.schedule, config.steps,
-    )  # fmt: skip
-    if earlier is None:
-        fit(module.network.inputs, train.recordings)
-    else:
-        module.go_on(earlier)
+    rebuild = partial(built, config, earlier, hardware.loader_workers)
+    module, data = rebuild()
+    train, valid = data.train, data.valid
     parts = {name: parameter_count(part) for name, part in module.network.named_children() if name != "inputs"}
     beside = settings_of_run(hardware, loggers)
     with run_folder.held(out):
@@ -100,12 +90,11 @@ def train_latent(
         _announce(config, train, valid, console)
         metrics = LegsFile(out / run_folder.METRICS, module.steps)
         provenance = ProvenanceRecord(out, {"data": dataset(config.data)}, [config.seed])
-        data = LatentData(train, valid, config, module, hardware.loader_workers)
         watching, left = [metrics, StepsBar(config.steps, console), provenance], config.steps - module.steps
         with storage_errors(out), opened(loggers, out, earlier is not None, module.steps) as trackers:
             trackers.configuration(config.plain())
             run(
-                module, data, out, watching, placement=placement, trackers=trackers,
+                module, data, out, watching, placement=placement, trackers=trackers, rebuild=rebuild,
                 max_epochs=-1, max_steps=left, reload_dataloaders_every_n_epochs=1,
             )  # fmt: skip
             if trackers:
@@ -151,6 +140,30 @@ class LatentData(pl.LightningDataModule):
         return DataLoader(self.valid, sampler=batches, batch_size=None)
 
 
+def built(config: LatentConfig, earlier: Path | None, loader_workers: int = 0) -> tuple[LatentModule, LatentData]:
+    """Load the episodes and build the model; the same configuration gives the same in every process.
+
+    Args:
+        config: Configuration of the model, the data and the training.
+        earlier: Checkpoint to resume from; None if the training begins anew.
+        loader_workers: Number of processes that prepare batches.
+
+    Raises:
+        SvflError: If the data, the configuration or the checkpoint cannot be used.
+    """
+    train, valid, split = sequences_of(config)
+    pl.seed_everything(config.seed, verbose=False)
+    module = LatentModule(
+        config.network(), config.objective(), config.learning_rate, config.seed, config.plain(), split.parts,
+        config.schedule, config.steps,
+    )  # fmt: skip
+    if earlier is None:
+        fit(module.network.inputs, train.recordings)
+    else:
+        module.go_on(read_latent(earlier))
+    return module, LatentData(train, valid, config, module, loader_workers)
+
+
 def _log_reconstructions(module: LatentModule, valid: Sequences, out: Path, trackers: Trackers) -> None:
     """Log originals and reconstructions of frames of a held-out episode."""
     network = module.network.eval()
@@ -158,8 +171,8 @@ def _log_reconstructions(module: LatentModule, valid: Sequences, out: Path, trac
     trackers.picture("reconstructions", reconstructions(samples, out / run_folder.RECONSTRUCTIONS))
 
 
-def _earlier(config: LatentConfig, out: Path) -> dict[str, Any] | None:
-    """Return the content of the checkpoint to resume from; None if the training begins anew.
+def _earlier(config: LatentConfig, out: Path) -> Path | None:
+    """Return the checkpoint to resume from; None if the training begins anew.
 
     It does so without a checkpoint, and after a finished training with as many steps. The number of steps may only
     grow, and only if the learning rate is constant: any other one has taken its course over the steps.
@@ -185,7 +198,7 @@ def _earlier(config: LatentConfig, out: Path) -> dict[str, Any] | None:
     done = found["svfl"]["steps"]
     if done > config.steps:
         raise TrainingError(f"{checkpoint} was trained for {done} steps already; asked for {config.steps}")
-    return found if done < config.steps else None
+    return checkpoint if done < config.steps else None
 
 
 def _announce(config: LatentConfig, train: Sequences, valid: Sequences, console: Console) -> None:

@@ -49,13 +49,11 @@ class Needs:
     Attributes:
         wide: Whether the network is wide enough for bfloat16 to pay on a CPU.
         most_threads: Most threads that a process uses unless set otherwise; None leaves PyTorch's own number.
-        alone: Why the training runs in one process only, as the end of a message; empty if it can be shared.
         no_workers: Why the training has no loader processes, as the end of a message; empty if it can have them.
     """
 
     wide: bool = False
     most_threads: int | None = None
-    alone: str = ""
     no_workers: str = ""
 
 

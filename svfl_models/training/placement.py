@@ -85,8 +85,6 @@ def _check_counts(hardware: Hardware, needs: Needs) -> None:
         value = getattr(hardware, name)
         if value is not None and value < least:
             raise UsageError(f"--{name.replace('_', '-')} {value}: possible are integers of at least {least}")
-    if hardware.devices > 1 and needs.alone:
-        raise UsageError(f"--devices {hardware.devices}: only 1 is possible here, for {needs.alone}")
     if hardware.loader_workers and needs.no_workers:
         raise UsageError(f"--loader-workers {hardware.loader_workers}: only 0 is possible here, for {needs.no_workers}")
 

@@ -8,6 +8,7 @@ from svfl_data.errors import TrainingError
 from svfl_models.latent.config import MODELS, PRESETS, TERMS, LatentConfig
 from svfl_models.latent.losses import SIGMA, Objective
 from svfl_models.latent.networks.decoder import DEPTH_UNIT
+from svfl_models.latent.networks.portion import Portion
 from tests.helpers.latent_small import SIZES, batch, network
 
 ALL = dict.fromkeys(TERMS, 1.0)
@@ -102,3 +103,39 @@ def test_presets_weigh_known_terms_and_are_plain(preset):
     assert set(PRESETS[preset].weights) == set(TERMS)
     assert Objective(**config.objective()).weights == PRESETS[preset].weights
     assert all(isinstance(value, int | list) for value in config.network()["sizes"].values())
+
+
+def gradients(model, drawn, portions):
+    """Terms of a training step and the gradients of their sum, as means over portions weighted by their sequences."""
+    net, found = network(model, train=True).double(), dict.fromkeys(TERMS, 0.0)
+    for portion in portions:
+        torch.manual_seed(0)
+        seen = Objective(ALL, []).terms(net, drawn, portion)
+        weight = 1.0 if portion is None else 1 / portion.scale
+        (weight * torch.stack([term.mean for term in seen.values()]).sum()).backward()
+        found |= {name: found[name] + weight * term.mean.item() for name, term in seen.items()}
+    return found, {name: one.grad for name, one in net.named_parameters() if one.grad is not None}
+
+
+@pytest.mark.parametrize("touching", [slice(0, 5), slice(3, 5)], ids=["all in contact", "some in contact"])
+@pytest.mark.parametrize("model", MODELS)
+def test_portions_of_a_batch_have_its_terms_and_gradients(model, touching):
+    """Whatever another portion has: pixels without depth, the wrench of a pair, all pairs."""
+    drawn = {name: value.double() if value.is_floating_point() else value for name, value in batch(5).items()}
+    drawn["image"][0, :, 3, :50] = 0.0
+    drawn["touching"] = torch.zeros_like(drawn["touching"])
+    drawn["touching"][touching] = True
+    whole, expected = gradients(model, drawn, [None])
+    found, gradient = gradients(model, drawn, [Portion(0, 1, 5), Portion(1, 3, 5), Portion(3, 5, 5)])
+    assert found == pytest.approx(whole, rel=1e-9)
+    assert gradient.keys() == expected.keys()
+    for name, one in gradient.items():
+        torch.testing.assert_close(one, expected[name], rtol=1e-8, atol=1e-12)
+
+
+def test_a_portion_that_draws_its_own_numbers_would_not_pass():
+    drawn = {name: value.double() if value.is_floating_point() else value for name, value in batch(4).items()}
+    whole, _ = gradients("poe", drawn, [None])
+    own = [{name: value[rows] for name, value in drawn.items()} for rows in (slice(0, 2), slice(2, 4))]
+    alone = [gradients("poe", one, [None])[0]["kl"] for one in own]
+    assert abs(sum(alone) / 2 - whole["kl"]) > 1e-3 * abs(whole["kl"])

@@ -16,7 +16,6 @@ import torch
 from rich.console import Console
 
 from svfl_data.datasets.dataset import Dataset
-from svfl_data.errors import UsageError
 from svfl_data.storage.store import write_episode
 from svfl_models.centering.checkpoint import load_classifier
 from svfl_models.centering.config import TrainingConfig
@@ -24,13 +23,15 @@ from svfl_models.centering.train import train_centering
 from svfl_models.cloning.checkpoint import load_policy
 from svfl_models.cloning.config import CloningConfig
 from svfl_models.cloning.train import built, train_cloning
-from svfl_models.latent.config import LatentConfig
+from svfl_models.latent.config import LatentConfig, plain
 from svfl_models.latent.train import train_latent
 from svfl_models.training import run_folder
 from svfl_models.training.hardware import Hardware
 from svfl_models.training.progress import MetricsFile
+from svfl_models.training.writing import read_numbers
 from tests.helpers.builders import make_episode
 from tests.helpers.demonstrations import demonstrations
+from tests.helpers.latent_small import SIZES, lifting, written
 from tests.helpers.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
@@ -133,10 +134,29 @@ def test_a_classifier_is_that_of_one_process(tmp_path):
     torch.testing.assert_close(one, other, rtol=0, atol=ROUNDING)
 
 
-def test_a_latent_model_is_trained_by_one_process_only(tmp_path):
-    with pytest.raises(UsageError, match="--devices 2: only 1 is possible here, for latent states"):
-        train_latent(LatentConfig(str(tmp_path), "poe"), tmp_path / "out", console=QUIET, hardware=TWO)
-    assert not (tmp_path / "out").exists()
+@pytest.mark.parametrize(("model", "preset"), [("vtt", "svfl_2023"), ("poe", "lee_2020")])
+def test_a_latent_model_is_that_of_one_process(model, preset, tmp_path):
+    """Processes draw the same latent states and mismatched pairs, of frames that another process may have.
+
+    One preset has terms without weight, so that some parameters get no gradient. Two go on with what one has begun.
+    """
+    folder = written(tmp_path / "picking", [lifting(index) for index in range(5)])
+    config = LatentConfig(
+        str(folder), model, preset, steps=4, checkpoint_every=2, batch_size=5, sequence=3, sizes=plain(SIZES)
+    )
+    train_latent(config, tmp_path / "one", console=QUIET, hardware=ONE)
+    train_latent(config, tmp_path / "two", console=QUIET, hardware=TWO)
+    train_latent(replace(config, steps=2), tmp_path / "resumed", console=QUIET, hardware=ONE)
+    train_latent(config, tmp_path / "resumed", console=QUIET, hardware=TWO)
+    one, *others = (read_numbers(tmp_path / name / run_folder.METRICS) for name in ("one", "two", "resumed"))
+    for other in others:
+        for row, expected in zip(other, one, strict=True):
+            assert {**row, "seconds": 0} == pytest.approx({**expected, "seconds": 0}, rel=1e-4, abs=1e-6)
+    weights = [
+        torch.load(tmp_path / name / run_folder.CHECKPOINT, weights_only=True)["state_dict"] for name in ("one", "two")
+    ]
+    for key, value in weights[0].items():
+        torch.testing.assert_close(weights[1][key], value, rtol=1e-4, atol=2 * config.steps * config.learning_rate)
 
 
 INTERRUPTED = """
