@@ -42,7 +42,7 @@ def test_other_errors_are_not_put_down_to_hidden_blocks(tmp_path):
     direction = np.arange(400) % 4
     predicted = np.where(np.arange(400) < 90, (direction + np.arange(400) // 4 % 3 + 1) % 4, direction)
     said = section(tmp_path, direction, predicted)
-    assert "not told from the 17% of arbitrary errors" in said
+    assert "not significantly more than the 17% of arbitrary errors" in said
     assert "a gripper between" not in said
 
 
