@@ -144,7 +144,7 @@ def test_boards_of_all_families_are_read_from_their_pages(family):
         (["--board", "200x200", "--out", "x.pdf"], "200 x 200 .*a4"),
         (["--size", "200", "--out", "x.pdf"], "148 mm.* 186 mm"),
         (["--cube", "200", "--out", "x.pdf"], "148 mm.* 186 mm"),
-        (["--out", "x.jpg"], r"FILE\.pdf"),
+        (["--out", "x.jpg"], r"must end in \.pdf or \.png"),
         (["--count", "40", "--family", "tag16h5", "--out", "x.pdf"], "0 to 29"),
     ],
 )

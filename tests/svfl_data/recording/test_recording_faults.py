@@ -369,16 +369,18 @@ def test_memory_is_bounded_when_the_disk_is_slower_than_the_data(dataset, held_d
 def test_what_the_disk_refused_in_the_background_is_said_and_nothing_of_it_is_lost(dataset, monkeypatch):
     import svfl_data.recording.journal_writer as journal
 
-    episode, tried = make_episode(), threading.Event()
+    episode, tried, appended = make_episode(), threading.Event(), threading.Event()
     write_all = journal.write_all
 
     def full(*arguments):
         tried.set()
+        appended.wait()  # or an append of those below would tell it already
         raise OSError(122, "Disk quota exceeded")
 
     with start(dataset, episode, flush_s=0.001) as writer:
         monkeypatch.setattr(journal, "write_all", full)
         append_all(writer, {path: array for path, array in episode.arrays.items() if "wrench" in path}, rng=NoFlush())
+        appended.set()
         tried.wait()
         with pytest.raises(StorageError, match=r"episode_000000\.journal.*Disk quota exceeded"):
             writer.flush()
