@@ -190,7 +190,7 @@ def folder_of_nothing(folder):
     folder.mkdir()
 
 
-@hostile("damage")
+@hostile("damage", legal="a dataset in which nothing is recorded yet looks the same")
 def no_episodes(folder):
     for path in folder.glob("episode_*"):
         path.unlink()
