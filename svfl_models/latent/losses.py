@@ -105,9 +105,8 @@ class Objective:
         unit = image.new_tensor([1.0, 1.0, 1.0, DEPTH_UNIT])[:, None, None]
         target = (image - network.inputs.normalization.mean("image")[:, None, None]) / unit
         error = network.decoder(seen.states.state.flatten(0, 1)) - target
-        color, depth = error.split(
-            [3, 1], dim=1
-        )  # its backward pass is one concatenation, that of indices is four passes
+        # The backward pass of a split is one concatenation, that of indices takes four passes over the pictures.
+        color, depth = error.split([3, 1], dim=1)
         valid = image[:, 3:] > 0
         frames, pixels = own["image"].shape[1], image[0, 0].numel()
         color_nats = _nats(color.square().sum(), color.numel()) / color.numel()

@@ -86,9 +86,8 @@ class Fit:
         except BaseException as end:
             with suppress(StorageError):  # which would hide what has ended the training
                 checkpoints.finish()
-            if isinstance(end, SystemExit) and isinstance(
-                end.__context__, KeyboardInterrupt
-            ):  # Lightning's answer to it
+            # Lightning answers Ctrl-C with an exit.
+            if isinstance(end, SystemExit) and isinstance(end.__context__, KeyboardInterrupt):
                 signal.signal(signal.SIGINT, interrupt)  # Lightning has switched Ctrl-C off
                 raise end.__context__ from None
             raise

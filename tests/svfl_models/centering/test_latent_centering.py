@@ -13,7 +13,7 @@ from svfl_data.datasets.dataset import Dataset
 from svfl_data.errors import TrainingError
 from svfl_data.sampling.centering_samples import load_centering
 from svfl_models import cli
-from svfl_models.centering import pretrained, report, train
+from svfl_models.centering import pretrained
 from svfl_models.centering.checkpoint import configuration
 from svfl_models.centering.checkpoint import load_classifier as load_trained
 from svfl_models.centering.classifier import CenteringClassifier
@@ -30,7 +30,7 @@ from tests.helpers.latent_small import SIZES, lifting, written
 from tests.helpers.pretrained import STEPS, write_latent
 from tests.helpers.trained import untrained, write
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("drawn")]
 
 QUIET = Console(quiet=True)
 
@@ -39,15 +39,6 @@ QUIET = Console(quiet=True)
 def checkpoints(tmp_path_factory):
     folder = tmp_path_factory.mktemp("latents")
     return {model: write_latent(folder / f"{model}.ckpt", model) for model in MODELS}
-
-
-@pytest.fixture(autouse=True)
-def drawn(monkeypatch, samples):
-    """Samples from memory, and no pictures of the training, which take longer than it."""
-    monkeypatch.setattr(train, "_load", lambda *_: samples)
-    monkeypatch.setattr(train, "with_camera", lambda config: config)
-    for name in ("plot_curves", "plot_confusion"):
-        monkeypatch.setattr(report, name, lambda *arguments: None)
 
 
 def config(checkpoint, use="fine-tuned", **changes):

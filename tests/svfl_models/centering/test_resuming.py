@@ -9,7 +9,7 @@ import torch
 from rich.console import Console
 
 from svfl_data.errors import FormatError
-from svfl_models.centering import pretrained, report, train
+from svfl_models.centering import pretrained, train
 from svfl_models.centering.config import TrainingConfig
 from svfl_models.centering.train import train_centering
 from svfl_models.experiments.runs.training import Training
@@ -17,21 +17,12 @@ from svfl_models.training import run_folder
 from svfl_models.training.progress import MetricsFile
 from tests.helpers.pretrained import write_latent
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("drawn")]
 
 QUIET = Console(quiet=True)
 SMALL = TrainingConfig(
     "drawn", preset="tiny", image_size=8, train_samples=8, test_samples=12, epochs=12, batch_size=5, rotate=True
 )
-
-
-@pytest.fixture(autouse=True)
-def drawn(monkeypatch, samples):
-    """Samples from memory, and no pictures of the training, which take longer than it."""
-    monkeypatch.setattr(train, "_load", lambda *_: samples)
-    monkeypatch.setattr(train, "with_camera", lambda config: config)
-    for name in ("plot_curves", "plot_confusion"):
-        monkeypatch.setattr(report, name, lambda *arguments: None)
 
 
 @pytest.fixture(scope="module")
